@@ -1,0 +1,250 @@
+#!/usr/bin/python3
+"""faultline report: diagnoses a recorded session and writes what was found as one HTML file that needs nothing else.
+
+  ./faultline report BAG [-o OUT.html]            diagnose BAG, then write the report
+  ./faultline report BAG --json J --series S      take what `faultline diagnose BAG --json J --series S` wrote before
+
+Exit: 0 when the report is written, whatever the diagnosis says; 2 for bad usage or bad input.
+"""
+import argparse
+import datetime
+import hashlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+
+HERE = os.path.dirname(os.path.realpath(__file__))
+sys.path.insert(0, HERE)
+sys.dont_write_bytecode = True
+
+try:
+    import jinja2
+    import markupsafe
+    import matplotlib
+    import numpy
+    import report_pictures as pictures
+    from report_data import Datasheet, ReportError, flatten, read_answer, read_series, share_folder
+    from report_units import Scale, decimals_for, show, words
+except ImportError as missing:
+    print("faultline report: {}; install python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml".format(missing),
+          file=sys.stderr)
+    sys.exit(2)
+
+# Of a whole run: word, and class of its colour. Worst first.
+VERDICTS = [("fault", "FAULT"), ("sensor", "SENSOR FAULT"), ("data", "BAD DATA"), ("model", "MODEL GAP"),
+            ("unknown", "UNKNOWN")]
+# What an alarm is called that names no effect.
+KIND_NAMES = {"fault": "fault", "sensor": "sensor fault", "data": "bad data", "model": "model gap", "unknown": "unknown cause"}
+
+
+def find_program():
+    """The faultline program: named by the environment, beside this script (installed), or in the build of this tree."""
+    candidates = [os.environ.get("FAULTLINE_PROGRAM", ""), os.path.join(HERE, "faultline"),
+                  os.path.join(HERE, "..", "catkin_ws", "devel", "lib", "faultline", "faultline")]
+    for path in candidates:
+        if path and os.path.isfile(path) and os.access(path, os.X_OK):
+            return os.path.realpath(path)
+    raise ReportError("the faultline program is not built; run ./faultline build first")
+
+
+def diagnose(program, bag, rig, folder):
+    """Runs the diagnosis; returns where its answer and its series are, and the command."""
+    answer, series = os.path.join(folder, "answer.json"), os.path.join(folder, "series.csv")
+    command = [program, "diagnose", bag] + (["--rig", rig] if rig else []) + ["--json", answer, "--series", series]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                          universal_newlines=True)
+    if done.returncode != 0:
+        said = [line for line in done.stderr.splitlines() if line.strip()]
+        raise ReportError(said[-1] if said else "{}: the diagnosis ended with code {} and said nothing".format(
+            bag, done.returncode))
+    for path in (answer, series):
+        if not os.path.isfile(path):
+            raise ReportError("{}: the diagnosis wrote no {}; is the program older than this script? run ./faultline build".format(
+                bag, os.path.basename(path)))
+    shown = ["faultline", "diagnose", bag] + (["--rig", rig] if rig else []) + ["--json", "ANSWER", "--series", "SERIES"]
+    return answer, series, " ".join(shown)
+
+
+def program_version():
+    """Of package.xml, in the source tree or in share/faultline."""
+    for folder in (os.path.dirname(HERE), os.path.join(HERE, "..", "..", "share", "faultline")):
+        try:
+            with open(os.path.join(folder, "package.xml"), encoding="utf-8") as file:
+                return re.search(r"<version>([^<]+)</version>", file.read()).group(1)
+        except (OSError, AttributeError):
+            continue
+    return "unknown"
+
+
+def file_facts(path):
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        for block in iter(lambda: file.read(1 << 20), b""):
+            digest.update(block)
+    size = os.path.getsize(path)
+    return "{:.2f} MB, SHA-256 {}…".format(size / 1e6, digest.hexdigest()[:16])
+
+
+# ---- What the page shows, in words and short numbers
+
+def size_text(size):
+    """`0.0318 l/s` and `0.0290 to 0.0346`; empty where an alarm has no size."""
+    if not size or size.get("value") is None:
+        return "", ""
+    scale = Scale(size.get("unit", ""))
+    # A difference of temperatures has no zero to shift.
+    numbers = [scale.factor * size[key] if size.get(key) is not None else None for key in ("value", "low", "high")]
+    decimals = decimals_for(numbers[0]) if numbers[0] and 1e-4 <= abs(numbers[0]) < 1e6 else None
+    value = " ".join(filter(None, [show(numbers[0], decimals=decimals), scale.unit]))
+    if numbers[1] is None or numbers[2] is None or numbers[1] == numbers[2]:
+        return value, ""
+    return value, "{} to {}".format(show(numbers[1], decimals=decimals), show(numbers[2], decimals=decimals))
+
+
+def alarm_row(alarm, number, sheet):
+    size, bounds = size_text(alarm.get("size"))
+    raised, since, until = alarm.get("raised"), alarm["since"], alarm["until"]
+    confidence = alarm.get("confidence")
+    return {
+        "number": number, "kind": alarm["kind"], "what": alarm["what"],
+        "port": alarm.get("port") or "", "component": sheet.component(alarm.get("port") or ""),
+        "since": "{:.2f} s".format(since), "until": "end of run" if alarm.get("active") else "{:.2f} s".format(until),
+        "delay": "{:.2f} s".format(raised - since) if raised is not None else "–",
+        "size_name": words((alarm.get("size") or {}).get("name") or ""), "size": size, "bounds": bounds,
+        "confidence": None if confidence is None else int(100 * min(max(confidence, 0.0), 1.0)), "text": alarm.get("text") or "",
+    }
+
+
+def verdict_of(answer):
+    """(class of the colour, word, sentence)."""
+    words_of = dict(VERDICTS)
+    kinds = {alarm["kind"] for alarm in answer["alarms"]}
+    said = str(answer["verdict"]).lower()
+    sentence = answer.get("sentence") or answer["verdict"]
+    chosen = said if said in words_of else next((kind for kind, _ in VERDICTS if kind in kinds), None)
+    if chosen is None:
+        return ("healthy", "HEALTHY", sentence) if not kinds else ("unknown", "UNKNOWN", sentence)
+    return chosen, words_of[chosen], sentence
+
+
+def keep_together(text):
+    """A number and its unit stay on one line."""
+    return re.sub(r"(?<=\d) (?=(?:l/s|l/min|bar|Pa|mm|m|N|V|K|s|min|%|to)\b|%|°C)", "\u00a0", text)
+
+
+def duration_text(seconds):
+    return "{:.1f} s".format(seconds) if seconds < 600 else "{:.1f} min".format(seconds / 60)
+
+
+def render(answer, series, sheet, facts):
+    end = max(float(answer["duration"]), float(series.time[-1]), 1e-9)
+    for number, alarm in enumerate(answer["alarms"], start=1):
+        alarm["number"] = number
+        alarm["what"] = words(alarm.get("effect") or "") or KIND_NAMES.get(alarm["kind"], words(alarm["kind"]))
+    state, word, sentence = verdict_of(answer)
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(os.path.join(HERE, "templates")), autoescape=True,
+                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    period = float(numpy.median(numpy.diff(series.time))) or float(series.time[-1]) / (series.rows - 1)
+    return environment.get_template("report.html").render(
+        state=state, word=word, sentence=keep_together(sentence), title=sheet.title, rig=answer["rig"],
+        duration=duration_text(end), rate="{:.0f} Hz".format(1 / period) if period > 0 else "–",
+        samples="{:,}".format(series.rows).replace(",", " "),
+        alarms=[alarm_row(alarm, i, sheet) for i, alarm in enumerate(answer["alarms"], start=1)],
+        counts=[(words(name), "{:,}".format(value).replace(",", " ") if isinstance(value, int) else value)
+                for name, value in flatten(answer.get("counts") or {})],
+        pictures={name: markupsafe.Markup(svg) if svg else None
+                  for name, svg in pictures.draw_all(answer, series, sheet, end).items()},
+        colours=pictures.KIND_COLOURS, has_truth=any(sheet.ground_truth(name) for name in series.channels()), facts=facts)
+
+
+def write_file(path, text):
+    """All of it or nothing: a reader never meets half a report."""
+    folder = os.path.dirname(os.path.abspath(path))
+    unfinished = None
+    try:
+        handle, unfinished = tempfile.mkstemp(prefix=".faultline_report_", dir=folder)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(unfinished, 0o644)
+        os.replace(unfinished, path)
+    except OSError as error:
+        if unfinished and os.path.exists(unfinished):
+            os.unlink(unfinished)
+        raise ReportError("{}: cannot be written: {}".format(path, error.strerror))
+
+
+def check_writable(path):
+    folder = os.path.dirname(os.path.abspath(path))
+    if not os.path.isdir(folder):
+        raise ReportError("{}: cannot be written: there is no folder {}".format(path, folder))
+    if os.path.isdir(path):
+        raise ReportError("{}: is a folder; name a file".format(path))
+    if not os.access(folder, os.W_OK):
+        raise ReportError("{}: cannot be written: no right to write in {}".format(path, folder))
+
+
+def parse(arguments):
+    parser = argparse.ArgumentParser(
+        prog="faultline report", formatter_class=argparse.RawDescriptionHelpFormatter,
+        description="Diagnoses a recorded session and writes what was found as one HTML file.",
+        epilog="example: ./faultline report bags/servo_actuator_step_leak.bag -o step_leak.html")
+    parser.add_argument("bag", metavar="BAG", help="recorded session: a bag, or what else `faultline diagnose` reads")
+    parser.add_argument("-o", "--output", metavar="OUT.html", default="faultline_report.html",
+                        help="file to write (default: %(default)s in this folder)")
+    parser.add_argument("--rig", help="rig, where the recording does not name it")
+    parser.add_argument("--json", metavar="FILE", help="answer of an earlier `faultline diagnose BAG --json FILE`")
+    parser.add_argument("--series", metavar="FILE", help="series of an earlier `faultline diagnose BAG --series FILE`")
+    chosen = parser.parse_args(arguments)
+    if bool(chosen.json) != bool(chosen.series):
+        parser.error("--json and --series go together")
+    return chosen
+
+
+def main(arguments):
+    if arguments[:1] == ["diagnose"]:
+        arguments = arguments[1:]
+    chosen = parse(arguments)
+    folder = None
+    try:
+        check_writable(chosen.output)
+        if not os.path.isfile(chosen.bag):
+            raise ReportError("{}: no such file; give a recorded session, for example bags/servo_actuator_step_leak.bag".format(
+                chosen.bag))
+        if chosen.json:
+            answer_path, series_path = chosen.json, chosen.series
+            command = "faultline diagnose {} --json {} --series {}".format(chosen.bag, chosen.json, chosen.series)
+        else:
+            folder = tempfile.mkdtemp(prefix="faultline_report_")
+            answer_path, series_path, command = diagnose(find_program(), chosen.bag, chosen.rig, folder)
+        answer, series = read_answer(answer_path), read_series(series_path)
+        facts = [
+            ("Recording", "{} ({})".format(os.path.basename(chosen.bag), file_facts(chosen.bag))),
+            ("Diagnosis", command),
+            ("Report", "faultline report {}".format(chosen.bag)),
+            ("Versions", "faultline {}, Python {}, matplotlib {}, jinja2 {}, numpy {}".format(
+                program_version(), sys.version.split()[0], matplotlib.__version__, jinja2.__version__, numpy.__version__)),
+            ("Written", datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")),
+        ]
+        sheet = Datasheet(str(answer["rig"]), share_folder(HERE))
+        write_file(chosen.output, render(answer, series, sheet, facts))
+        print("faultline: report written to {}".format(chosen.output))
+        return 0
+    except ReportError as error:
+        text = str(error)
+        print(text if text.startswith("faultline") else "faultline report: " + text, file=sys.stderr)
+        return 2
+    finally:
+        if folder:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,208 @@
+#include "cli/bag_file.h"
+
+#include <cerrno>
+#include <cstring>
+#include <algorithm>
+#include <set>
+
+#include <fmt/format.h>
+#include <rosbag/bag.h>
+
+#include "cli/bag_reader.h"
+#include "faultline/signal/error.h"
+#include "nodes/conversion.h"
+
+namespace faultline {
+namespace {
+
+constexpr char kSampleType[] = "faultline/Sample";
+constexpr char kDescriptionType[] = "faultline/RigDescription";
+
+rosbag::CompressionType of(BagCompression compression) {
+  switch (compression) {
+    case BagCompression::none: return rosbag::compression::Uncompressed;
+    case BagCompression::lz4: return rosbag::compression::LZ4;
+    case BagCompression::bz2: break;
+  }
+  return rosbag::compression::BZ2;
+}
+
+// The rig of a topic /RIG/name.
+std::string rig_of(const std::string& topic) {
+  const auto end = topic.rfind('/');
+  if (end == std::string::npos || end == 0) return topic;
+  const auto begin = topic.rfind('/', end - 1);
+  return topic.substr(begin == std::string::npos ? 0 : begin + 1, end - (begin == std::string::npos ? 0 : begin + 1));
+}
+
+std::string joined_names(const std::set<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+template <class Message>
+void check_checksum(const std::string& file, const BagConnection& connection) {
+  if (connection.checksum != ros::message_traits::MD5Sum<Message>::value())
+    throw InputError(fmt::format("{}: topic {} was recorded with another version of {}; record it again or use `rosbag fix`", file,
+                                 connection.topic, connection.type));
+}
+
+template <class Message>
+void deserialise(const std::string& file, const BagMessage& from, Message& to) {
+  try {
+    ros::serialization::IStream stream(from.data, from.size);
+    ros::serialization::deserialize(stream, to);
+  } catch (const ros::Exception& error) {
+    throw InputError(fmt::format("{}: a message on {} cannot be read ({})", file, from.connection->topic, error.what()));
+  }
+}
+
+}  // namespace
+
+BagCompression bag_compression(const std::string& name) {
+  if (name == "none") return BagCompression::none;
+  if (name == "lz4") return BagCompression::lz4;
+  if (name == "bz2") return BagCompression::bz2;
+  throw InputError(fmt::format("the compression '{}' is not known; there are none, lz4 and bz2", name));
+}
+
+struct BagWriter::Parts {
+  std::string shown, rig, sample_topic;
+  std::unique_ptr<rosbag::Bag> bag;
+  faultline_msgs::Sample message;
+
+  // A bag that failed once must not be closed again: its destructor would throw. What it holds is lost with the program.
+  [[noreturn]] void fail(const std::string& why) {
+    static_cast<void>(bag.release());
+    throw InputError(fmt::format("{}: writing failed ({}); nothing is kept; make room or choose another place", shown, why));
+  }
+};
+
+BagWriter::BagWriter(const std::string& file, const std::string& shown, const Datasheet& sheet, const std::string& made_by,
+                     double first_time, BagCompression compression)
+    : parts_(std::make_unique<Parts>()) {
+  parts_->shown = shown;
+  parts_->rig = sheet.rig;
+  parts_->sample_topic = topic(sheet.rig, "sample");
+  parts_->bag = std::make_unique<rosbag::Bag>();
+  try {
+    parts_->bag->open(file, rosbag::bagmode::Write);
+    parts_->bag->setCompression(of(compression));
+    faultline_msgs::RigDescription description = to_message(sheet, made_by);
+    description.header.stamp = to_stamp(kBagEpoch + first_time);
+    parts_->bag->write(topic(sheet.rig, "description"), description.header.stamp, description);
+  } catch (const rosbag::BagException& error) {
+    parts_->fail(error.what());
+  }
+}
+
+BagWriter::~BagWriter() {
+  if (!parts_->bag) return;
+  try {
+    parts_->bag->close();
+  } catch (const rosbag::BagException&) {
+    static_cast<void>(parts_->bag.release());
+  }
+}
+
+void BagWriter::write(const Sample& sample) {
+  faultline_msgs::Sample& message = parts_->message;
+  // Straight from the sample's time, so that no digit is lost to the epoch.
+  const auto nanoseconds = static_cast<std::int64_t>(std::llround(sample.time * 1e9));
+  ros::Time stamp;
+  try {
+    stamp = ros::Time(static_cast<std::uint32_t>(kBagEpoch), 0) + ros::Duration().fromNSec(nanoseconds);
+  } catch (const std::exception&) {
+    throw InputError(fmt::format("{}: time {} s does not fit a bag", parts_->shown, sample.time));
+  }
+  message.header.stamp = stamp;
+  message.header.frame_id = parts_->rig;
+  message.header.seq = static_cast<std::uint32_t>(sample.sequence);
+  message.sequence = sample.sequence;
+  message.values = sample.values;
+  try {
+    parts_->bag->write(parts_->sample_topic, stamp, message);
+  } catch (const rosbag::BagException& error) {
+    parts_->fail(error.what());
+  }
+}
+
+void BagWriter::close() {
+  try {
+    parts_->bag->close();
+  } catch (const rosbag::BagException& error) {
+    parts_->fail(error.what());
+  }
+  parts_->bag.reset();
+}
+
+BagContent read_bag(const std::string& file, const std::string& rig) {
+  BagContent content;
+  content.rig = rig;
+  std::set<std::string> topics, rigs;
+  const BagConnection* checked_sample = nullptr;
+  faultline_msgs::Sample sample;
+  bool any = false;
+  std::vector<ros::Time> received;
+  bool sorted = true;
+
+  read_bag_messages(file, [&](const BagMessage& message) {
+    any = true;
+    const BagConnection& connection = *message.connection;
+    const bool is_sample = connection.type == kSampleType;
+    if (!is_sample && connection.type != kDescriptionType) {
+      if (topics.size() < 20) topics.insert(connection.topic + " (" + connection.type + ")");
+      return;
+    }
+    const std::string name = is_sample && &connection == checked_sample ? content.rig : rig_of(connection.topic);
+    if (is_sample) rigs.insert(name);
+    if (content.rig.empty()) content.rig = name;
+    if (name != content.rig) return;
+    if (!is_sample) {
+      check_checksum<faultline_msgs::RigDescription>(file, connection);
+      faultline_msgs::RigDescription description;
+      deserialise(file, message, description);
+      content.description = from_message(description);
+      content.described = true;
+      return;
+    }
+    if (&connection != checked_sample) check_checksum<faultline_msgs::Sample>(file, connection);
+    checked_sample = &connection;
+    deserialise(file, message, sample);
+    if (content.time.empty()) content.width = sample.values.size();
+    if (sample.values.size() != content.width)
+      throw InputError(fmt::format("{}: sample {} on {} has {} values, those before it have {}", file, content.time.size(),
+                                   connection.topic, sample.values.size(), content.width));
+    if (!received.empty() && message.received < received.back()) sorted = false;
+    received.push_back(message.received);
+    content.time.push_back(to_seconds(sample.header.stamp));
+    content.sequence.push_back(sample.sequence);
+    content.values.insert(content.values.end(), sample.values.begin(), sample.values.end());
+  });
+
+  if (!any) throw InputError(fmt::format("{}: the bag holds no messages", file));
+  if (rigs.empty()) {
+    throw InputError(fmt::format("{}: the bag holds no topic of type {}{}", file, kSampleType,
+                                 topics.empty() ? std::string() : "; it holds " + joined_names(topics)));
+  }
+  if (content.time.empty() || (rig.empty() && rigs.size() > 1))
+    throw InputError(fmt::format("{}: the bag holds samples of {}; choose one of them with --rig", file, joined_names(rigs)));
+  if (!sorted) {
+    // As replay does it: by receive time.
+    std::vector<std::size_t> order(received.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return received[a] < received[b]; });
+    BagContent arranged = content;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      arranged.time[i] = content.time[order[i]];
+      arranged.sequence[i] = content.sequence[order[i]];
+      std::copy_n(content.values.begin() + static_cast<std::ptrdiff_t>(order[i] * content.width), content.width,
+                  arranged.values.begin() + static_cast<std::ptrdiff_t>(i * content.width));
+    }
+    content = std::move(arranged);
+  }
+  return content;
+}
+
+}  // namespace faultline

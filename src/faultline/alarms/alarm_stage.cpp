@@ -1,0 +1,190 @@
+#include "faultline/alarms/alarm_stage.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace faultline {
+namespace {
+
+constexpr double kDataHold = 1.0;          // s, for which a data alarm outlives the last bad sample
+constexpr double kStalePeriods = 100;      // silence of this many sample periods is stale ...
+constexpr double kShortestStale = 0.1;     // s, ... but never less than this
+constexpr std::size_t kMostAlarms = 1000;  // kept; the oldest ended ones go first
+
+std::string size_text(const Alarm& alarm) {
+  if (!alarm.has_size) return "";
+  return fmt::format(" {:.3g} {} (90 %: {:.3g} to {:.3g})", alarm.size, alarm.size_unit == "1" ? "" : alarm.size_unit, alarm.low,
+                     alarm.high);
+}
+
+}  // namespace
+
+AlarmLevel worst(const AlarmReport& report) {
+  AlarmLevel level = AlarmLevel::ok;
+  for (const Alarm& alarm : report.alarms)
+    if (alarm.active) level = std::max(level, alarm.level);
+  return level;
+}
+
+AlarmStage::AlarmStage(const Datasheet& sheet)
+    : sheet_(sheet), stale_after_(std::max(kShortestStale, kStalePeriods * sheet.sample_period)) {
+  for (const StageSpec& spec : sheet_.detectors) {
+    Watched w;
+    w.name = spec.name;
+    w.kind = spec.settings.word("kind");
+    w.effect = spec.settings.word_or("effect", "");
+    w.port = spec.settings.word_or("port", "");
+    w.text = spec.settings.word("text");
+    w.detector = make_detector(spec);
+    spec.settings.check_used();
+    watched_.push_back(std::move(w));
+  }
+  channels_.resize(sheet_.channels.size());
+  report_.rig = sheet_.rig;
+}
+
+void AlarmStage::reset() {
+  for (Watched& w : watched_) {
+    w.detector->reset();
+    w.detection = Detection();
+    w.alarm = -1;
+  }
+  std::fill(channels_.begin(), channels_.end(), ChannelWatch());
+  stale_ = gap_ = -1;
+  running_ = false;
+  report_.alarms.clear();
+  ++changes_;
+}
+
+int AlarmStage::raise(const std::string& kind, const std::string& effect, const std::string& port, AlarmLevel level, double since,
+                      double raised, const std::string& text) {
+  if (report_.alarms.size() >= kMostAlarms) {
+    // Indices of active alarms must stay valid, so the oldest ended alarm is reused.
+    for (std::size_t i = 0; i < report_.alarms.size(); ++i)
+      if (!report_.alarms[i].active) {
+        report_.alarms[i] = Alarm();
+        report_.alarms[i].kind = kind;
+        report_.alarms[i].effect = effect;
+        report_.alarms[i].port = port;
+        report_.alarms[i].level = level;
+        report_.alarms[i].since = since;
+        report_.alarms[i].raised = raised;
+        report_.alarms[i].until = since;
+        report_.alarms[i].active = true;
+        report_.alarms[i].text = text;
+        ++changes_;
+        return static_cast<int>(i);
+      }
+  }
+  Alarm alarm;
+  alarm.kind = kind;
+  alarm.effect = effect;
+  alarm.port = port;
+  alarm.level = level;
+  alarm.since = alarm.until = since;
+  alarm.raised = raised;
+  alarm.active = true;
+  alarm.text = text;
+  report_.alarms.push_back(alarm);
+  ++changes_;
+  return static_cast<int>(report_.alarms.size()) - 1;
+}
+
+void AlarmStage::end(int& alarm, double time) {
+  if (alarm < 0) return;
+  Alarm& a = report_.alarms[static_cast<std::size_t>(alarm)];
+  a.active = false;
+  a.until = time;
+  alarm = -1;
+  ++changes_;
+}
+
+void AlarmStage::check_data(const Estimate& estimate) {
+  for (std::size_t c = 0; c < channels_.size() && c < estimate.channel_status.size(); ++c) {
+    const Channel& channel = sheet_.channels[c];
+    if (channel.role == Role::setpoint || channel.ground_truth) continue;
+    const ChannelStatus status = estimate.channel_status[c];
+    ChannelWatch& watch = channels_[c];
+    if (status != ChannelStatus::good) {
+      if (watch.alarm < 0) {
+        const std::string port = "sensor." + channel.name;
+        const bool has_port = std::any_of(sheet_.ports.begin(), sheet_.ports.end(), [&](const Port& p) { return p.name == port; });
+        watch.alarm = raise("data", "", has_port ? port : "", AlarmLevel::error, estimate.time, estimate.time,
+                            status == ChannelStatus::missing
+                                ? fmt::format("{}: no number comes from this channel; check the cable and the converter", channel.name)
+                                : fmt::format("{}: outside {:g}..{:g} {}; check transducer and scaling", channel.name, channel.minimum,
+                                              channel.maximum, channel.unit));
+      }
+      watch.last_bad = estimate.time;
+    } else if (watch.alarm >= 0 && estimate.time - watch.last_bad > kDataHold) {
+      end(watch.alarm, watch.last_bad);
+    }
+    if (watch.alarm >= 0) report_.alarms[static_cast<std::size_t>(watch.alarm)].until = estimate.time;
+  }
+}
+
+void AlarmStage::advance(double now) {
+  if (!running_ || stale_ >= 0 || now - last_time_ <= stale_after_) return;
+  const double since = last_time_ + stale_after_;
+  stale_ = raise("data", "", "", AlarmLevel::stale, since, since,
+                 fmt::format("no sample for more than {:g} s; check the driver and the DAQ", stale_after_));
+}
+
+void AlarmStage::process(const Estimate& estimate) {
+  if (running_ && estimate.time < last_time_) reset();
+  if (!running_) {
+    running_ = true;
+    first_time_ = last_time_ = estimate.time;
+  }
+  advance(estimate.time);
+  end(stale_, estimate.time);
+  last_time_ = estimate.time;
+  report_.time = estimate.time;
+  check_data(estimate);
+
+  bool model_fits = true;
+  for (Watched& w : watched_) {
+    w.detector->process(estimate, w.detection);
+    if (w.kind == "unknown" && w.detection.active) model_fits = false;
+  }
+  for (Watched& w : watched_) {
+    const bool wanted = w.detection.active && (w.kind != "fault" || model_fits || w.alarm >= 0);
+    if (wanted && w.alarm < 0)
+      w.alarm = raise(w.kind, w.effect, w.port, w.kind == "unknown" ? AlarmLevel::warning : AlarmLevel::error, w.detection.since,
+                      estimate.time, "");
+    if (!wanted && w.alarm >= 0) end(w.alarm, estimate.time);
+    if (w.alarm < 0) continue;
+    Alarm& alarm = report_.alarms[static_cast<std::size_t>(w.alarm)];
+    alarm.until = estimate.time;
+    alarm.has_size = w.detection.has_size;
+    alarm.size = w.detection.size;
+    alarm.low = w.detection.low;
+    alarm.high = w.detection.high;
+    alarm.confidence = w.detection.confidence;
+    if (alarm.size_name.empty()) {
+      alarm.size_name = w.detector->size_name();
+      alarm.size_unit = w.detector->size_unit();
+      alarm.text = w.text;
+    }
+  }
+}
+
+void AlarmStage::say_verdict() {
+  const Alarm* chosen = nullptr;
+  int active = 0;
+  for (const Alarm& alarm : report_.alarms) {
+    if (!alarm.active) continue;
+    ++active;
+    if (!chosen || alarm.level > chosen->level) chosen = &alarm;
+  }
+  if (!chosen) {
+    report_.verdict = report_.alarms.empty() ? "No fault found." : "No fault now; there were alarms before.";
+    return;
+  }
+  report_.verdict = chosen->text + size_text(*chosen) + ".";
+  if (active > 1) report_.verdict += fmt::format(" {} more alarm{}.", active - 1, active > 2 ? "s" : "");
+}
+
+}  // namespace faultline

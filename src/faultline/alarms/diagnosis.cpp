@@ -1,0 +1,67 @@
+#include "faultline/alarms/diagnosis.h"
+
+#include <algorithm>
+#include <array>
+
+#include <fmt/format.h>
+
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+const StageSpec& first_estimator(const Datasheet& sheet) {
+  if (sheet.estimators.empty())
+    throw InputError(fmt::format("{}: the datasheet names no estimator, so {} cannot be diagnosed; add one under estimators",
+                                 sheet.file, sheet.rig));
+  return sheet.estimators.front();
+}
+
+// Kinds of alarms from the worst to the mildest, and what each makes of the whole.
+struct Rank {
+  const char* kind;
+  const char* verdict;
+};
+constexpr std::array<Rank, 5> kRanks = {
+    {{"fault", "fault"}, {"sensor", "sensor"}, {"model", "unknown"}, {"unknown", "unknown"}, {"data", "data"}}};
+
+// The sentence starts with a capital letter; a channel's name at its head stays as it is.
+std::string text_of(const Alarm& alarm, double start) {
+  std::string text = alarm.text;
+  while (!text.empty() && text.back() == '.') text.pop_back();
+  if (alarm.has_size) {
+    const std::string unit = alarm.size_unit == "1" || alarm.size_unit.empty() ? "" : " " + alarm.size_unit;
+    text += fmt::format(", {:.3g}{} (90 %: {:.3g} to {:.3g})", alarm.size, unit, alarm.low, alarm.high);
+  }
+  text += fmt::format(", since {:.1f} s", alarm.since - start);
+  text += alarm.active ? ", still there at the end" : fmt::format(", until {:.1f} s", alarm.until - start);
+  return text;
+}
+
+}  // namespace
+
+Diagnosis::Diagnosis(const Datasheet& sheet) : estimator_(sheet, first_estimator(sheet)), alarms_(sheet) {}
+
+bool Diagnosis::process(const Sample& sample) {
+  if (!estimator_.process(sample, estimate_)) return false;
+  alarms_.process(estimate_);
+  return true;
+}
+
+Verdict verdict_of(const AlarmReport& report, double start, double end) {
+  for (const Rank& rank : kRanks) {
+    const Alarm* longest = nullptr;
+    for (const Alarm& alarm : report.alarms) {
+      if (alarm.kind != rank.kind) continue;
+      if (!longest || alarm.until - alarm.since > longest->until - longest->since) longest = &alarm;
+    }
+    if (!longest) continue;
+    std::string sentence = text_of(*longest, start);
+    const std::size_t more = report.alarms.size() - 1;
+    if (more > 0) sentence += fmt::format("; {} more alarm{}", more, more > 1 ? "s" : "");
+    return {rank.verdict, sentence + "."};
+  }
+  return {"healthy", fmt::format("No fault found in {:.1f} s.", end - start)};
+}
+
+}  // namespace faultline

@@ -1,0 +1,42 @@
+// The diagnosis of one rig in one process: samples in, alarms out, by the same stages in the same order as the nodes run them
+// (the rig's first estimator, then its alarm stage), and what a whole recording says in the end.
+//
+// A verdict over a recording counts ended alarms too: fault before sensor before unknown before data; healthy if there was none.
+// Limits: the alarm stage starts over when time jumps back, and what it said before is then gone (SampleCheck counts such jumps).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "faultline/alarms/alarm_stage.h"
+#include "faultline/estimators/estimator_stage.h"
+
+namespace faultline {
+
+struct Verdict {
+  std::string kind;      // healthy | fault | sensor | unknown | data
+  std::string sentence;  // one, with times in s from the recording's start
+};
+
+class Diagnosis {
+ public:
+  // InputError where the datasheet names no estimator.
+  explicit Diagnosis(const Datasheet& sheet);
+
+  // False if the sample was not used (it is not newer than the last); estimate() then is still that of the last.
+  bool process(const Sample& sample);
+
+  const Estimate& estimate() const { return estimate_; }
+  const AlarmReport& report() const { return alarms_.report(); }
+  const EstimatorStage& estimator() const { return estimator_; }
+
+ private:
+  EstimatorStage estimator_;
+  AlarmStage alarms_;
+  Estimate estimate_;
+};
+
+// What `report` says about a recording from `start` to `end` [s, of the samples' clock].
+Verdict verdict_of(const AlarmReport& report, double start, double end);
+
+}  // namespace faultline

@@ -1,0 +1,53 @@
+// A detector turns estimates into a detection: whether something is there, since when, how large, how sure.
+// It reads quantities and innovation statistics only, so that it works the same live, in replay and offline. Settings of all:
+//   kind, effect, port, text   what a detection means (kind: fault, sensor, data, model, unknown)
+//   minimum_time  s            how long the condition must hold before it counts
+//   release_time  s            how long it must be gone before it ends
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/estimators/estimate.h"
+#include "faultline/rig/datasheet.h"
+
+namespace faultline {
+
+struct Detection {
+  bool active = false;
+  double since = 0;  // s, when the condition began
+  bool has_size = false;
+  double size = 0, low = 0, high = 0;  // in size_unit, with 90 % bounds
+  double confidence = 0;               // 0..1, that it is there
+};
+
+class Detector {
+ public:
+  virtual ~Detector() = default;
+  virtual void reset() = 0;
+  virtual void process(const Estimate& estimate, Detection& detection) = 0;
+  virtual std::string size_name() const { return ""; }
+  virtual std::string size_unit() const { return ""; }
+};
+
+struct DetectorType {
+  std::string name;
+  std::unique_ptr<Detector> (*make)(const Settings& settings);
+};
+
+bool register_detector(DetectorType type);
+const std::vector<DetectorType>& detector_types();
+std::unique_ptr<Detector> make_detector(const StageSpec& spec);
+
+template <class T>
+std::unique_ptr<Detector> make_detector_of(const Settings& settings) {
+  return std::make_unique<T>(settings);
+}
+
+// The place of a quantity in an estimate, looked up once; InputError that lists what there is.
+std::size_t find_quantity(const Estimate& estimate, const std::string& name);
+
+}  // namespace faultline
+
+#define FAULTLINE_DETECTOR(name, ...) const bool registered_detector_##name = ::faultline::register_detector(__VA_ARGS__)

@@ -1,0 +1,92 @@
+// Leak: an estimated leak coefficient that stays above a threshold, beyond what its uncertainty allows.
+//
+//   mean' = w (C - mean)/average;  w = s0^2/(s0^2 + s^2) where the drive sqrt(dp) exceeds minimum_drive, else 0
+// The weight is small where the filter is uncertain (s), and zero where there is hardly a pressure difference: nothing flows then
+// whatever the coefficient, so the estimate only drifts.   condition: mean > threshold, after `average` s of evidence
+// Size: the mean coefficient times the mean of the drive sqrt(dp), as a volume flow in l/s, with 90 % bounds from the scatter
+// of the estimate and the datasheet's tolerance of what the estimate rests on (model_error, relative, and model_floor, absolute).
+#include <algorithm>
+#include <cmath>
+
+#include "faultline/detectors/detector.h"
+#include "faultline/detectors/persistence.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kNinetyPercent = 1.645;  // two-sided 90 % bounds of a normal distribution, in sigmas
+constexpr double kLitres = 1e3;           // l per m^3
+
+class Leak : public Detector {
+ public:
+  explicit Leak(const Settings& s)
+      : coefficient_(s.word("coefficient")),
+        drive_(s.word("drive")),
+        minimum_drive_(s.number("minimum_drive", 0, 1e6)),
+        threshold_(s.number("threshold", 0, 1)),
+        release_threshold_(s.number("release_threshold", 0, threshold_)),
+        average_(s.number("average", 1e-3, 1e4)),
+        drive_average_(s.number("drive_average", 1e-3, 1e4)),
+        settle_(s.number("settle", 0, 1e4)),
+        known_std_(s.number("known_std", 1e-30, 1)),
+        model_error_(s.number("model_error", 0, 10)),
+        model_floor_(s.number("model_floor", 0, 1)),
+        persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {}
+
+  void reset() override {
+    started_ = false;
+    persistence_.reset();
+  }
+
+  void process(const Estimate& estimate, Detection& detection) override {
+    if (!started_ || estimate.restarted) {
+      coefficient_at_ = find_quantity(estimate, coefficient_);
+      drive_at_ = find_quantity(estimate, drive_);
+      started_ = true;
+      begin_ = last_ = estimate.time;
+      mean_ = scatter_ = drive_mean_ = seen_ = 0;
+      persistence_.reset();
+    }
+    const Quantity& c = estimate.quantities[coefficient_at_];
+    const double dt = estimate.time - last_;
+    last_ = estimate.time;
+    if (estimate.time - begin_ >= settle_) {
+      const double drive = estimate.quantities[drive_at_].value;
+      const double weight = drive < minimum_drive_ ? 0.0 : known_std_ * known_std_ / (known_std_ * known_std_ + c.std * c.std);
+      seen_ += weight * dt;
+      // A plain mean until `average` s of evidence are there, then an exponential one.
+      const double gain = std::min(1.0, weight * dt / std::max(std::min(seen_, average_), 1e-9));
+      const double off = c.value - mean_;
+      mean_ += gain * off;
+      scatter_ += gain * (off * off - scatter_);
+      drive_mean_ += std::min(1.0, dt / std::max(std::min(estimate.time - begin_ - settle_ + dt, drive_average_), 1e-9)) *
+                     (drive - drive_mean_);
+    }
+    const double std = std::sqrt(std::pow(model_error_ * mean_, 2) + model_floor_ * model_floor_ +
+                                 scatter_ * std::min(1.0, 1.0 / std::max(average_, 1e-9)));
+    const double level = persistence_.active() ? release_threshold_ : threshold_;
+    detection.active = persistence_.update(estimate.time, seen_ >= average_ && mean_ > level);
+    detection.since = persistence_.since();
+    detection.has_size = true;
+    detection.size = mean_ * drive_mean_ * kLitres;
+    detection.low = std::max(0.0, mean_ - kNinetyPercent * std) * drive_mean_ * kLitres;
+    detection.high = (mean_ + kNinetyPercent * std) * drive_mean_ * kLitres;
+    detection.confidence = 0.5 * std::erfc(-(mean_ - 0.5 * threshold_) / (std * std::sqrt(2.0)));
+  }
+
+  std::string size_name() const override { return "leak_flow"; }
+  std::string size_unit() const override { return "l/s"; }
+
+ private:
+  std::string coefficient_, drive_;
+  double minimum_drive_, threshold_, release_threshold_, average_, drive_average_, settle_, known_std_, model_error_, model_floor_;
+  Persistence persistence_;
+  bool started_ = false;
+  std::size_t coefficient_at_ = 0, drive_at_ = 0;
+  double begin_ = 0, last_ = 0, mean_ = 0, scatter_ = 0, drive_mean_ = 0, seen_ = 0;
+};
+
+FAULTLINE_DETECTOR(leak, {"leak", make_detector_of<Leak>});
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,44 @@
+// Rate limit: |dy/dt| <= rate; y follows u at the largest slope allowed and meets it again.
+//
+// rate [of what passes, per second]; infinite: none. Starts at the first value. Continuous in u and, as 1/size, down to
+// no effect; event-driven (a kink where y meets u). Limit: the same bound up and down.
+
+#include <cmath>
+
+#include "faultline/rig/effect.h"
+
+namespace faultline {
+namespace {
+
+class RateLimit : public Effect {
+ public:
+  void reset() override { started_ = false; }
+
+  double signal(double value, double /*time*/) override {
+    const double change = value - last_;
+    if (!started_ || std::fabs(change) <= largest_change_)
+      last_ = value;
+    else
+      last_ += std::copysign(largest_change_, change);
+    started_ = true;
+    return last_;
+  }
+
+ private:
+  void parameters_changed() override { largest_change_ = parameter(0) * context().step; }
+
+  double largest_change_ = kInfinity;
+  double last_ = 0;
+  bool started_ = false;
+};
+
+}  // namespace
+
+FAULTLINE_EFFECT(rate_limit, {"rate_limit",
+                              "limit",
+                              "slope bounded to +-rate",
+                              {PortKind::command, PortKind::sensor},
+                              {{"rate", "port/s", kInfinity, 1e-12, kInfinity}},
+                              &make_effect<RateLimit>});
+
+}  // namespace faultline

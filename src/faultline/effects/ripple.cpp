@@ -1,0 +1,36 @@
+// Ripple: y = value + amplitude sin(2 pi frequency t).
+//
+// amplitude [of the source], frequency [Hz], a shape. Smooth, linear in `amplitude`; t is the recording's time.
+// Limit: one sinusoid of fixed phase; a pump's ripple that follows its shaft is displacement_ripple.
+
+#include <cmath>
+
+#include "faultline/rig/effect.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kTwoPi = 6.283185307179586;
+
+class Ripple : public Effect {
+ public:
+  double boundary(double value, double /*flow*/, double time) const override {
+    return value + parameter(0) * std::sin(angular_frequency_ * time);
+  }
+
+ private:
+  void parameters_changed() override { angular_frequency_ = kTwoPi * parameter(1); }
+
+  double angular_frequency_ = 0;  // rad/s
+};
+
+}  // namespace
+
+FAULTLINE_EFFECT(ripple, {"ripple",
+                          "source",
+                          "value + amplitude sin(2 pi frequency t)",
+                          {PortKind::source},
+                          {{"amplitude", "port", 0, 0, 1e9}, {"frequency", "Hz", kNoShape, 0, 1e5}},
+                          &make_effect<Ripple>});
+
+}  // namespace faultline

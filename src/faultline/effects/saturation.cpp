@@ -1,0 +1,29 @@
+// Saturation: y = min(max(u, -limit), limit).
+//
+// limit [of what passes]; infinite: none. Continuous, with kinks; reaches no effect as 1/size. Without memory.
+// Limit: symmetric about zero.
+
+#include <algorithm>
+
+#include "faultline/rig/effect.h"
+
+namespace faultline {
+namespace {
+
+class Saturation : public Effect {
+ public:
+  double signal(double value, double /*time*/) override {
+    return std::min(std::max(value, -parameter(0)), parameter(0));
+  }
+};
+
+}  // namespace
+
+FAULTLINE_EFFECT(saturation, {"saturation",
+                              "limit",
+                              "magnitude bounded to limit",
+                              {PortKind::command, PortKind::sensor},
+                              {{"limit", "port", kInfinity, 1e-12, kInfinity}},
+                              &make_effect<Saturation>});
+
+}  // namespace faultline

@@ -1,0 +1,49 @@
+// One estimator of a rig, from samples to estimates: gates what is not fit to be used, restarts on time jumps, runs the filter.
+// The nodes and the offline program call this same code in the same order.
+//
+// Gating: a measured channel that is missing or out of its range is left out of the correction; a driving channel holds its last
+// good value. A sample that is not newer than the last is not used (process returns false) unless time jumped back by more than
+// `jump`, or forward by more than `gap`: then everything begins anew with that sample.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "faultline/estimators/state_estimator.h"
+#include "faultline/signal/sample.h"
+
+namespace faultline {
+
+struct EstimatorCounts {
+  std::uint64_t used = 0, stale = 0, restarts = 0, missing = 0, out_of_range = 0;
+};
+
+class EstimatorStage {
+ public:
+  EstimatorStage(const Datasheet& sheet, const StageSpec& spec);
+
+  // Writes the estimate after this sample; false if the sample was not used. Allocates only on the first call.
+  bool process(const Sample& sample, Estimate& estimate);
+  void reset();
+  const EstimatorCounts& counts() const { return counts_; }
+  const ProcessModel& model() const { return *model_; }
+  const std::string& name() const { return name_; }
+
+ private:
+  void begin(const Sample& sample);
+
+  std::string name_;
+  std::vector<Channel> channels_;
+  double period_;
+  double gap_, jump_;  // s
+  std::unique_ptr<ProcessModel> model_;
+  std::unique_ptr<StateEstimator> filter_;
+  std::vector<int> measured_, driving_;
+  std::vector<double> held_;
+  std::vector<double> covariance_;
+  bool running_ = false;
+  double last_time_ = 0;
+  EstimatorCounts counts_;
+};
+
+}  // namespace faultline

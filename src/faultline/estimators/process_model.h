@@ -1,0 +1,55 @@
+// A discrete-time model as estimators see it: x+ = f(x, u, dt) + v, y = h(x) + w, v ~ N(0, Q dt/T), w ~ N(0, R). Any number of
+// unknown parameters may stand among the states as random walks. Models register themselves by name.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/estimators/estimate.h"
+#include "faultline/rig/datasheet.h"
+
+namespace faultline {
+
+constexpr int kMaximumStates = 16;
+constexpr int kMaximumOutputs = 8;
+
+class ProcessModel {
+ public:
+  virtual ~ProcessModel() = default;
+
+  virtual std::vector<State> states() const = 0;             // names and units, in the model's scaling
+  virtual std::vector<int> measured_channels() const = 0;    // rows of y, as channels of the rig
+  virtual std::vector<int> driving_channels() const = 0;     // channels that take_inputs reads
+  virtual std::vector<double> process_noise() const = 0;     // diagonal of Q, per sample period
+  virtual std::vector<double> measurement_noise() const = 0;  // diagonal of R
+  // First state and the diagonal of its covariance, from the first sample.
+  virtual void initial(const double* channels, double* state, double* variance) const = 0;
+
+  virtual void take_inputs(const double* channels) = 0;                              // held for the next predict
+  virtual void measurement(const double* channels, double* y) const = 0;             // scaled
+  virtual void predict(const double* state, double dt, double* next) const = 0;      // dt in s
+  virtual void observe(const double* state, double* y) const = 0;
+  // Derived quantities with physical units; `covariance` row after row. Names and number never change.
+  virtual void quantities(const double* channels, const double* state, const double* covariance,
+                          std::vector<Quantity>& result) const = 0;
+};
+
+struct ProcessModelType {
+  std::string name;
+  std::unique_ptr<ProcessModel> (*make)(const Datasheet& sheet, const Settings& settings);
+};
+
+bool register_process_model(ProcessModelType type);
+// InputError that lists the known models where there is none of that name.
+std::unique_ptr<ProcessModel> make_process_model(const std::string& name, const Datasheet& sheet, const Settings& settings);
+
+template <class T>
+std::unique_ptr<ProcessModel> make_process_model_of(const Datasheet& sheet, const Settings& settings) {
+  return std::make_unique<T>(sheet, settings);
+}
+
+}  // namespace faultline
+
+#define FAULTLINE_PROCESS_MODEL(name, ...) \
+  const bool registered_process_model_##name = ::faultline::register_process_model(__VA_ARGS__)

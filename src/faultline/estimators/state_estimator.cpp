@@ -1,0 +1,14 @@
+#include "faultline/estimators/state_estimator.h"
+
+#include "faultline/estimators/divided_difference.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+
+std::unique_ptr<StateEstimator> make_state_estimator(const std::string& type, const ProcessModel& model) {
+  if (type == "divided_difference_1") return std::make_unique<DividedDifferenceFilter>(model, 1);
+  if (type == "divided_difference_2") return std::make_unique<DividedDifferenceFilter>(model, 2);
+  throw InputError("there is no estimator '" + type + "'; there are divided_difference_1, divided_difference_2");
+}
+
+}  // namespace faultline

@@ -1,0 +1,42 @@
+// A controller runs once per sample on the measured channels and writes the set points and commands of the same row, which
+// are held until the next. Controllers register themselves as rig/name.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/rig/datasheet.h"
+#include "faultline/rig/excitation.h"
+
+namespace faultline {
+
+class Controller {
+ public:
+  virtual ~Controller() = default;
+  virtual void reset() = 0;
+  // `channels`: one value per channel of the rig; measured ones are filled. Writes set points and commands. time in s.
+  virtual void step(double time, double* channels) = 0;
+};
+
+struct ControllerType {
+  std::string rig;
+  std::string name;
+  // `raw`: the raw set point, before any filter of the controller.
+  std::unique_ptr<Controller> (*make)(const Datasheet& sheet, const Settings& settings, std::unique_ptr<Excitation> raw);
+};
+
+const std::vector<ControllerType>& controller_types();
+bool register_controller(ControllerType type);
+std::unique_ptr<Controller> make_controller(const Datasheet& sheet, const Profile& profile, std::uint64_t seed);
+
+template <class T>
+std::unique_ptr<Controller> make_controller_of(const Datasheet& sheet, const Settings& settings,
+                                               std::unique_ptr<Excitation> raw) {
+  return std::make_unique<T>(sheet, settings, std::move(raw));
+}
+
+}  // namespace faultline
+
+#define FAULTLINE_CONTROLLER(name, ...) \
+  const bool registered_controller_##name = ::faultline::register_controller(__VA_ARGS__)

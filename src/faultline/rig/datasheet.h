@@ -1,0 +1,150 @@
+// The datasheet of a rig: config/<rig>.yaml, read strictly. It fixes the nominal model's numbers, names and places, and
+// names the stages that diagnose the rig. One schema for all rigs (docs/datasheet.md); unknown or missing keys, wrong types
+// and values out of range are InputErrors that name the file, the line, the key and what is allowed.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "faultline/rig/port.h"
+#include "faultline/signal/channel.h"
+
+namespace faultline {
+
+struct Parameter {
+  std::string name;
+  std::string symbol;
+  std::string unit;
+  double nominal = 0;
+  double tolerance = 0;  // relative, one sigma, between this rig and the datasheet
+  std::string from;      // where the number comes from
+  bool identify = false;  // `faultline fit` estimates it
+};
+
+struct State {
+  std::string name;
+  std::string symbol;
+  std::string unit;
+};
+
+// A named set of numbers, for what has settings but no structure of its own: a controller's gains, a profile's shape, a
+// stage's settings. Numbers, lists of numbers and words are kept apart; a reader takes what it knows with Settings::number
+// and the like and calls check_used(), which refuses what nobody asked for.
+class Settings {
+ public:
+  Settings() = default;
+  Settings(std::string where, std::map<std::string, double> numbers, std::map<std::string, std::vector<double>> lists,
+           std::map<std::string, std::string> words);
+
+  // Throw InputError where the key is missing, or the value is not finite or outside [minimum, maximum].
+  double number(const std::string& key, double minimum, double maximum) const;
+  double number_or(const std::string& key, double fallback, double minimum, double maximum) const;
+  std::vector<double> list(const std::string& key, std::size_t size, double minimum, double maximum) const;  // size 0: any
+  std::string word(const std::string& key) const;
+  std::string word_or(const std::string& key, const std::string& fallback) const;
+  bool has(const std::string& key) const;
+  void check_used() const;  // InputError if a key was never asked for
+  const std::string& where() const { return where_; }  // file and key path, for messages
+  void set(const std::string& key, double value);      // overrides one number (tuning, command line)
+
+ private:
+  std::string where_;
+  std::map<std::string, double> numbers_;
+  std::map<std::string, std::vector<double>> lists_;
+  std::map<std::string, std::string> words_;
+  mutable std::map<std::string, bool> used_;
+};
+
+// What a controller is asked for during a run. `controller` names an entry of Datasheet::controllers; `shape` one of the
+// excitation shapes of rig/excitation.h; `settings` are that shape's.
+struct Profile {
+  std::string name;
+  std::string controller;
+  std::string shape;
+  double duration = 0;  // s, when the command line gives none
+  std::string meaning;
+  Settings settings;
+};
+
+// How a simulator makes a measured input when no recording gives it: value + wander (band-limited noise) at the sensor.
+struct InputSignal {
+  std::string channel;
+  double value = 0;
+  double wander_std = 0;     // in the channel's unit
+  double wander_low = 0.05;  // Hz
+  double wander_high = 1;    // Hz
+};
+
+// A command that follows a table of (time, value), linear in between; for what no controller moves (a leak valve).
+struct CommandTable {
+  std::string channel;
+  std::vector<double> time;   // s
+  std::vector<double> value;  // in the channel's unit
+};
+
+// A named fault scenario.
+struct Fault {
+  std::string name;
+  std::string meaning;
+  std::vector<std::string> effects;  // effect@port:name=value,...,from=,to=
+  std::vector<CommandTable> commands;
+  std::string profile;  // which excitation it is shown with; empty: any
+};
+
+// One stage of the diagnosis (an estimator, a detector, ...), by kind and name of its type.
+struct StageSpec {
+  std::string name;  // of this stage, unique in the rig
+  std::string type;  // of the estimator, detector, ...
+  Settings settings;
+};
+
+struct Lookup {  // a table of a rig: one or more columns over a grid
+  std::string name;
+  std::map<std::string, std::vector<double>> columns;
+};
+
+struct Datasheet {
+  std::string file;
+  std::string rig;
+  std::string title;
+  std::string source;
+  double sample_period = 0;  // s
+  std::vector<std::string> branches;  // expanded in the names below; empty for most rigs
+  std::vector<Channel> channels;
+  std::vector<Channel> not_recorded;  // internal variables that a simulator can show
+  std::vector<State> states;
+  std::vector<Parameter> parameters;
+  std::map<std::string, double> constants;
+  std::vector<Lookup> tables;
+  std::vector<Port> ports;
+  std::vector<InputSignal> inputs;
+  std::map<std::string, Settings> controllers;
+  std::vector<Profile> profiles;
+  std::vector<Fault> faults;
+  std::vector<std::string> nuisance;       // small effects that every rig recording carries, as effect@port:...
+  std::vector<std::string> nominal_effects;  // effects that the nominal model has adopted, as effect@port:...
+  std::vector<StageSpec> estimators;
+  std::vector<StageSpec> detectors;
+  std::map<std::string, double> normal_gap;  // channel -> largest excess that is normal on this rig
+  std::vector<std::string> notes;
+
+  // Throw InputError that names the datasheet and lists what there is.
+  const Port& port(const std::string& name) const;
+  int channel(const std::string& name) const;
+  int parameter(const std::string& name) const;
+  const Profile& profile(const std::string& name) const;
+  const Fault& fault(const std::string& name) const;
+  std::vector<double> nominal() const;  // parameter values in order
+};
+
+// Reads and checks one datasheet.
+Datasheet read_datasheet(const std::string& file);
+
+// All datasheets in a folder (*.yaml), sorted by rig.
+std::vector<Datasheet> read_datasheets(const std::string& folder);
+
+// The datasheet of `rig` in the folder; InputError that lists the rigs there are.
+Datasheet find_datasheet(const std::string& folder, const std::string& rig);
+
+}  // namespace faultline

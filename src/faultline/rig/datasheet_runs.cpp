@@ -1,0 +1,193 @@
+// Reads how a rig is run and diagnosed: measured inputs, controllers, profiles, faults, small effects that are always
+// there, stages. What each key means is told in docs/datasheet.md. Shapes of profiles are made once, so that a wrong
+// setting shows here; effects must be listed at their ports; controllers and stages are checked by whoever makes them.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "faultline/rig/datasheet_sections.h"
+#include "faultline/rig/excitation.h"
+#include "faultline/signal/error.h"
+
+namespace faultline::datasheet_sections {
+namespace {
+
+std::vector<std::string> list_of(const Names& names) { return {names.begin(), names.end()}; }
+
+// effect@port:name=value,...: the port must be one of the rig's, the effect and its parameters listed there.
+std::string read_effect(const YamlValue& value, const Datasheet& sheet) {
+  const std::string text = value.text();
+  const auto at = text.find('@');
+  const auto colon = text.find(':', at == std::string::npos ? 0 : at);
+  if (at == std::string::npos || colon == std::string::npos)
+    value.fail(fmt::format("is '{}'; write effect@port:name=value,...", text));
+  const std::string port_name = text.substr(at + 1, colon - at - 1);
+  const Port* port = nullptr;
+  std::vector<std::string> known;
+  for (const Port& candidate : sheet.ports) {
+    known.push_back(candidate.name);
+    if (candidate.name == port_name) port = &candidate;
+  }
+  if (!port)
+    value.fail(fmt::format("names port '{}', which the rig does not have; ports are {}", port_name, joined(known)));
+  const FittingEffect* fitting = nullptr;
+  known.clear();
+  for (const FittingEffect& candidate : port->effects) {
+    known.push_back(candidate.effect);
+    if (candidate.effect == text.substr(0, at)) fitting = &candidate;
+  }
+  if (!fitting)
+    value.fail(fmt::format("names effect '{}', which is not listed at {}; there are {}", text.substr(0, at), port_name,
+                           joined(known)));
+  known = {"from", "to"};
+  for (const auto& bounds : fitting->bounds) known.push_back(bounds.first);
+  for (std::size_t begin = colon + 1; begin <= text.size();) {
+    const auto comma = std::min(text.find(',', begin), text.size());
+    const std::string item = text.substr(begin, comma - begin);
+    begin = comma + 1;
+    const auto equals = item.find('=');
+    const std::string number = equals == std::string::npos ? "" : item.substr(equals + 1);
+    const std::string key = item.substr(0, equals);
+    if (std::find(known.begin(), known.end(), key) == known.end())
+      value.fail(fmt::format("gives '{}' in '{}'; allowed are {}", key, text, joined(known)));
+    char* end = nullptr;
+    const double size = std::strtod(number.c_str(), &end);
+    if (number.empty() || *end != '\0' || !std::isfinite(size))
+      value.fail(fmt::format("gives {}={} in '{}', which is not a number", key, number, text));
+  }
+  return text;
+}
+
+std::vector<std::string> read_effects(const YamlValue& entry, const std::string& key, const Datasheet& sheet) {
+  std::vector<std::string> effects;
+  for (const YamlValue& value : list_at(entry, key)) effects.push_back(read_effect(value, sheet));
+  return effects;
+}
+
+// Every key of a mapping but those in `known`.
+Settings read_settings(const YamlValue& entry, const Names& known) {
+  std::map<std::string, double> numbers;
+  std::map<std::string, std::vector<double>> lists;
+  std::map<std::string, std::string> words;
+  for (const YamlValue& value : entry.entries()) {
+    if (known.count(value.key()) > 0) continue;
+    if (!is_name(value.key())) value.fail("is not a name; settings have names of lower-case letters, digits and _");
+    if (value.is_list())
+      lists[value.key()] = value.numbers();
+    else if (value.is_number())
+      numbers[value.key()] = value.number();
+    else
+      words[value.key()] = value.text();
+  }
+  return {entry.place(), std::move(numbers), std::move(lists), std::move(words)};
+}
+
+CommandTable read_command(const YamlValue& entry, const Datasheet& sheet) {
+  entry.allow({"time", "value"}, {});
+  CommandTable table;
+  table.channel = entry.key();
+  if (channel_named(sheet, entry, table.channel).role != Role::command) entry.fail("is not a channel of role command");
+  table.time = entry.at("time").numbers();
+  table.value = entry.at("value").numbers();
+  if (table.time.empty() || table.time.size() != table.value.size())
+    entry.fail(fmt::format("has {} times and {} values; it needs as many of each, at least one", table.time.size(),
+                           table.value.size()));
+  for (std::size_t i = 1; i < table.time.size(); ++i)
+    if (table.time[i] <= table.time[i - 1]) entry.at("time").fail("must rise from each number to the next");
+  return table;
+}
+
+std::vector<StageSpec> read_stages(const YamlValue& root, const std::string& key) {
+  Names names;
+  std::vector<StageSpec> stages;
+  for (const YamlValue& entry : list_at(root, key)) {
+    for (const char* needed : {"name", "type"})
+      if (!entry.has(needed)) entry.fail(fmt::format("lacks the key '{}'", needed));
+    stages.push_back({entry.at("name").name(), entry.at("type").name(), read_settings(entry, {"name", "type"})});
+    add_unique(names, entry, stages.back().name);
+  }
+  return stages;
+}
+
+}  // namespace
+
+void read_excitation(const YamlValue& root, Datasheet& sheet) {
+  for (const YamlValue& entry : mapping_at(root, "inputs")) {
+    entry.allow({"value", "wander_std"}, {"wander_low", "wander_high", "meaning"});
+    InputSignal input;
+    input.channel = entry.key();
+    if (channel_named(sheet, entry, input.channel).role != Role::input) entry.fail("is not a channel of role input");
+    input.value = entry.at("value").number();
+    input.wander_std = entry.at("wander_std").number(0);
+    if (entry.has("wander_low")) input.wander_low = entry.at("wander_low").number(1e-6);
+    if (entry.has("wander_high")) input.wander_high = entry.at("wander_high").number();
+    if (input.wander_high <= input.wander_low)
+      (entry.has("wander_high") ? entry.at("wander_high") : entry)
+          .fail(fmt::format("has wander_high {:g} that is not above wander_low {:g}", input.wander_high,
+                            input.wander_low));
+    text_or(entry, "meaning", "");
+    sheet.inputs.push_back(input);
+  }
+  Names names, controllers;
+  for (const YamlValue& entry : mapping_at(root, "controllers")) {
+    text_or(entry, "meaning", "");
+    if (!is_name(entry.key())) entry.fail("is not a name of lower-case letters, digits and _");
+    controllers.insert(entry.key());
+    sheet.controllers[entry.key()] = read_settings(entry, {"meaning"});
+  }
+  for (const YamlValue& entry : list_at(root, "profiles")) {
+    for (const char* key : {"name", "controller", "shape", "duration", "meaning"})
+      if (!entry.has(key)) entry.fail(fmt::format("lacks the key '{}'", key));
+    Profile profile;
+    profile.name = entry.at("name").name();
+    profile.controller = entry.at("controller").name();
+    if (controllers.count(profile.controller) == 0)
+      entry.at("controller")
+          .fail(fmt::format("is '{}'; controllers are {}", profile.controller, joined(list_of(controllers))));
+    profile.shape = entry.at("shape").name();
+    profile.duration = entry.at("duration").number(1e-3);
+    profile.meaning = entry.at("meaning").text();
+    profile.settings = read_settings(entry, {"name", "controller", "shape", "duration", "meaning"});
+    make_excitation(profile.shape, profile.settings, 1);  // refuses what the shape does not know
+    add_unique(names, entry, profile.name);
+    sheet.profiles.push_back(profile);
+  }
+}
+
+void read_faults(const YamlValue& root, Datasheet& sheet) {
+  Names names;
+  for (const YamlValue& entry : list_at(root, "faults")) {
+    entry.allow({"name", "meaning"}, {"effects", "commands", "profile"});
+    Fault fault;
+    fault.name = entry.at("name").name();
+    fault.meaning = entry.at("meaning").text();
+    fault.effects = read_effects(entry, "effects", sheet);
+    for (const YamlValue& command : mapping_at(entry, "commands"))
+      fault.commands.push_back(read_command(command, sheet));
+    if (fault.effects.empty() && fault.commands.empty()) entry.fail("needs 'effects' or 'commands'");
+    if (entry.has("profile")) {
+      fault.profile = entry.at("profile").name();
+      Names known;
+      for (const Profile& profile : sheet.profiles) known.insert(profile.name);
+      if (known.count(fault.profile) == 0)
+        entry.at("profile").fail(fmt::format("is '{}'; profiles are {}", fault.profile, joined(list_of(known))));
+    }
+    add_unique(names, entry, fault.name);
+    sheet.faults.push_back(fault);
+  }
+  sheet.nuisance = read_effects(root, "nuisance", sheet);
+  sheet.nominal_effects = read_effects(root, "nominal_effects", sheet);
+}
+
+void read_diagnosis(const YamlValue& root, Datasheet& sheet) {
+  sheet.estimators = read_stages(root, "estimators");
+  sheet.detectors = read_stages(root, "detectors");
+  for (const YamlValue& entry : mapping_at(root, "normal_gap")) {
+    channel_named(sheet, entry, entry.key());
+    sheet.normal_gap[entry.key()] = entry.number(0);
+  }
+}
+
+}  // namespace faultline::datasheet_sections

@@ -1,0 +1,122 @@
+// An effect sits at a port and changes what passes through it. One class serves simulating, injecting, estimating,
+// diagnosing and closing the gap.
+//
+// Every effect has bounded parameters with units and a value at which it changes nothing. It may start at a time and grow:
+// from `from` to `to` its size rises linearly from nothing to the full parameters (a step where `to` is not after `from`).
+// A parameter whose no-effect value is infinite grows as 1/size; one without a no-effect value (a shape) keeps its value.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/rig/port.h"
+
+namespace faultline {
+
+constexpr int kMaximumEffectParameters = 4;
+
+struct EffectParameter {
+  std::string name;
+  std::string unit;       // of the port's quantity where it depends on it: "port"
+  double none;            // value at which nothing changes; NaN: a shape parameter, which alone changes nothing
+  double minimum;         // what physics allows; a port may narrow it
+  double maximum;
+};
+
+// Where an effect works: what it may need to know of its port.
+struct PortContext {
+  double range = 1;          // full scale of what passes, for curves
+  double noise_std = 0;      // of the channel, for signal ports
+  double step = 1e-3;        // s, time between calls of signal()
+  std::uint64_t seed = 0;    // for effects that draw random numbers
+  // s, when the effect starts to grow; NaN: it does not grow, it is there from time 0 at the size that is set.
+  double start = std::numeric_limits<double>::quiet_NaN();
+};
+
+class Effect {
+ public:
+  virtual ~Effect() = default;
+
+  // Full-size parameters in the order of the type's list, and the port's context. Clears all memory. Size becomes full.
+  void configure(const std::vector<double>& parameters, const std::vector<double>& none, const PortContext& context);
+  // Size between nothing (0) and the full parameters (1).
+  void set_size(double size);
+  double size() const { return size_; }
+
+  virtual void reset() {}  // clears memory; complete
+
+  // Signal at a command or sensor port: called once per step of context().step, in order of time [s].
+  virtual double signal(double value, double /*time*/) { return value; }
+  // What must have gone in, for the given thing to come out: for sensors whose reading drives the model. Static effects only.
+  virtual double undo_signal(double value, double /*time*/) { return value; }
+  virtual void force(const Motion&, BodyForces&) const {}
+  virtual double flow(const LeakPath&) const { return 0; }                                       // m^3/s, added
+  virtual double opening(double opening) const { return opening; }
+  virtual double bulk_modulus(double modulus, double /*absolute_pressure*/) const { return modulus; }  // Pa
+  virtual double boundary(double value, double /*flow*/, double /*time*/) const { return value; }
+  virtual double delivery(double flow, double /*shaft_angle*/) const { return flow; }  // pump flow, m^3/s
+  virtual void viscosity(Viscosity&) const {}
+  virtual void coupling(Coupling&) const {}
+  virtual void line(Line&) const {}
+  virtual void heat(HeatPath&) const {}
+
+ protected:
+  double parameter(int index) const { return now_[static_cast<std::size_t>(index)]; }
+  const PortContext& context() const { return context_; }
+  virtual void parameters_changed() {}  // after configure and set_size: recompute what depends on parameters
+
+ private:
+  std::array<double, kMaximumEffectParameters> full_{}, none_{}, now_{};
+  PortContext context_;
+  double size_ = 1;
+};
+
+struct EffectType {
+  std::string name;
+  std::string family;
+  std::string meaning;  // one line with the formula
+  std::vector<PortKind> fits;
+  std::vector<EffectParameter> parameters;
+  std::unique_ptr<Effect> (*make)();
+
+  bool fits_kind(PortKind kind) const;
+  int parameter_index(const std::string& name) const;  // -1 if there is none
+};
+
+// All effect types, sorted by name. Each effect's file adds its own with FAULTLINE_EFFECT.
+const std::vector<EffectType>& effect_types();
+const EffectType* find_effect_type(const std::string& name);  // nullptr if there is none
+bool register_effect(EffectType type);
+
+template <class T>
+std::unique_ptr<Effect> make_effect() {
+  return std::make_unique<T>();
+}
+
+constexpr double kNoShape = std::numeric_limits<double>::quiet_NaN();  // `none` of a shape parameter
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// An effect as it is asked for: effect@port:name=value,...[,from=S][,to=S]
+struct EffectSpec {
+  std::string effect;
+  std::string port;
+  std::vector<double> parameters;  // in the type's order
+  double from = 0;                 // s; grows from here ...
+  double to = 0;                   // ... to here
+  bool from_given = false;
+};
+
+// Throws InputError that names what is unknown or missing, and what is allowed.
+EffectSpec parse_effect(const std::string& text);
+std::string to_string(const EffectSpec& spec);
+double growth(const EffectSpec& spec, double time);  // size in 0..1 at `time`
+
+}  // namespace faultline
+
+// At namespace scope of an effect's own file: registers it before main starts.
+#define FAULTLINE_EFFECT(name, ...) \
+  const bool registered_##name = ::faultline::register_effect(__VA_ARGS__)

@@ -1,0 +1,101 @@
+#include "faultline/rig/effect_chain.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+bool grows(const EffectSpec& spec) { return spec.from_given || spec.to > spec.from; }
+
+// Seeds of neighbouring effects must not be neighbours (splitmix64, Steele, Lea and Flood 2014).
+std::uint64_t seed_of(std::uint64_t seed, std::size_t index) {
+  std::uint64_t mixed = seed + (static_cast<std::uint64_t>(index) + 1) * 0x9E3779B97F4A7C15ULL;
+  mixed = (mixed ^ (mixed >> 30)) * 0xBF58476D1CE4E5B9ULL;
+  mixed = (mixed ^ (mixed >> 27)) * 0x94D049BB133111EBULL;
+  return mixed ^ (mixed >> 31);
+}
+
+const Port* find_port(const Datasheet& sheet, const std::string& name) {
+  const auto found =
+      std::find_if(sheet.ports.begin(), sheet.ports.end(), [&](const Port& p) { return p.name == name; });
+  return found == sheet.ports.end() ? nullptr : &*found;
+}
+
+PortContext context_of(const Datasheet& sheet, const Port& port, const EffectSpec& spec, double step,
+                       std::uint64_t seed) {
+  PortContext context;
+  context.range = port.range;
+  context.step = step;
+  context.seed = seed;
+  if (grows(spec)) context.start = spec.from;
+  const int channel = port.channel.empty() ? -1 : find_channel(sheet.channels, port.channel);
+  if (channel >= 0) context.noise_std = sheet.channels[static_cast<std::size_t>(channel)].noise_std;
+  return context;
+}
+
+}  // namespace
+
+EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed)
+    : specs_(specs) {
+  for (std::size_t i = 0; i < specs_.size(); ++i) {
+    const EffectSpec& spec = specs_[i];
+    check_effect(sheet, spec);
+    const EffectType& type = *find_effect_type(spec.effect);
+    std::vector<double> none;
+    for (const auto& p : type.parameters) none.push_back(p.none);
+    effects_.push_back(type.make());
+    effects_.back()->configure(spec.parameters, none,
+                               context_of(sheet, *find_port(sheet, spec.port), spec, step, seed_of(seed, i)));
+    chains_[spec.port].add(effects_.back().get());
+  }
+  reset();
+}
+
+const EffectChain& EffectSet::at(const std::string& port) const {
+  const auto found = chains_.find(port);
+  return found == chains_.end() ? none_ : found->second;
+}
+
+void EffectSet::set_time(double time) {
+  for (std::size_t i = 0; i < specs_.size(); ++i) {
+    if (!grows(specs_[i])) continue;
+    const double size = growth(specs_[i], time);
+    if (size != effects_[i]->size()) effects_[i]->set_size(size);
+  }
+}
+
+void EffectSet::reset() {
+  set_time(0);
+  for (const auto& effect : effects_) effect->reset();
+}
+
+void check_effect(const Datasheet& sheet, const EffectSpec& spec) {
+  const EffectType* type = find_effect_type(spec.effect);
+  if (!type)
+    throw InputError(fmt::format("effect '{}@{}': there is no effect '{}'; `faultline rigs` lists them", spec.effect,
+                                 spec.port, spec.effect));
+  const Port* port = find_port(sheet, spec.port);
+  if (!port) {
+    std::string names;
+    for (const auto& p : sheet.ports) names += (names.empty() ? "" : ", ") + p.name;
+    throw InputError(fmt::format("effect '{}@{}': {} has no port '{}'; it has {}", spec.effect, spec.port, sheet.rig,
+                                 spec.port, names));
+  }
+  const bool listed = std::any_of(port->effects.begin(), port->effects.end(),
+                                  [&](const FittingEffect& fitting) { return fitting.effect == spec.effect; });
+  if (!listed || !type->fits_kind(port->kind)) {
+    std::string names;
+    for (const auto& fitting : port->effects) names += (names.empty() ? "" : ", ") + fitting.effect;
+    throw InputError(fmt::format("effect '{}@{}': {} does not fit {} of {}; there fit {}", spec.effect, spec.port,
+                                 spec.effect, spec.port, sheet.rig, names));
+  }
+  if (spec.parameters.size() != type->parameters.size())
+    throw InputError(fmt::format("effect '{}@{}': {} parameters given, it has {}", spec.effect, spec.port,
+                                 spec.parameters.size(), type->parameters.size()));
+}
+
+}  // namespace faultline

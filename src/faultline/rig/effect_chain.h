@@ -1,0 +1,100 @@
+// The effects of one simulation, by port, in the order in which they were given.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/rig/datasheet.h"
+#include "faultline/rig/effect.h"
+
+namespace faultline {
+
+// Effects at one port, applied one after the other. An empty chain changes nothing.
+class EffectChain {
+ public:
+  void add(Effect* effect) { effects_.push_back(effect); }
+  bool empty() const { return effects_.empty(); }
+
+  double signal(double value, double time) const {
+    for (Effect* e : effects_) value = e->signal(value, time);
+    return value;
+  }
+  double undo_signal(double value, double time) const {
+    for (auto e = effects_.rbegin(); e != effects_.rend(); ++e) value = (*e)->undo_signal(value, time);
+    return value;
+  }
+  BodyForces forces(const Motion& motion) const {
+    BodyForces sum;
+    for (const Effect* e : effects_) e->force(motion, sum);
+    return sum;
+  }
+  double flow(const LeakPath& path) const {
+    double sum = 0;
+    for (const Effect* e : effects_) sum += e->flow(path);
+    return sum;
+  }
+  double opening(double value) const {
+    for (const Effect* e : effects_) value = e->opening(value);
+    return value;
+  }
+  double bulk_modulus(double modulus, double absolute_pressure) const {
+    for (const Effect* e : effects_) modulus = e->bulk_modulus(modulus, absolute_pressure);
+    return modulus;
+  }
+  double boundary(double value, double flow, double time) const {
+    for (const Effect* e : effects_) value = e->boundary(value, flow, time);
+    return value;
+  }
+  double delivery(double flow, double shaft_angle) const {
+    for (const Effect* e : effects_) flow = e->delivery(flow, shaft_angle);
+    return flow;
+  }
+  Viscosity viscosity() const {
+    Viscosity sum;
+    for (const Effect* e : effects_) e->viscosity(sum);
+    return sum;
+  }
+  Coupling coupling() const {
+    Coupling sum;
+    for (const Effect* e : effects_) e->coupling(sum);
+    return sum;
+  }
+  Line line() const {
+    Line sum;
+    for (const Effect* e : effects_) e->line(sum);
+    return sum;
+  }
+  HeatPath heat() const {
+    HeatPath sum;
+    for (const Effect* e : effects_) e->heat(sum);
+    return sum;
+  }
+
+ private:
+  std::vector<Effect*> effects_;
+};
+
+class EffectSet {
+ public:
+  // `step`: s, time between calls at signal ports. InputError where the rig has no such port or the effect does not fit it.
+  EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed);
+  EffectSet(const EffectSet&) = delete;
+  EffectSet& operator=(const EffectSet&) = delete;
+
+  const EffectChain& at(const std::string& port) const;  // empty chain where nothing sits
+  void set_time(double time);                            // grows what grows
+  void reset();                                          // clears all memory
+
+ private:
+  std::vector<EffectSpec> specs_;
+  std::vector<std::unique_ptr<Effect>> effects_;
+  std::map<std::string, EffectChain> chains_;
+  EffectChain none_;
+};
+
+// Throws InputError unless the effect fits the port on this rig.
+void check_effect(const Datasheet& sheet, const EffectSpec& spec);
+
+}  // namespace faultline

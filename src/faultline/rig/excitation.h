@@ -1,0 +1,33 @@
+// Raw set points over time, the same for every rig: one shape and its settings (of a profile in the datasheet), and a seed.
+//
+//   constant    value
+//   square      low, high, period, duty [0.5], start [0]
+//   triangle    amplitude, mean [0], period
+//   sines       count, base, span, amplitude, roll_off, spread [0.03], fade [1]: sum of sines at f_k = base + span k/count Hz
+//               (each off by +-spread), amplitude exp(-(f/roll_off)^2), random phases
+//   multisine   count, lowest, highest [Hz], amplitude [peak], mean [0]: equal power, random phases
+//   steps       low, high, shortest, longest: random levels held for random times
+//   prbs        low, high (magnitude), clock, longest: random sign and magnitude, held for 1..longest clocks
+//   cycle       low, high, move, dwell: machine cycle, ramps with rests between
+//   table       time [...], value [...]: linear in between
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/rig/datasheet.h"
+
+namespace faultline {
+
+class Excitation {
+ public:
+  virtual ~Excitation() = default;
+  virtual double value(double time) = 0;  // called with rising times; a smaller time starts over
+};
+
+std::unique_ptr<Excitation> make_excitation(const std::string& shape, const Settings& settings, std::uint64_t seed);
+std::vector<std::string> excitation_shapes();
+
+}  // namespace faultline

@@ -1,0 +1,53 @@
+// Fixed-step integration of a rig's equations: classic fourth-order Runge-Kutta from Boost.odeint on a padded array, so that
+// nothing is allocated and the loops unroll. Explicit: the step must be below 2.7 over the fastest rate of the rig.
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include <boost/numeric/odeint/stepper/runge_kutta4_classic.hpp>
+
+#include "faultline/rig/rig.h"
+
+namespace faultline {
+
+class Integrator {
+ public:
+  virtual ~Integrator() = default;
+  virtual void start(const double* channels) = 0;
+  virtual void start_at(const double* nominal_state, const double* channels) = 0;
+  // One step of dt [s] from `time` [s], channels held.
+  virtual void step(double time, double dt, const double* channels) = 0;
+  virtual const double* state() const = 0;
+};
+
+template <std::size_t N>
+class RungeKutta4 : public Integrator {
+ public:
+  explicit RungeKutta4(Rig& rig) : rig_(rig) {}
+  void start(const double* channels) override {
+    state_.fill(0);
+    rig_.start(channels, state_.data());
+  }
+  void start_at(const double* nominal_state, const double* channels) override {
+    state_.fill(0);
+    rig_.start_at(nominal_state, channels, state_.data());
+  }
+  void step(double time, double dt, const double* channels) override {
+    stepper_.do_step(
+        [this, channels](const State& x, State& rate, double t) { rig_.derivative(t, x.data(), channels, rate.data()); }, state_,
+        time, dt);
+    rig_.after_step(time + dt, state_.data(), channels);
+  }
+  const double* state() const override { return state_.data(); }
+
+ private:
+  using State = std::array<double, N>;
+  Rig& rig_;
+  State state_{};
+  boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
+};
+
+std::unique_ptr<Integrator> make_integrator(Rig& rig);
+
+}  // namespace faultline

@@ -1,0 +1,52 @@
+// A rig: the equations of one nominal model, with the ports where effects sit. A rig's own file in rigs/ derives from Rig and
+// registers itself under the name of its datasheet. What rigs share (ports on signals, sampling, integration) is the
+// simulator's.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/rig/effect_chain.h"
+
+namespace faultline {
+
+class Rig {
+ public:
+  virtual ~Rig() = default;
+
+  // Number of continuous states; depends on the effects (a pipe with inertia has a flow).
+  virtual int states() const = 0;
+  // Initial state for the given channel values; sets all discrete modes. `channels`: one value per channel.
+  virtual void start(const double* channels, double* state) = 0;
+  // Takes a given nominal state (in the datasheet's order) instead of the initial one; effect states start at rest.
+  virtual void start_at(const double* nominal_state, const double* channels, double* state) = 0;
+  // d(state)/dt at time [s]. `channels` holds commands and inputs as they reach the plant.
+  virtual void derivative(double time, const double* state, const double* channels, double* rate) = 0;
+  // After each step: events and limits (sticking, end of travel, no negative pressure).
+  virtual void after_step(double /*time*/, double* /*state*/, const double* /*channels*/) {}
+  // Writes the output channels (and inputs that the model predicts) into `channels`, before sensors.
+  virtual void outputs(double time, const double* state, double* channels) const = 0;
+  // Whether the equations need an implicit method at the substep of the simulator.
+  virtual bool stiff() const { return false; }
+};
+
+struct RigType {
+  std::string name;
+  double substep;  // s, at which the integration has converged
+  // `parameters` in the datasheet's order. Keeps references to the effects' chains: they must outlive the rig.
+  std::unique_ptr<Rig> (*make)(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
+};
+
+const std::vector<RigType>& rig_types();
+const RigType* find_rig_type(const std::string& name);
+bool register_rig(RigType type);
+
+template <class T>
+std::unique_ptr<Rig> make_rig(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects) {
+  return std::make_unique<T>(sheet, parameters, effects);
+}
+
+}  // namespace faultline
+
+#define FAULTLINE_RIG(name, ...) const bool registered_rig_##name = ::faultline::register_rig(__VA_ARGS__)

@@ -1,0 +1,301 @@
+#include "faultline/rig/simulator.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "faultline/rig/integrator.h"
+#include "faultline/rig/random.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kWanderTones = 12;  // sines that make up the wander of a measured input
+
+std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<EffectSpec>& extra) {
+  std::vector<EffectSpec> specs;
+  for (const std::string& text : sheet.nominal_effects) specs.push_back(parse_effect(text));
+  specs.insert(specs.end(), extra.begin(), extra.end());
+  return specs;
+}
+
+// A rig with its effects, and the effects on its signals by channel: what driven and closed-loop simulation share.
+class Plant {
+ public:
+  Plant(const Datasheet& sheet, const SimulationSetup& setup)
+      : sheet_(sheet), substeps_(substeps(sheet, setup)), substep_(sheet.sample_period / substeps_),
+        effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
+    const RigType* type = find_rig_type(sheet.rig);
+    if (!type) throw InputError(fmt::format("{}: this build has the datasheet of '{}' but not its equations", sheet.file, sheet.rig));
+    if (!setup.parameters.empty() && setup.parameters.size() != sheet.parameters.size())
+      throw InputError(fmt::format("{}: {} parameter values are given, the rig has {}", sheet.rig, setup.parameters.size(),
+                                   sheet.parameters.size()));
+    rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
+    integrator_ = make_integrator(*rig_);
+    for (const Port& port : sheet.ports) {
+      const EffectChain& chain = effects_.at(port.name);
+      if (chain.empty() || port.channel.empty()) continue;
+      const auto channel = static_cast<std::size_t>(sheet.channel(port.channel));
+      if (port.kind == PortKind::command) commands_.push_back({channel, &chain});
+      if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::output) sensors_.push_back({channel, &chain});
+      if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::input) inputs_.push_back({channel, &chain});
+    }
+    true_.resize(sheet.channels.size());
+    shown_.resize(sheet.channels.size());
+  }
+
+  // `channels`: commands and inputs at this time. Afterwards seen() holds what the sensors show.
+  void start(const double* channels, const double* nominal_state) {
+    effects_.reset();
+    effects_.set_time(0);
+    std::copy_n(channels, true_.size(), true_.begin());
+    if (nominal_state)
+      integrator_->start_at(nominal_state, channels);
+    else
+      integrator_->start(channels);
+    observe(0);
+  }
+
+  // Puts the rig's states back; effects keep their memory, and what sensors show at this time stays as it was.
+  void restart(const double* channels, const double* nominal_state) { integrator_->start_at(nominal_state, channels); }
+
+  // One sample period: commands held, inputs run linearly from `now` to `next`.
+  void advance(double time, const double* now, const double* next) {
+    effects_.set_time(time);
+    for (int i = 0; i < substeps_; ++i) {
+      const double t = time + i * substep_;
+      const double share = (i + 0.5) / substeps_;
+      for (std::size_t c = 0; c < true_.size(); ++c) {
+        const Role role = sheet_.channels[c].role;
+        if (role == Role::input)
+          true_[c] = now[c] + share * (next[c] - now[c]);
+        else if (role == Role::command)
+          true_[c] = now[c];
+      }
+      for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(now[channel], t);
+      integrator_->step(t, substep_, true_.data());
+      observe(t + substep_);
+    }
+  }
+
+  const std::vector<double>& seen() const { return shown_; }
+  const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
+  const double* state() const { return integrator_->state(); }
+
+ private:
+  static int substeps(const Datasheet& sheet, const SimulationSetup& setup) {
+    const RigType* type = find_rig_type(sheet.rig);
+    const double wanted = setup.substep > 0 ? setup.substep : type ? type->substep : sheet.sample_period;
+    return std::max(1, static_cast<int>(std::ceil(sheet.sample_period / wanted - 1e-9)));
+  }
+
+  // Outputs as they are, then as sensors with effects show them. Sensors without effects only need the last substep, but the
+  // outputs are cheap.
+  void observe(double time) {
+    rig_->outputs(time, integrator_->state(), shown_.data());
+    for (const auto& [channel, chain] : sensors_) shown_[channel] = chain->signal(shown_[channel], time);
+  }
+
+  const Datasheet& sheet_;
+  int substeps_;
+  double substep_;
+  EffectSet effects_;
+  std::unique_ptr<Rig> rig_;
+  std::unique_ptr<Integrator> integrator_;
+  std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;
+  std::vector<double> true_, shown_;
+};
+
+// Value plus band-limited wander, a sum of sines with random phases.
+class InputSource {
+ public:
+  InputSource(const InputSignal& signal, std::uint64_t seed) : value_(signal.value) {
+    Random random(seed);
+    if (signal.wander_std <= 0) return;
+    for (int k = 0; k < kWanderTones; ++k) {
+      const double share = (k + random.uniform()) / kWanderTones;
+      tones_.push_back({signal.wander_low * std::pow(signal.wander_high / signal.wander_low, share), random.uniform(0, 2 * kPi)});
+    }
+    amplitude_ = signal.wander_std * std::sqrt(2.0 / kWanderTones);
+  }
+  double value(double time) const {
+    double sum = 0;
+    for (const auto& [frequency, phase] : tones_) sum += std::sin(2 * kPi * frequency * time + phase);
+    return value_ + amplitude_ * sum;
+  }
+
+ private:
+  double value_, amplitude_ = 0;
+  std::vector<std::pair<double, double>> tones_;
+};
+
+double table_value(const CommandTable& table, double time) {
+  const auto after = std::upper_bound(table.time.begin(), table.time.end(), time);
+  if (after == table.time.begin()) return table.value.front();
+  if (after == table.time.end()) return table.value.back();
+  const auto i = static_cast<std::size_t>(after - table.time.begin());
+  const double share = (time - table.time[i - 1]) / (table.time[i] - table.time[i - 1]);
+  return table.value[i - 1] + share * (table.value[i] - table.value[i - 1]);
+}
+
+}  // namespace
+
+struct Simulator::Parts {
+  Parts(const Datasheet& datasheet, const SimulationSetup& given) : sheet(datasheet), setup(given), plant(sheet, setup) {
+    const Profile& profile = setup.profile.empty() ? sheet.profile(first_profile()) : sheet.profile(setup.profile);
+    controller = make_controller(sheet, profile, setup.seed);
+    for (const CommandTable& table : setup.commands) {
+      const auto channel = static_cast<std::size_t>(sheet.channel(table.channel));
+      if (sheet.channels[channel].role != Role::command)
+        throw InputError(fmt::format("{}: channel '{}' is not a command", sheet.rig, table.channel));
+      tables.push_back({channel, table});
+    }
+    for (std::size_t i = 0; i < sheet.inputs.size(); ++i)
+      sources.push_back({static_cast<std::size_t>(sheet.channel(sheet.inputs[i].channel)),
+                         InputSource(sheet.inputs[i], setup.seed * 7919 + i + 1)});
+    const std::size_t n = sheet.channels.size();
+    driving.resize(n);
+    next.resize(n);
+    sample.values.resize(n);
+    reset();
+  }
+
+  std::string first_profile() const {
+    if (sheet.profiles.empty()) throw InputError(fmt::format("{}: the datasheet has no profiles", sheet.file));
+    return sheet.profiles.front().name;
+  }
+
+  void reset() {
+    noise = Random(setup.seed * 104729 + 17);
+    controller->reset();
+    row = 0;
+    std::fill(driving.begin(), driving.end(), 0);
+    fill_inputs(0, driving.data());
+    plant.start(driving.data(), nullptr);
+  }
+
+  double time_of(std::uint64_t k) const { return static_cast<double>(k) * sheet.sample_period; }
+
+  void fill_inputs(double time, double* channels) {
+    for (const auto& [channel, source] : sources) channels[channel] = source.value(time);
+  }
+
+  double measured(std::size_t channel, double value) {
+    const Channel& c = sheet.channels[channel];
+    if (!setup.noise) return value;
+    if (c.noise_std > 0) value += c.noise_std * noise.normal();
+    if (c.resolution > 0) value = std::round(value / c.resolution) * c.resolution;
+    return std::clamp(value, c.minimum, c.maximum) + 0.0;  // no negative zero
+  }
+
+  const Sample& step() {
+    if (row > 0) {
+      const double before = time_of(row - 1);
+      std::copy(driving.begin(), driving.end(), next.begin());
+      fill_inputs(time_of(row), next.data());
+      plant.advance(before, driving.data(), next.data());
+      driving.swap(next);
+    }
+    const double time = time_of(row);
+    sample.time = time;
+    sample.sequence = row;
+    for (std::size_t c = 0; c < sample.values.size(); ++c) {
+      const Role role = sheet.channels[c].role;
+      if (role == Role::output) sample.values[c] = measured(c, plant.seen()[c]);
+      if (role == Role::input) sample.values[c] = driving[c];
+      if (role == Role::setpoint) sample.values[c] = 0;
+      if (role == Role::command) sample.values[c] = driving[c];
+    }
+    for (const auto& [channel, chain] : plant.input_sensors()) sample.values[channel] = chain->signal(sample.values[channel], time);
+    for (std::size_t c = 0; c < sample.values.size(); ++c)
+      if (sheet.channels[c].role == Role::input) sample.values[c] = measured(c, sample.values[c]);
+    controller->step(time, sample.values.data());
+    for (const auto& [channel, table] : tables) sample.values[channel] = table_value(table, time);
+    for (std::size_t c = 0; c < sample.values.size(); ++c)
+      if (sheet.channels[c].role == Role::command) {
+        const Channel& channel = sheet.channels[c];
+        sample.values[c] = std::clamp(sample.values[c], channel.minimum, channel.maximum);
+        driving[c] = sample.values[c];
+      }
+    ++row;
+    return sample;
+  }
+
+  const Datasheet sheet;
+  const SimulationSetup setup;
+  Plant plant;
+  std::unique_ptr<Controller> controller;
+  std::vector<std::pair<std::size_t, CommandTable>> tables;
+  std::vector<std::pair<std::size_t, InputSource>> sources;
+  Random noise{0};
+  std::uint64_t row = 0;
+  std::vector<double> driving, next;
+  Sample sample;
+};
+
+Simulator::Simulator(const Datasheet& sheet, const SimulationSetup& setup) : parts_(std::make_unique<Parts>(sheet, setup)) {}
+Simulator::~Simulator() = default;
+void Simulator::reset() { parts_->reset(); }
+const Sample& Simulator::step() { return parts_->step(); }
+
+Recording simulate(const Datasheet& sheet, const SimulationSetup& setup, double duration) {
+  Simulator simulator(sheet, setup);
+  Recording recording;
+  recording.rig = sheet.rig;
+  recording.channels = sheet.channels;
+  const auto rows = static_cast<std::size_t>(std::llround(duration / sheet.sample_period)) + 1;
+  recording.time.reserve(rows);
+  recording.sequence.reserve(rows);
+  recording.values.reserve(rows * sheet.channels.size());
+  for (std::size_t k = 0; k < rows; ++k) recording.append(simulator.step());
+  return recording;
+}
+
+struct DrivenModel::Parts {
+  Parts(const Datasheet& datasheet, const SimulationSetup& given)
+      : sheet(datasheet), setup(given), plant(sheet, setup), now(sheet.channels.size()), next(sheet.channels.size()) {}
+
+  // What reaches the plant: a sensor whose reading drives the model shows the true value through its effects.
+  void take(const Recording& recording, std::size_t row, std::vector<double>& values) {
+    std::copy_n(recording.row(row), values.size(), values.begin());
+    for (const auto& [channel, chain] : plant.input_sensors()) values[channel] = chain->undo_signal(values[channel], time(recording, row));
+  }
+  static double time(const Recording& recording, std::size_t row) { return recording.time[row] - recording.time.front(); }
+
+  const Datasheet sheet;
+  const SimulationSetup setup;
+  Plant plant;
+  std::vector<double> now, next;
+};
+
+DrivenModel::DrivenModel(const Datasheet& sheet, const SimulationSetup& setup) : parts_(std::make_unique<Parts>(sheet, setup)) {}
+DrivenModel::~DrivenModel() = default;
+
+void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {
+  parts_->take(recording, row, parts_->now);
+  parts_->plant.start(parts_->now.data(), state);
+}
+
+void DrivenModel::advance(const Recording& recording, std::size_t to_row, const double* state) {
+  parts_->take(recording, to_row, parts_->next);
+  const double time = Parts::time(recording, to_row - 1);
+  parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
+  parts_->now.swap(parts_->next);
+  if (state) parts_->plant.restart(parts_->now.data(), state);
+}
+
+const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }
+std::size_t DrivenModel::state_count() const { return parts_->sheet.states.size(); }
+
+std::vector<double> draw_parameters(const Datasheet& sheet, std::uint64_t seed) {
+  Random random(seed * 6364136223846793005ULL + 99);
+  std::vector<double> values = sheet.nominal();
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] *= 1 + sheet.parameters[i].tolerance * std::clamp(random.normal(), -2.0, 2.0);
+  return values;
+}
+
+}  // namespace faultline

@@ -1,0 +1,91 @@
+// Runs a rig with its effects, sensors and controller, sample by sample.
+//
+// Row k holds what the sensors say at t_k and the commands issued at t_k, which act until t_{k+1}. Between samples the
+// equations are integrated in equal substeps with the classic fourth-order Runge-Kutta method (Boost.odeint), or, for a rig
+// that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep.
+// Deterministic for a given seed.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/rig/controller.h"
+#include "faultline/rig/rig.h"
+#include "faultline/signal/sample.h"
+
+namespace faultline {
+
+struct SimulationSetup {
+  std::string profile;                 // of the datasheet; empty: its first
+  std::vector<double> parameters;      // in the datasheet's order; empty: nominal
+  std::vector<EffectSpec> effects;     // on top of the datasheet's nominal effects
+  std::vector<CommandTable> commands;  // for commands that no controller moves
+  std::uint64_t seed = 1;
+  double substep = 0;  // s; 0: the rig's own
+  bool noise = true;   // sensor noise and rounding
+};
+
+class Simulator {
+ public:
+  Simulator(const Datasheet& sheet, const SimulationSetup& setup);
+  ~Simulator();
+  Simulator(const Simulator&) = delete;
+  Simulator& operator=(const Simulator&) = delete;
+
+  void reset();  // back to the first sample; the same rows again
+  // The next row, one sample period after the last; the first at time 0. Returns its values, one per channel.
+  const Sample& step();
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+// `duration` s from 0, both ends included.
+Recording simulate(const Datasheet& sheet, const SimulationSetup& setup, double duration);
+
+// The model driven by what a recording holds: commands and inputs are taken from it, outputs are predicted row by row without
+// noise and rounding. At given rows the rig's states may be put back to given values, while effects on signals keep their
+// memory: the segments of an integrating plant.
+class DrivenModel {
+ public:
+  DrivenModel(const Datasheet& sheet, const SimulationSetup& setup);
+  ~DrivenModel();
+  DrivenModel(const DrivenModel&) = delete;
+  DrivenModel& operator=(const DrivenModel&) = delete;
+
+  // Predicts rows first .. first + count - 1. `restarts`: rows (rising, from `first` on) at which the nominal states are set to
+  // start_states + i * (number of the datasheet's states); before the first restart the rig's own initial state runs. A
+  // restart acts after its row was predicted: the row still shows where the segment before it ended. Calls
+  // row(index, channels) with one value per channel for each of them.
+  template <class Row>
+  void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
+           const double* start_states, Row&& row) {
+    begin(recording, first, !restarts.empty() && restarts.front() == first ? start_states : nullptr);
+    std::size_t next = !restarts.empty() && restarts.front() == first ? 1 : 0;
+    for (std::size_t k = first; k < first + count; ++k) {
+      if (k > first) {
+        const bool restart = next < restarts.size() && restarts[next] == k;
+        advance(recording, k, restart ? start_states + next * state_count() : nullptr);
+        next += restart;
+      }
+      row(k, predicted());
+    }
+  }
+
+ private:
+  void begin(const Recording& recording, std::size_t row, const double* state);
+  void advance(const Recording& recording, std::size_t to_row, const double* state);
+  const double* predicted() const;
+  std::size_t state_count() const;
+
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+// Parameters drawn around nominal with their tolerances (normal, cut at two sigma), for a rig that is off its datasheet.
+std::vector<double> draw_parameters(const Datasheet& sheet, std::uint64_t seed);
+
+}  // namespace faultline

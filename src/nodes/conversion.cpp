@@ -1,0 +1,202 @@
+#include "nodes/conversion.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "faultline/estimators/estimator_stage.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+faultline_msgs::Alarm to_message(const Alarm& alarm) {
+  faultline_msgs::Alarm message;
+  message.kind = alarm.kind;
+  message.effect = alarm.effect;
+  message.port = alarm.port;
+  message.level = static_cast<std::uint8_t>(alarm.level);
+  message.since = to_stamp(alarm.since);
+  message.raised = to_stamp(alarm.raised);
+  message.until = to_stamp(alarm.until);
+  message.active = alarm.active;
+  message.has_size = alarm.has_size;
+  message.size_name = alarm.size_name;
+  message.size_unit = alarm.size_unit;
+  message.size = alarm.size;
+  message.size_low = alarm.low;
+  message.size_high = alarm.high;
+  message.confidence = alarm.confidence;
+  message.text = alarm.text;
+  return message;
+}
+
+Alarm from_message(const faultline_msgs::Alarm& message) {
+  if (message.level > static_cast<std::uint8_t>(AlarmLevel::stale))
+    throw InputError(fmt::format("alarm level {} is unknown; 0 to 3 are allowed", static_cast<int>(message.level)));
+  Alarm alarm;
+  alarm.kind = message.kind;
+  alarm.effect = message.effect;
+  alarm.port = message.port;
+  alarm.level = static_cast<AlarmLevel>(message.level);
+  alarm.since = to_seconds(message.since);
+  alarm.raised = to_seconds(message.raised);
+  alarm.until = to_seconds(message.until);
+  alarm.active = message.active != 0;
+  alarm.has_size = message.has_size != 0;
+  alarm.size_name = message.size_name;
+  alarm.size_unit = message.size_unit;
+  alarm.size = message.size;
+  alarm.low = message.size_low;
+  alarm.high = message.size_high;
+  alarm.confidence = message.confidence;
+  alarm.text = message.text;
+  return alarm;
+}
+
+}  // namespace
+
+ros::Time to_stamp(double seconds) {
+  if (!(seconds >= 0) || seconds >= 4294967295.0)
+    throw InputError(fmt::format("time {} s does not fit a ROS stamp; 0 to 4294967294 s after the epoch is allowed", seconds));
+  double whole = std::floor(seconds);
+  double nanoseconds = std::round((seconds - whole) * 1e9);
+  if (nanoseconds >= 1e9) {
+    nanoseconds -= 1e9;
+    whole += 1;
+  }
+  return ros::Time(static_cast<std::uint32_t>(whole), static_cast<std::uint32_t>(nanoseconds));
+}
+
+double to_seconds(const ros::Time& stamp) { return stamp.toSec(); }
+
+faultline_msgs::Sample to_message(const Sample& sample, const std::string& rig) {
+  faultline_msgs::Sample message;
+  message.header.stamp = to_stamp(sample.time);
+  message.header.frame_id = rig;
+  message.sequence = sample.sequence;
+  message.values = sample.values;
+  return message;
+}
+
+Sample from_message(const faultline_msgs::Sample& message) {
+  Sample sample;
+  sample.time = to_seconds(message.header.stamp);
+  sample.sequence = message.sequence;
+  sample.values = message.values;
+  return sample;
+}
+
+faultline_msgs::RigDescription to_message(const Datasheet& sheet, const std::string& made_by) {
+  faultline_msgs::RigDescription message;
+  message.header.frame_id = sheet.rig;
+  message.rig = sheet.rig;
+  message.sample_period = sheet.sample_period;
+  message.made_by = made_by;
+  for (const Channel& channel : sheet.channels) {
+    faultline_msgs::ChannelDescription entry;
+    entry.name = channel.name;
+    entry.unit = channel.unit;
+    entry.role = to_string(channel.role);
+    message.channels.push_back(entry);
+  }
+  return message;
+}
+
+Description from_message(const faultline_msgs::RigDescription& message) {
+  Description description;
+  description.rig = message.rig;
+  description.sample_period = message.sample_period;
+  description.made_by = message.made_by;
+  for (const faultline_msgs::ChannelDescription& channel : message.channels) {
+    description.names.push_back(channel.name);
+    description.units.push_back(channel.unit);
+  }
+  return description;
+}
+
+EstimateNames names_of(const Datasheet& sheet, const EstimatorStage& stage) {
+  EstimateNames names;
+  names.rig = sheet.rig;
+  names.stage = stage.name();
+  for (const State& state : stage.model().states()) names.states.push_back(state.name);
+  for (const int channel : stage.model().measured_channels())
+    names.channels.push_back(sheet.channels[static_cast<std::size_t>(channel)].name);
+  return names;
+}
+
+faultline_msgs::Estimate to_message(const Estimate& estimate, const EstimateNames& names) {
+  faultline_msgs::Estimate message;
+  message.header.stamp = to_stamp(estimate.time);
+  message.header.frame_id = names.rig;
+  message.sequence = estimate.sequence;
+  message.stage = names.stage;
+  message.restarted = estimate.restarted;
+  message.state_names = names.states;
+  message.state = estimate.state;
+  message.covariance = estimate.covariance;
+  message.channel_names = names.channels;
+  message.innovation = estimate.innovation;
+  message.innovation_std = estimate.innovation_std;
+  message.normalised_innovation = estimate.normalised_innovation;
+  message.observed = static_cast<std::uint32_t>(estimate.observed);
+  message.channel_status.reserve(estimate.channel_status.size());
+  for (const ChannelStatus status : estimate.channel_status) message.channel_status.push_back(static_cast<std::uint8_t>(status));
+  message.quantities.resize(estimate.quantities.size());
+  for (std::size_t i = 0; i < estimate.quantities.size(); ++i) {
+    message.quantities[i].name = estimate.quantities[i].name;
+    message.quantities[i].unit = estimate.quantities[i].unit;
+    message.quantities[i].value = estimate.quantities[i].value;
+    message.quantities[i].std = estimate.quantities[i].std;
+  }
+  return message;
+}
+
+Estimate from_message(const faultline_msgs::Estimate& message) {
+  Estimate estimate;
+  estimate.time = to_seconds(message.header.stamp);
+  estimate.sequence = message.sequence;
+  estimate.restarted = message.restarted != 0;
+  estimate.state = message.state;
+  estimate.covariance = message.covariance;
+  estimate.innovation = message.innovation;
+  estimate.innovation_std = message.innovation_std;
+  estimate.normalised_innovation = message.normalised_innovation;
+  estimate.observed = static_cast<int>(message.observed);
+  estimate.channel_status.reserve(message.channel_status.size());
+  for (const std::uint8_t status : message.channel_status) {
+    if (status > static_cast<std::uint8_t>(ChannelStatus::out_of_range))
+      throw InputError(fmt::format("channel status {} is unknown; 0 to 2 are allowed", static_cast<int>(status)));
+    estimate.channel_status.push_back(static_cast<ChannelStatus>(status));
+  }
+  for (const faultline_msgs::Quantity& quantity : message.quantities)
+    estimate.quantities.push_back({quantity.name, quantity.unit, quantity.value, quantity.std});
+  return estimate;
+}
+
+faultline_msgs::AlarmArray to_message(const AlarmReport& report) {
+  faultline_msgs::AlarmArray message;
+  message.header.stamp = to_stamp(report.time);
+  message.header.frame_id = report.rig;
+  message.rig = report.rig;
+  message.verdict = report.verdict;
+  for (const Alarm& alarm : report.alarms) message.alarms.push_back(to_message(alarm));
+  return message;
+}
+
+AlarmReport from_message(const faultline_msgs::AlarmArray& message) {
+  AlarmReport report;
+  report.rig = message.rig;
+  report.time = to_seconds(message.header.stamp);
+  report.verdict = message.verdict;
+  for (const faultline_msgs::Alarm& alarm : message.alarms) report.alarms.push_back(from_message(alarm));
+  return report;
+}
+
+std::vector<std::size_t> check_description(const Datasheet& sheet, const faultline_msgs::RigDescription& message) {
+  return match_channels(sheet, from_message(message));
+}
+
+std::string topic(const std::string& rig, const std::string& name) { return "/" + rig + "/" + name; }
+
+}  // namespace faultline

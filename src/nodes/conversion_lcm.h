@@ -1,0 +1,27 @@
+// Between the core's data and LCM types. The DAQ's clock counts microseconds: exact in a stamp, and turned into seconds by
+// way of a stamp, so that a sample has the same time whether it is seen before or after it went through ROS.
+#pragma once
+
+#include <string>
+
+#include <faultline_lcm/rig_description_t.hpp>
+#include <faultline_lcm/sample_t.hpp>
+
+#include "faultline/rig/datasheet.h"
+#include "faultline/signal/sample.h"
+#include "nodes/description.h"
+
+namespace faultline {
+
+// Rounds the time to the microsecond.
+faultline_lcm::sample_t to_lcm(const Sample& sample);
+// Throws InputError for a time that a stamp cannot hold, a negative sequence number, a count that is not the values'.
+Sample from_lcm(const faultline_lcm::sample_t& message);
+
+faultline_lcm::rig_description_t to_lcm(const Datasheet& sheet);
+Description from_lcm(const faultline_lcm::rig_description_t& message);
+
+// LCM channels: RIG.sample, RIG.description
+std::string lcm_channel(const std::string& rig, const std::string& name);
+
+}  // namespace faultline

@@ -1,0 +1,86 @@
+#include "nodes/node_main.h"
+
+#include <chrono>
+#include <exception>
+#include <iostream>
+#include <thread>
+
+#include <fmt/format.h>
+#include <ros/master.h>
+#include <ros/package.h>
+#include <ros/ros.h>
+
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kMasterWait = 3;  // s: roslaunch may still be starting it
+
+bool find_master() {
+  const double end = steady_seconds() + kMasterWait;
+  do {
+    if (ros::master::check()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  } while (steady_seconds() < end && !ros::isShuttingDown());
+  return false;
+}
+
+}  // namespace
+
+double steady_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+int run_node(int argc, char** argv, const std::string& name, const std::function<int(Parameters&)>& body) {
+  try {
+    ros::init(argc, argv, name);
+    if (argc > 1) {
+      std::cerr << name << ": '" << argv[1]
+                << "' is not understood; parameters are given as _key:=value, and docs/nodes.md lists them\n";
+      return 2;
+    }
+    if (!find_master()) {
+      std::cerr << name << ": no ROS master at " << ros::master::getURI() << "; start roscore or roslaunch, or set ROS_MASTER_URI\n";
+      return 1;
+    }
+    const ros::NodeHandle alive;  // ROS ends with the last handle; this one outlives the body's
+    Parameters parameters;
+    return body(parameters);
+  } catch (const InputError& error) {
+    std::cerr << name << ": " << error.what() << "\n";
+    return 2;
+  } catch (const std::exception& error) {
+    std::cerr << name << ": " << error.what() << "\n";
+    return 1;
+  }
+}
+
+Datasheet read_rig(Parameters& parameters) {
+  std::string folder = parameters.word("config", "");
+  if (folder.empty()) {
+    const std::string package = ros::package::getPath("faultline");
+    if (package.empty())
+      throw InputError("package faultline is not on ROS_PACKAGE_PATH; source setup.bash, or give the folder of datasheets as _config:=");
+    folder = package + "/config";
+  }
+  if (!parameters.has("rig"))
+    throw InputError(fmt::format("{}: parameter ~rig is missing; name a rig of {}", ros::this_node::getName(), folder));
+  return find_datasheet(folder, parameters.word("rig"));
+}
+
+bool wait_for_subscribers(const ros::Publisher& publisher, int count, double seconds) {
+  const double end = steady_seconds() + seconds;
+  while (static_cast<int>(publisher.getNumSubscribers()) < count && ros::ok()) {
+    if (steady_seconds() > end) {
+      ROS_WARN("%s: %u of %d subscribers after %g s; going on without", publisher.getTopic().c_str(),
+               publisher.getNumSubscribers(), count, seconds);
+      return false;
+    }
+    ros::spinOnce();
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return true;
+}
+
+}  // namespace faultline

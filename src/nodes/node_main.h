@@ -1,0 +1,31 @@
+// What every node's main does, once: start ROS, look for the master, run, and turn what goes wrong into one line on stderr and
+// an exit code: 0 the job ran, 1 no master or an unforeseen failure, 2 bad parameters or bad input.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include <ros/publisher.h>
+
+#include "faultline/rig/datasheet.h"
+#include "nodes/parameters.h"
+
+namespace faultline {
+
+// `body` gets the node's parameters, runs until the node is to end, and returns the exit code.
+int run_node(int argc, char** argv, const std::string& name, const std::function<int(Parameters&)>& body);
+
+// The datasheet of ~rig in ~config, by default the package's folder config.
+Datasheet read_rig(Parameters& parameters);
+
+// Holds the start back until `publisher` has `count` subscribers, or `seconds` of wall time are over: ROS drops what is published
+// before a subscriber is connected, and a recording's first samples should not be lost. False if the time ran out.
+bool wait_for_subscribers(const ros::Publisher& publisher, int count, double seconds);
+
+// Seconds on a clock that no one sets.
+double steady_seconds();
+
+// Messages that a queue holds: 10 s at 1 kHz.
+constexpr unsigned kQueue = 10000;
+
+}  // namespace faultline

@@ -1,0 +1,279 @@
+// What every effect promises, checked on each registered type at each kind of port that it fits.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "effect_probe.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+bool is_signal(PortKind kind) { return kind == PortKind::command || kind == PortKind::sensor; }
+
+// Calls `check` for every type at every kind it fits, with a trace that names both.
+template <class Check>
+void visit_all(Check check) {
+  for (const EffectType& type : effect_types())
+    for (PortKind kind : type.fits) {
+      SCOPED_TRACE(type.name + " at " + to_string(kind));
+      check(type, kind);
+    }
+}
+
+TEST(EffectContract, AllTypesAreRegisteredAndDescribed) {
+  EXPECT_GE(effect_types().size(), 38u);
+  std::set<std::string> names;
+  for (const EffectType& type : effect_types()) {
+    SCOPED_TRACE(type.name);
+    EXPECT_TRUE(names.insert(type.name).second) << "registered twice";
+    EXPECT_FALSE(type.family.empty());
+    EXPECT_FALSE(type.meaning.empty());
+    EXPECT_EQ(type.meaning.find('\n'), std::string::npos);
+    ASSERT_FALSE(type.fits.empty());
+    ASSERT_FALSE(type.parameters.empty());
+    EXPECT_LE(type.parameters.size(), static_cast<std::size_t>(kMaximumEffectParameters));
+    EXPECT_FALSE(typical_size(type.name).empty()) << "give the new effect a size in effect_probe.h";
+    bool has_size = false;
+    for (const EffectParameter& p : type.parameters) {
+      EXPECT_FALSE(p.name.empty());
+      EXPECT_FALSE(p.unit.empty());
+      EXPECT_LT(p.minimum, p.maximum);
+      if (std::isnan(p.none)) continue;
+      has_size = true;
+      EXPECT_GE(p.none, p.minimum);
+      EXPECT_LE(p.none, p.maximum);
+    }
+    EXPECT_TRUE(has_size) << "no parameter can be without effect";
+  }
+}
+
+TEST(EffectContract, SizeZeroChangesNothingAtAll) {
+  visit_all([](const EffectType& type, PortKind kind) {
+    Effect nothing;
+    const auto effect = made(type, typical_parameters(type));
+    const auto before = probe(nothing, kind);
+    effect->set_size(0);
+    effect->reset();
+    EXPECT_EQ(probe(*effect, kind), before);
+    // The same by parameters: every parameter that has a no-effect value at that value.
+    auto none = typical_parameters(type);
+    for (std::size_t i = 0; i < none.size(); ++i)
+      if (!std::isnan(type.parameters[i].none)) none[i] = type.parameters[i].none;
+    EXPECT_EQ(probe(*made(type, none), kind), before);
+  });
+}
+
+TEST(EffectContract, TypicalSizeChangesSomethingAndFadesContinuously) {
+  visit_all([](const EffectType& type, PortKind kind) {
+    Effect nothing;
+    const auto before = probe(nothing, kind);
+    const auto effect = made(type, typical_parameters(type));
+    const double full = largest_difference(probe(*effect, kind), before);
+    EXPECT_GT(full, 0);
+    double last = full;
+    for (double size : {1e-2, 1e-4, 1e-6, 1e-9}) {
+      effect->set_size(size);
+      effect->reset();
+      const double now = largest_difference(probe(*effect, kind), before);
+      EXPECT_LE(now, last) << "size " << size;
+      // Not in proportion: a little air already softens much at vacuum.
+      EXPECT_LE(now, (size > 1e-6 ? 1 : size > 1e-9 ? 0.02 : 1e-4) * full) << "size " << size;
+      last = now;
+    }
+  });
+}
+
+TEST(EffectContract, NeighbouringSizesGiveNeighbouringResults) {
+  visit_all([](const EffectType& type, PortKind kind) {
+    if (type.name == "stuck" || type.name == "quantisation") return;  // their steps move with the size
+    Effect nothing;
+    const auto effect = made(type, typical_parameters(type));
+    const double full = largest_difference(probe(*effect, kind), probe(nothing, kind));
+    for (double size : {0.1, 0.37, 0.8}) {
+      effect->set_size(size);
+      effect->reset();
+      const auto here = probe(*effect, kind);
+      effect->set_size(size * (1 + 1e-6));
+      effect->reset();
+      EXPECT_LE(largest_difference(probe(*effect, kind), here), 1e-3 * full) << "size " << size;
+    }
+  });
+}
+
+TEST(EffectContract, FiniteWithinAllBounds) {
+  visit_all([](const EffectType& type, PortKind kind) {
+    const std::size_t count = type.parameters.size();
+    for (std::size_t corner = 0; corner < (1u << count); ++corner) {
+      auto parameters = typical_parameters(type);
+      for (std::size_t i = 0; i < count; ++i)
+        parameters[i] = (corner >> i) & 1u ? type.parameters[i].maximum : type.parameters[i].minimum;
+      const auto effect = made(type, parameters);
+      for (double size : {1.0, 0.5, 1e-9, 0.0}) {
+        effect->set_size(size);
+        effect->reset();
+        for (double out : probe(*effect, kind))
+          ASSERT_TRUE(std::isfinite(out)) << "corner " << corner << " size " << size;
+        for (double time : {0.0, 1e4})
+          for (double value : {0.0, -3.0, 1e7}) {
+            ASSERT_TRUE(std::isfinite(effect->signal(value, time)));
+            ASSERT_TRUE(std::isfinite(effect->undo_signal(value, time)));
+          }
+      }
+    }
+  });
+}
+
+TEST(EffectContract, ResetIsComplete) {
+  visit_all([](const EffectType& type, PortKind kind) {
+    const auto effect = made(type, typical_parameters(type));
+    const auto first = probe(*effect, kind);
+    for (int k = 0; k < 500; ++k) {  // leave something in every memory
+      effect->signal(k % 7 - 20.0, 5 + k * kProbeStep);
+      BodyForces forces;
+      effect->force({0.3 * std::sin(0.1 * k), 0.1, 1e6}, forces);
+    }
+    effect->set_size(0.3);
+    effect->set_size(1);
+    effect->reset();
+    EXPECT_EQ(probe(*effect, kind), first);
+  });
+}
+
+TEST(EffectContract, SizeMayChangeWhileItRuns) {
+  visit_all([](const EffectType& type, PortKind kind) {
+    if (!is_signal(kind)) return;
+    const auto effect = made(type, typical_parameters(type));
+    effect->set_size(0);
+    effect->reset();
+    for (int k = 0; k < 2000; ++k) {
+      const double time = k * kProbeStep;
+      effect->set_size(k / 1999.0);
+      ASSERT_TRUE(std::isfinite(effect->signal(probe_signal(time), time)));
+      ASSERT_LT(std::fabs(effect->signal(probe_signal(time), time)), 5);
+    }
+  });
+}
+
+// On an input whose steps take 20 ms: where a jump falls on a delay's grid is a matter of luck, not of order.
+TEST(EffectContract, HalvingTheStepConverges) {
+  visit_all([](const EffectType& type, PortKind kind) {
+    if (!is_signal(kind) || type.name == "noise") return;  // noise is white at any step
+    const auto parameters = typical_parameters(type);
+    std::vector<std::vector<double>> runs;
+    for (int halvings = 0; halvings < 7; ++halvings) {
+      const int every = 1 << halvings;
+      runs.push_back(probe_signals(*made(type, parameters, kProbeStep / every), kProbeStep / every, every, 0.02));
+    }
+    std::vector<double> change;
+    for (std::size_t i = 1; i < runs.size(); ++i) {
+      double sum = 0;
+      for (std::size_t k = 0; k < runs[i].size(); ++k) sum += std::fabs(runs[i][k] - runs[i - 1][k]);
+      change.push_back(sum / static_cast<double>(runs[i].size()));
+    }
+    // First order, but not step by step: when a limited signal turns depends on where the grid lies.
+    const double coarse = std::max(change[0], change[1]);
+    EXPECT_LT(coarse, 0.02);
+    EXPECT_TRUE(change[4] < 0.3 * coarse || coarse < 1e-12) << coarse << " " << change[4];
+    EXPECT_TRUE(change[5] < 0.2 * coarse || coarse < 1e-12) << coarse << " " << change[5];
+  });
+}
+
+TEST(EffectContract, UndoReturnsWhatWentIn) {
+  const std::set<std::string> undone = {"offset", "scale", "drift"};
+  visit_all([&](const EffectType& type, PortKind kind) {
+    if (!is_signal(kind)) return;
+    const auto effect = made(type, typical_parameters(type));
+    for (double time : {0.0, 3.0})
+      for (double value : {-2.0, 0.0, 0.7}) {
+        const double in = undone.count(type.name) ? effect->signal(value, time) : value;
+        EXPECT_NEAR(effect->undo_signal(in, time), value, 1e-14);
+      }
+  });
+}
+
+TEST(EffectContract, LeaksDissipateAndTwoWayLeaksAreOdd) {
+  for (const EffectType& type : effect_types()) {
+    if (type.family != "leakage") continue;
+    SCOPED_TRACE(type.name);
+    const auto effect = made(type, typical_parameters(type));
+    for (double drop : {0.0, 1.0, 999.0, 1e5, 2e7})
+      for (double speed : {-50.0, 0.0, 120.0}) {
+        const double forward = effect->flow({drop, drop, speed});
+        const double back = effect->flow({-drop, 0, speed});
+        EXPECT_GE(forward, 0);
+        EXPECT_GE(back * -drop, 0);
+        EXPECT_EQ(back, type.name == "relief_opening" ? 0 : -forward);
+      }
+  }
+}
+
+TEST(EffectContract, FrictionTakesEnergyOut) {
+  for (const EffectType& type : effect_types()) {
+    if (type.family != "friction") continue;
+    SCOPED_TRACE(type.name);
+    const auto effect = made(type, typical_parameters(type));
+    // Direction dependence only shifts a level that is there, so it gets one that is large enough.
+    const double level = type.name == "asymmetric_friction" ? 15 : 0;
+    for (double load : {-1e6, 0.0, 5e6})
+      for (double velocity : {-0.4, -1e-3, 1e-3, 0.4}) {
+        BodyForces f;
+        f.sliding_plus = f.sliding_minus = f.breakaway_plus = f.breakaway_minus = level;
+        effect->force({0.01, velocity, load}, f);
+        EXPECT_GE(velocity * (f.viscous + (velocity > 0 ? f.sliding_plus : -f.sliding_minus)), 0);
+        EXPECT_GE(f.breakaway_plus, f.sliding_plus);  // sticking holds at least what sliding does
+        EXPECT_GE(f.breakaway_minus, f.sliding_minus);
+        EXPECT_GE(f.breakaway_plus, 0);
+        EXPECT_GE(f.breakaway_minus, 0);
+        EXPECT_EQ(f.applied, 0);
+        EXPECT_EQ(f.mass, 0);
+      }
+  }
+}
+
+TEST(EffectContract, ParametersOutsideTheirBoundsAreRefused) {
+  for (const EffectType& type : effect_types()) {
+    const std::string head = type.name + "@" + to_string(type.fits.front()) + ".probe:";
+    const auto spec_text = [&](std::size_t changed, double value) {
+      const auto typical = typical_parameters(type);
+      std::string text = head;
+      for (std::size_t i = 0; i < typical.size(); ++i)
+        text += fmt::format("{}{}={}", i ? "," : "", type.parameters[i].name, i == changed ? value : typical[i]);
+      return text;
+    };
+    for (std::size_t i = 0; i < type.parameters.size(); ++i) {
+      const EffectParameter& p = type.parameters[i];
+      SCOPED_TRACE(type.name + " " + p.name);
+      EXPECT_NO_THROW(parse_effect(spec_text(i, p.minimum)));
+      EXPECT_NO_THROW(parse_effect(spec_text(i, p.maximum)));
+      EXPECT_THROW(parse_effect(spec_text(i, p.minimum - 1)), InputError);
+      if (std::isfinite(p.maximum)) {
+        EXPECT_THROW(parse_effect(spec_text(i, 2 * p.maximum + 1)), InputError);
+      }
+      EXPECT_THROW(parse_effect(spec_text(i, kNoShape)), InputError);
+      try {
+        parse_effect(spec_text(i, p.minimum - 1));
+      } catch (const InputError& error) {
+        EXPECT_NE(std::string(error.what()).find(p.name), std::string::npos);
+        EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+      }
+    }
+    EXPECT_THROW(parse_effect(head + "no_such_parameter=1"), InputError) << type.name;
+    EXPECT_THROW(parse_effect(head.substr(0, head.size() - 1)), InputError) << type.name;
+  }
+}
+
+TEST(EffectContract, TextAndSpecAgree) {
+  for (const EffectType& type : effect_types()) {
+    const std::string text = type.name + "@" + to_string(type.fits.front()) + ".probe:" + typical_size(type.name);
+    EXPECT_EQ(parse_effect(to_string(parse_effect(text))).parameters, parse_effect(text).parameters) << text;
+  }
+}
+
+}  // namespace
+}  // namespace faultline

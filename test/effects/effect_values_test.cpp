@@ -1,0 +1,316 @@
+// Each effect at a number worked out by hand.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "effect_probe.h"
+
+namespace faultline {
+namespace {
+
+std::unique_ptr<Effect> effect_of(const std::string& text, double step = 1e-3, double range = 1,
+                                  double start = kNoShape, std::uint64_t seed = 1) {
+  const EffectSpec spec = parse_effect(text);
+  const EffectType& type = *find_effect_type(spec.effect);
+  std::vector<double> none;
+  for (const auto& p : type.parameters) none.push_back(p.none);
+  PortContext context;
+  context.range = range;
+  context.step = step;
+  context.start = start;
+  context.seed = seed;
+  auto effect = type.make();
+  effect->configure(spec.parameters, none, context);
+  return effect;
+}
+
+BodyForces force_of(const std::string& text, const Motion& motion) {
+  BodyForces sum;
+  effect_of(text)->force(motion, sum);
+  return sum;
+}
+
+TEST(EffectValues, CoulombFriction) {
+  const auto f = force_of("coulomb_friction@force.a:force=40", {0, 0.1, 0});
+  EXPECT_EQ(f.sliding_plus, 40);
+  EXPECT_EQ(f.sliding_minus, 40);
+  EXPECT_EQ(f.breakaway_plus, 40);
+  EXPECT_EQ(f.breakaway_minus, 40);
+  EXPECT_EQ(f.viscous, 0);
+}
+
+TEST(EffectValues, ViscousFriction) {
+  EXPECT_DOUBLE_EQ(force_of("viscous_friction@force.a:coefficient=200", {0, -0.5, 0}).viscous, -100);
+}
+
+TEST(EffectValues, StribeckFriction) {
+  const auto f = force_of("stribeck_friction@force.a:static_excess=100,velocity=0.02", {0, -0.02, 0});
+  EXPECT_NEAR(f.sliding_minus, 36.787944117144235, 1e-12);  // 100/e
+  EXPECT_NEAR(f.sliding_plus, 36.787944117144235, 1e-12);
+  EXPECT_EQ(f.breakaway_plus, 100);
+  EXPECT_EQ(f.breakaway_minus, 100);
+}
+
+TEST(EffectValues, AsymmetricFriction) {
+  const auto f = force_of("asymmetric_friction@force.a:difference=-60", {0, 0.1, 0});
+  EXPECT_EQ(f.sliding_plus, -30);
+  EXPECT_EQ(f.sliding_minus, 30);
+  EXPECT_EQ(f.breakaway_plus, -30);
+  EXPECT_EQ(f.breakaway_minus, 30);
+}
+
+TEST(EffectValues, LoadDependentFriction) {
+  EXPECT_DOUBLE_EQ(force_of("load_dependent_friction@force.a:coefficient=2e-5", {0, 0.1, 3e6}).sliding_minus, 60);
+  EXPECT_DOUBLE_EQ(force_of("load_dependent_friction@force.a:coefficient=2e-5", {0, 0.1, -3e6}).breakaway_plus, 60);
+}
+
+TEST(EffectValues, LoadForce) {
+  EXPECT_DOUBLE_EQ(force_of("load_force@force.a:constant=-50,stiffness=1000", {0.02, 0, 0}).applied, -30);
+}
+
+TEST(EffectValues, AddedMass) { EXPECT_EQ(force_of("added_mass@force.a:mass=3", {}).mass, 3); }
+
+TEST(EffectValues, EndStop) {
+  EXPECT_NEAR(force_of("end_stop@force.a:position=0.05,stiffness=1e5", {0.053, 0, 0}).applied, 300, 1e-9);
+  EXPECT_EQ(force_of("end_stop@force.a:position=0.05,stiffness=1e5", {0.049, 0, 0}).applied, 0);
+}
+
+TEST(EffectValues, BacklashAndElasticity) {
+  Coupling c;
+  effect_of("backlash@transmission.a:gap=2e-3")->coupling(c);
+  effect_of("elasticity@transmission.a:compliance=1e-6,damping=50")->coupling(c);
+  effect_of("scale@transmission.a:factor=0.9")->coupling(c);
+  EXPECT_EQ(c.gap, 2e-3);
+  EXPECT_EQ(c.compliance, 1e-6);
+  EXPECT_EQ(c.damping, 50);
+  EXPECT_EQ(c.factor, 0.9);
+  Coupling rigid;
+  effect_of("elasticity@transmission.a:compliance=0,damping=50")->coupling(rigid);
+  EXPECT_EQ(rigid.damping, 0);  // no damper without a spring to move it
+}
+
+TEST(EffectValues, Deadband) {
+  const auto e = effect_of("deadband@command.a:width=0.4");
+  EXPECT_DOUBLE_EQ(e->signal(0.5, 0), 0.3);
+  EXPECT_DOUBLE_EQ(e->signal(-0.5, 0), -0.3);
+  EXPECT_EQ(e->signal(0.2, 0), 0);
+  EXPECT_DOUBLE_EQ(effect_of("deadband@restriction.a:width=0.4")->opening(-1), -0.8);
+}
+
+TEST(EffectValues, HysteresisOfASignal) {
+  const auto e = effect_of("hysteresis@command.a:width=0.2");
+  EXPECT_DOUBLE_EQ(e->signal(1, 0), 1);       // starts at the first value
+  EXPECT_DOUBLE_EQ(e->signal(1.05, 0), 1);    // inside
+  EXPECT_DOUBLE_EQ(e->signal(2, 0), 1.9);     // pushed from below
+  EXPECT_DOUBLE_EQ(e->signal(1.85, 0), 1.9);  // inside on the way back
+  EXPECT_DOUBLE_EQ(e->signal(-1, 0), -0.9);   // pulled from above
+}
+
+TEST(EffectValues, HysteresisOfAForce) {
+  const auto e = effect_of("hysteresis@force.a:width=10", 1e-3, 2);  // elastic over +-0.1 of travel
+  const auto at = [&](double position) {
+    BodyForces f;
+    e->force({position, 0, 0}, f);
+    return f.applied;
+  };
+  EXPECT_DOUBLE_EQ(at(0.5), 0);
+  EXPECT_NEAR(at(0.55), 2.5, 1e-9);
+  EXPECT_NEAR(at(0.55), 2.5, 1e-9);  // asking again changes nothing
+  EXPECT_NEAR(at(1.5), 5, 1e-9);     // half the width
+  EXPECT_NEAR(at(1.3), -5, 1e-9);    // the other half after 0.2 back
+  EXPECT_NEAR(at(1.35), -2.5, 1e-9);
+}
+
+TEST(EffectValues, HysteresisLoopTakesItsAreaOut) {
+  const auto e = effect_of("hysteresis@force.a:width=10", 1e-3, 2);
+  double work = 0, last_force = 0, last_position = 0;
+  for (int k = 0; k <= 20000; ++k) {  // two turns of +-1; the second is the closed loop
+    const double position = std::sin(2 * 3.141592653589793 * k / 10000.0);
+    BodyForces f;
+    e->force({position, 0, 0}, f);
+    if (k > 10000) work += 0.5 * (f.applied + last_force) * (position - last_position);
+    last_force = f.applied;
+    last_position = position;
+  }
+  EXPECT_NEAR(work, 10 * (2 - 0.2), 1e-3);  // parallelogram: width times (travel - 2 reach)
+}
+
+TEST(EffectValues, GainCurve) {
+  const auto e = effect_of("gain_curve@command.a:curvature=0.4", 1e-3, 10);
+  EXPECT_DOUBLE_EQ(e->signal(5, 0), 4);
+  EXPECT_DOUBLE_EQ(e->signal(-5, 0), -4);
+  EXPECT_DOUBLE_EQ(e->signal(10, 0), 10);
+}
+
+TEST(EffectValues, RateLimit) {
+  const auto e = effect_of("rate_limit@command.a:rate=20", 0.01);
+  EXPECT_EQ(e->signal(3, 0), 3);
+  EXPECT_DOUBLE_EQ(e->signal(4, 0.01), 3.2);
+  EXPECT_DOUBLE_EQ(e->signal(3.3, 0.02), 3.3);
+  EXPECT_DOUBLE_EQ(e->signal(0, 0.03), 3.1);
+  e->set_size(0.5);  // twice as fast
+  EXPECT_DOUBLE_EQ(e->signal(0, 0.04), 2.7);
+}
+
+TEST(EffectValues, Saturation) {
+  const auto e = effect_of("saturation@command.a:limit=4");
+  EXPECT_EQ(e->signal(5, 0), 4);
+  EXPECT_EQ(e->signal(-5, 0), -4);
+  EXPECT_EQ(e->signal(3, 0), 3);
+}
+
+TEST(EffectValues, OffsetAndScale) {
+  const auto offset = effect_of("offset@sensor.a:value=-0.3");
+  EXPECT_DOUBLE_EQ(offset->signal(1, 0), 0.7);
+  EXPECT_DOUBLE_EQ(offset->undo_signal(0.7, 0), 1);
+  EXPECT_DOUBLE_EQ(offset->boundary(2, 5, 0), 1.7);
+  const auto scale = effect_of("scale@sensor.a:factor=1.25");
+  EXPECT_DOUBLE_EQ(scale->signal(2, 0), 2.5);
+  EXPECT_DOUBLE_EQ(scale->undo_signal(2.5, 0), 2);
+  HeatPath heat;
+  effect_of("scale@heat.a:factor=1.25")->heat(heat);
+  EXPECT_EQ(heat.factor, 1.25);
+}
+
+TEST(EffectValues, Lag) {
+  const auto e = effect_of("lag@sensor.a:time_constant=0.01", 1e-3);
+  EXPECT_EQ(e->signal(5, 0), 5);
+  for (int k = 1; k <= 10; ++k) e->signal(6, k * 1e-3);
+  EXPECT_NEAR(e->signal(6, 0.011), 6 - std::exp(-1.1), 1e-12);
+}
+
+TEST(EffectValues, Delay) {
+  const auto e = effect_of("delay@sensor.a:time=2.25e-3", 1e-3);
+  std::vector<double> out;
+  for (int k = 0; k < 6; ++k) out.push_back(e->signal(10 + k, k * 1e-3));
+  EXPECT_DOUBLE_EQ(out[0], 10);
+  EXPECT_DOUBLE_EQ(out[2], 10);
+  EXPECT_NEAR(out[3], 10.75, 1e-9);
+  EXPECT_NEAR(out[5], 12.75, 1e-9);
+  const auto short_delay = effect_of("delay@sensor.a:time=2.5e-4", 1e-3);
+  short_delay->signal(0, 0);
+  EXPECT_NEAR(short_delay->signal(1, 1e-3), 0.75, 1e-12);
+}
+
+TEST(EffectValues, DelayLongEnoughToGoRoundItsRing) {
+  const auto e = effect_of("delay@sensor.a:time=0.007", 1e-3);
+  for (int k = 0; k < 1000; ++k) {
+    const double y = e->signal(k, k * 1e-3);
+    ASSERT_NEAR(y, std::max(0, k - 7), 1e-9) << k;
+  }
+}
+
+TEST(EffectValues, Drift) {
+  const auto e = effect_of("drift@sensor.a:rate=0.2");
+  EXPECT_DOUBLE_EQ(e->signal(1, 5), 2);
+  EXPECT_DOUBLE_EQ(e->undo_signal(2, 5), 1);
+  EXPECT_DOUBLE_EQ(e->boundary(1, 0, 10), 3);
+  const auto later = effect_of("drift@sensor.a:rate=0.2", 1e-3, 1, 4);
+  later->set_size(0.3);  // size does not matter once it has started
+  EXPECT_DOUBLE_EQ(later->signal(1, 3.9), 1);
+  EXPECT_DOUBLE_EQ(later->signal(1, 4), 1);
+  EXPECT_DOUBLE_EQ(later->signal(1, 9), 2);
+}
+
+TEST(EffectValues, Quantisation) {
+  const auto e = effect_of("quantisation@sensor.a:step=0.25");
+  EXPECT_DOUBLE_EQ(e->signal(0.37, 0), 0.25);
+  EXPECT_DOUBLE_EQ(e->signal(0.38, 0), 0.5);
+  EXPECT_DOUBLE_EQ(e->signal(-0.38, 0), -0.5);
+}
+
+TEST(EffectValues, NoiseIsWhiteNormalAndSeeded) {
+  const int count = 200000;
+  const auto e = effect_of("noise@sensor.a:std=0.5", 1e-3, 1, kNoShape, 3);
+  const auto same = effect_of("noise@sensor.a:std=0.5", 1e-3, 1, kNoShape, 3);
+  const auto other = effect_of("noise@sensor.a:std=0.5", 1e-3, 1, kNoShape, 4);
+  double sum = 0, square = 0, fourth = 0, lagged = 0, across = 0, last = 0;
+  for (int k = 0; k < count; ++k) {
+    const double n = e->signal(2, 0) - 2;
+    ASSERT_EQ(same->signal(2, 0) - 2, n);
+    sum += n;
+    square += n * n;
+    fourth += n * n * n * n;
+    lagged += n * last;
+    across += n * (other->signal(2, 0) - 2);
+    last = n;
+  }
+  // Five standard errors each.
+  EXPECT_NEAR(sum / count, 0, 0.0056);
+  EXPECT_NEAR(std::sqrt(square / count), 0.5, 0.004);
+  EXPECT_NEAR(fourth * count / (square * square), 3, 0.055);
+  EXPECT_NEAR(lagged / square, 0, 0.0112);
+  EXPECT_NEAR(across / square, 0, 0.0112);
+}
+
+TEST(EffectValues, Stuck) {
+  const auto e = effect_of("stuck@sensor.a:from=2");
+  EXPECT_EQ(e->signal(1, 1.9), 1);
+  EXPECT_EQ(e->signal(5, 2), 1);
+  EXPECT_EQ(e->signal(6, 100), 1);
+  e->reset();
+  EXPECT_EQ(e->signal(7, 3), 7);  // nothing before it: the first value
+  EXPECT_EQ(e->signal(8, 3.1), 7);
+}
+
+TEST(EffectValues, OrificeLeakage) {
+  const auto e = effect_of("orifice_leakage@flow.a_b:coefficient=2e-9");
+  EXPECT_NEAR(e->flow({4e6, 4e6, 0}), 4e-6, 1e-12);                        // 2e-9 sqrt(4e6)
+  EXPECT_NEAR(e->flow({-1000, 0, 0}), -2e-9 * 26.591479484724942, 1e-18);  // 1000/(2e6)^(1/4)
+  EXPECT_EQ(e->flow({0, 0, 0}), 0);
+}
+
+TEST(EffectValues, OtherLeaks) {
+  EXPECT_DOUBLE_EQ(effect_of("laminar_leakage@flow.a_b:coefficient=3e-12")->flow({-2e6, 0, 0}), -6e-6);
+  EXPECT_DOUBLE_EQ(effect_of("speed_leakage@flow.a_b:coefficient=1e-14")->flow({2e6, 0, -100}), 2e-6);
+  const auto relief = effect_of("relief_opening@flow.a_tank:cracking_pressure=7e6,slope=1e-11");
+  EXPECT_DOUBLE_EQ(relief->flow({8e6, 8e6, 0}), 1e-5);
+  EXPECT_EQ(relief->flow({6.9e6, 6.9e6, 0}), 0);
+}
+
+TEST(EffectValues, CloggingAndAreaCurve) {
+  EXPECT_DOUBLE_EQ(effect_of("clogging@restriction.a:fraction=0.25")->opening(-8), -6);
+  EXPECT_DOUBLE_EQ(effect_of("clogging@restriction.a:fraction=-0.15")->opening(2), 2.3);
+  const auto curve = effect_of("area_curve@restriction.a:exponent=2", 1e-3, 10);
+  EXPECT_DOUBLE_EQ(curve->opening(5), 2.5);
+  EXPECT_DOUBLE_EQ(curve->opening(-5), -2.5);
+  EXPECT_DOUBLE_EQ(curve->opening(10), 10);
+}
+
+TEST(EffectValues, Compliance) {
+  const auto air = effect_of("entrained_air@compliance.a:fraction=0.01");
+  // At ambient pressure: 1/1e9 + 0.01/101325.
+  EXPECT_NEAR(air->bulk_modulus(1e9, 101325), 1 / (1e-9 + 0.01 / 101325), 1e-3);
+  EXPECT_NEAR(air->bulk_modulus(1e9, 1e6), 496709300.88, 0.1);
+  EXPECT_EQ(air->bulk_modulus(1e9, -5e4), air->bulk_modulus(1e9, 2e4));
+  EXPECT_DOUBLE_EQ(effect_of("compliance_factor@compliance.a:factor=0.5")->bulk_modulus(1.4e9, 0), 7e8);
+}
+
+TEST(EffectValues, Source) {
+  EXPECT_DOUBLE_EQ(effect_of("droop@source.a:resistance=1e9")->boundary(7e6, 5e-4, 0), 6.5e6);
+  const auto ripple = effect_of("ripple@source.a:amplitude=1e5,frequency=10");
+  EXPECT_NEAR(ripple->boundary(7e6, 0, 0.025), 7.1e6, 1e-6);
+  EXPECT_NEAR(ripple->boundary(7e6, 0, 0.075), 6.9e6, 1e-6);
+  const auto pump = effect_of("displacement_ripple@source.a:amplitude=0.1,order=9");
+  EXPECT_NEAR(pump->delivery(2e-4, 3.141592653589793 / 18), 2.2e-4, 1e-16);
+  Viscosity viscosity;
+  effect_of("viscosity_drift@source.a:factor=0.8")->viscosity(viscosity);
+  effect_of("viscosity_drift@source.a:factor=0.5")->viscosity(viscosity);
+  EXPECT_DOUBLE_EQ(viscosity.factor, 0.4);
+}
+
+TEST(EffectValues, LineAndHeat) {
+  Line line;
+  effect_of("line_inertia@line.a:inertance=4e6")->line(line);
+  EXPECT_EQ(line.inertance, 4e6);
+  HeatPath heat;
+  effect_of("heat_loss@heat.a:coefficient=30")->heat(heat);
+  effect_of("heat_capacity@heat.a:capacity=700")->heat(heat);
+  EXPECT_EQ(heat.loss, 30);
+  EXPECT_EQ(heat.capacity, 700);
+}
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,102 @@
+"""The two other ways in which people build faultline: catkin_make in a workspace of their own, and an install space.
+
+The workspace has a fixed place in the temporary folder, so that ccache knows it again: the first run compiles everything
+once more (without optimisation, to be quick), later ones only what has changed.
+"""
+
+import fcntl
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+from sources import ROOT, repository_files
+
+BUILD = pathlib.Path(os.environ.get("FAULTLINE_BUILD", ROOT / "catkin_ws" / "build"))
+
+
+def clean_environment(**more):
+    """As in a shell that knows nothing of this source tree."""
+    kept = {key: value for key, value in os.environ.items()
+            if not key.startswith(("ROS_", "CMAKE_", "FAULTLINE_")) and key not in
+            ("LD_LIBRARY_PATH", "PYTHONPATH", "PKG_CONFIG_PATH", "ROSLISP_PACKAGE_DIRECTORIES")}
+    kept["FAULTLINE_SUITE"] = os.environ.get("FAULTLINE_SUITE", "")
+    kept.update(more)
+    if pathlib.Path("/opt/ros/noetic/setup.bash").exists():
+        said = subprocess.run(["bash", "-c", "source /opt/ros/noetic/setup.bash && env -0"], env=kept, capture_output=True,
+                              check=True).stdout.decode()
+        kept = dict(pair.split("=", 1) for pair in said.split("\0") if "=" in pair)
+    return kept
+
+
+def run(command, **options):
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False, **options)
+    if done.returncode != 0:
+        raise AssertionError(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout[-4000:]}")
+    return done.stdout
+
+
+def rig_names():
+    return [name.stem for name in repository_files() if name.parent.name == "config" and name.suffix == ".yaml"
+            and re.search(r"^rig:", (ROOT / name).read_text(), re.M)]
+
+
+class BuildWays(unittest.TestCase):
+    def check_program(self, prefix, program, folder, environment):
+        said = run([program, "rigs"], cwd=folder, env=environment)
+        for rig in rig_names():
+            self.assertIn(rig, said)
+        self.assertTrue((prefix / "share/faultline").is_dir())
+
+    def test_catkin_make_in_a_foreign_workspace(self):
+        workspace = pathlib.Path(tempfile.gettempdir()) / f"faultline_foreign_workspace_{os.getuid()}"
+        workspace.mkdir(mode=0o700, exist_ok=True)
+        self.assertEqual(workspace.stat().st_uid, os.getuid())
+        with open(workspace / "lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            try:
+                for name in repository_files():
+                    target = workspace / "src/faultline" / name
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copy2(ROOT / name, target)
+                environment = clean_environment(CXXFLAGS="-O0")
+                said = run(["catkin_make", "-C", str(workspace), "-j1", "-DCMAKE_BUILD_TYPE=None",
+                            "-DPYTHON_EXECUTABLE=/usr/bin/python3"], cwd=workspace, env=environment)
+                self.assertNotIn("warning:", said)
+                devel = workspace / "devel"
+                self.check_program(devel, devel / "lib/faultline/faultline", workspace, environment)
+                # rosrun's way to it, and the messages'
+                shown = run(["bash", "-c", "source devel/setup.bash && rospack find faultline && rosmsg show faultline/Sample"],
+                            cwd=workspace, env=environment)
+                self.assertIn(str(workspace / "src/faultline"), shown)
+                self.assertIn("float64[] values", shown)
+            finally:
+                shutil.rmtree(workspace, ignore_errors=True)
+
+    def test_install_space(self):
+        with tempfile.TemporaryDirectory(prefix="faultline_install_") as folder:
+            prefix = pathlib.Path(folder) / "space"
+            run(["cmake", "--install", str(BUILD), "--prefix", str(prefix)])
+            program = prefix / "lib/faultline/faultline"
+            self.assertTrue((prefix / "lib/libfaultline.so").exists())
+            self.assertTrue((prefix / "include/faultline/signal/sample.h").exists())
+            self.assertTrue((prefix / "include/faultline/Sample.h").exists())
+            self.assertTrue((prefix / "share/faultline/package.xml").exists())
+            for name in repository_files():
+                if name.parts[0] in ("launch", "config", "bags"):
+                    self.assertTrue((prefix / "share/faultline" / name).exists(), name)
+                if re.fullmatch(r"src/nodes/\w+_node\.cpp", str(name)):
+                    self.assertTrue(os.access(prefix / "lib/faultline" / name.stem, os.X_OK), name)
+            environment = clean_environment()
+            # Nothing of the build may be needed: the loader must find the installed library.
+            linked = run(["ldd", str(program)], env=environment)
+            self.assertIn(str(prefix / "lib/libfaultline.so"), os.path.realpath(
+                re.search(r"libfaultline\.so => (\S+)", linked).group(1)))
+            self.check_program(prefix, program, folder, environment)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,357 @@
+// The datasheet reader: what the shipped datasheets hold, and that every wrong value is refused with the key and the
+// line.
+#include "faultline/rig/datasheet.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string config_folder() {
+  const fs::path beside = fs::path(__FILE__).parent_path() / "../../config";
+  return fs::exists(beside) ? beside.lexically_normal().string() : "config";
+}
+
+Datasheet shipped(const std::string& rig) { return find_datasheet(config_folder(), rig); }
+
+// Text of the InputError that `action` throws; empty if it throws none.
+template <class Action>
+std::string complaint(Action action) {
+  try {
+    action();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(FindDatasheet, ListsTheRigsThereAre) {
+  const std::string text = complaint([] { find_datasheet(config_folder(), "steam_engine"); });
+  EXPECT_NE(text.find("steam_engine"), std::string::npos) << text;
+  EXPECT_NE(text.find("control_valve, cooling_circuit, hydraulic_drive"), std::string::npos) << text;
+  EXPECT_NE(complaint([] { read_datasheets("no/such/folder"); }).find("no/such/folder"), std::string::npos);
+}
+
+TEST(Datasheet, LookUpsNameWhatThereIs) {
+  const Datasheet sheet = shipped("servo_actuator");
+  EXPECT_NE(complaint([&] { sheet.channel("speed"); }).find("valve_command, leak_valve_command"), std::string::npos);
+  EXPECT_NE(complaint([&] { sheet.parameter("speed"); }).find("ram_area"), std::string::npos);
+  EXPECT_NE(complaint([&] { sheet.profile("speed"); }).find("square, random"), std::string::npos);
+  EXPECT_NE(complaint([&] { sheet.fault("speed"); }).find("internal_leak_ramp"), std::string::npos);
+}
+
+// ---- What is refused. A small datasheet that is right; each case replaces one line of it.
+
+const char* const kSmall = R"(rig: tank
+title: A tank with two outlets
+source: made up
+sample_period: 0.1
+branches: [a, b]
+channels:
+  - {name: valve, symbol: u, unit: V, role: command, range: [0, 10], noise_std: 0, resolution: 0, meaning: opening}
+  - {name: supply, symbol: p, unit: Pa, role: input, range: [0, 1.0e+6], noise_std: 10, resolution: 1, meaning: supply}
+  - {name: "{b}_level", symbol: h, unit: m, role: output, range: [0, 2], noise_std: 0.01, resolution: 0, meaning: "level {b}"}
+not_recorded:
+  - {name: vapour, symbol: m_v, unit: kg/s, meaning: what leaves}
+states:
+  - {name: "{b}_level", symbol: h, unit: m}
+parameters:
+  - {name: density, symbol: rho, unit: kg/m^3, nominal: 1000, tolerance: 0.01, from: known}
+  - {name: "{b}_area", symbol: A, unit: m^2, nominal: {a: 1, b: 2}, tolerance: 0.1, identify: true, from: chosen}
+constants:
+  gravity: {value: 9.81, unit: m/s^2, from: known}
+tables:
+  curve: {columns: {x: [0, 1], y: [0, 2]}, from: chosen}
+ports:
+  command.valve: {component: valve, meaning: opening, range: 10, effects: {lag: {time_constant: [0, 1]}}}
+  sensor.inflow: {component: gauge, meaning: supply, channel: supply, effects: {offset: {value: [-1, 1]}}}
+  "flow.{b}_ambient": {component: wall, meaning: leak, effects: {orifice_leakage: {coefficient: [0, .inf]}}}
+inputs:
+  supply: {value: 5.0e+5, wander_std: 10, wander_low: 0.1, wander_high: 1}
+controllers:
+  level_control: {gain: 2, period: 1}
+profiles:
+  - {name: steps, controller: level_control, shape: steps, duration: 10, low: 0, high: 1, shortest: 1, longest: 2, meaning: steps}
+faults:
+  - {name: leak, meaning: leak at a, profile: steps, effects: ["orifice_leakage@flow.a_ambient:coefficient=1e-3,from=2,to=4"]}
+  - {name: opened, meaning: valve opens, commands: {valve: {time: [1, 2], value: [0, 5]}}}
+nuisance: ["lag@command.valve:time_constant=0.01"]
+nominal_effects: []
+estimators:
+  - {name: filter, type: kalman, q: 1, gains: [1, 2], kind: fast}
+detectors: []
+normal_gap: {a_level: 0.1}
+notes: [made up]
+)";
+
+class SmallDatasheet : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() /
+              (std::string("datasheet_test_") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string write(const std::string& text, const std::string& name = "tank.yaml") const {
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return (folder_ / name).string();
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(SmallDatasheet, IsRead) {
+  const Datasheet sheet = read_datasheet(write(kSmall));
+  ASSERT_EQ(sheet.channels.size(), 4u);
+  EXPECT_EQ(sheet.channels[3].name, "b_level");
+  EXPECT_EQ(sheet.channels[3].meaning, "level b");
+  EXPECT_EQ(sheet.nominal(), (std::vector<double>{1000, 1, 2}));
+  EXPECT_TRUE(sheet.parameters[2].identify);
+  EXPECT_EQ(sheet.port("sensor.inflow").channel, "supply");
+  EXPECT_EQ(sheet.port("flow.b_ambient").kind, PortKind::flow);
+  EXPECT_EQ(sheet.fault("leak").effects.at(0), "orifice_leakage@flow.a_ambient:coefficient=1e-3,from=2,to=4");
+  EXPECT_EQ(sheet.estimators.at(0).settings.word("kind"), "fast");
+  EXPECT_EQ(sheet.estimators.at(0).settings.list("gains", 2, 0, 9), (std::vector<double>{1, 2}));
+  EXPECT_DOUBLE_EQ(sheet.normal_gap.at("a_level"), 0.1);
+}
+
+struct Case {
+  const char* from;  // in kSmall, first place
+  const char* to;
+  const char* key;  // must be in the complaint
+  const char* why;  // so must this
+};
+
+const Case kCases[] = {
+    // keys
+    {"title:", "titel:", "titel", "is not known; allowed are rig, title"},
+    {"title: A tank with two outlets\n", "", "title", "lacks the key"},
+    {"symbol: u", "sybmol: u", "sybmol", "is not known; allowed are name, symbol"},
+    {"noise_std: 10, ", "", "noise_std", "lacks the key"},
+    {"symbol: m_v", "sign: m_v", "sign", "'not_recorded[0]'"},
+    {"symbol: h, unit: m}", "symbol: h, units: m}", "units", "'states[0]'"},
+    {"tolerance: 0.01", "tolerence: 0.01", "tolerence", "'parameters[0]'"},
+    {"value: 9.81", "val: 9.81", "val", "'constants.gravity'"},
+    {"from: chosen}\nports", "form: chosen}\nports", "form", "'tables.curve'"},
+    {"component: valve", "part: valve", "part", "'ports.command.valve'"},
+    {"wander_high: 1", "wander_hi: 1", "wander_hi", "'inputs.supply'"},
+    {"shortest: 1", "shortst: 1", "shortest", "is missing"},
+    {"longest: 2", "longest: 2, extra: 3", "extra", "not known"},
+    {"profile: steps", "profil: steps", "profil", "'faults[0]'"},
+    {"time: [1, 2]", "times: [1, 2]", "times", "'faults[1].commands.valve'"},
+    {"type: kalman", "typ: kalman", "type", "lacks the key"},
+    {"sample_period: 0.1", "sample_period: 0.1\nsample_period: 0.2", "sample_period", "given twice"},
+    {"symbol: u,", "symbol: u, symbol: w,", "symbol", "given twice"},
+    // types and ranges
+    {"rig: tank", "rig: Tank One", "rig", "lower-case"},
+    {"rig: tank", "rig: [tank]", "rig", "must be text"},
+    {"title: A tank with two outlets", "title:", "title", "empty"},
+    {"sample_period: 0.1", "sample_period: 0", "sample_period", "above 0"},
+    {"sample_period: 0.1", "sample_period: fast", "sample_period", "'fast', which is text"},
+    {"sample_period: 0.1", "sample_period: \"0.1\"", "sample_period", "text"},
+    {"sample_period: 0.1", "sample_period: .nan", "sample_period", "NaN"},
+    {"sample_period: 0.1", "sample_period: .inf", "sample_period", "infinite"},
+    {"sample_period: 0.1", "sample_period: 1e999", "sample_period", "must be a number"},
+    {"branches: [a, b]", "branches: [a, a]", "branches[1]", "second time"},
+    {"branches: [a, b]", "branches: a", "branches", "must be a list"},
+    {"branches: [a, b]\n", "", "channels[2]", "branches"},
+    {"name: valve, symbol", "name: Valve, symbol", "channels[0].name", "lower-case"},
+    {"name: supply, symbol", "name: valve, symbol", "channels[1]", "'valve' a second time"},
+    {"name: vapour", "name: valve", "not_recorded[0]", "second time"},
+    {"role: command", "role: knob", "channels[0].role", "setpoint, command, input, output"},
+    {"range: [0, 10], noise", "range: [10, 10], noise", "channels[0].range", "not below"},
+    {"range: [0, 10], noise", "range: [0], noise", "channels[0].range", "[minimum, maximum]"},
+    {"range: [0, 10], noise", "range: [0, ten], noise", "channels[0].range[1]", "text"},
+    {"noise_std: 10", "noise_std: -10", "channels[1].noise_std", "0 or more"},
+    {"noise_std: 10", "noise_std: much", "channels[1].noise_std", "'much', which is text"},
+    {"resolution: 1,", "resolution: -1,", "channels[1].resolution", "0 or more"},
+    {"resolution: 1,", "resolution: 1, ground_truth: maybe,", "ground_truth", "true or false"},
+    {"resolution: 1,", "resolution: 1, predicted_by: b_level,", "predicted_by", "not a command"},
+    {"resolution: 1,", "resolution: 1, predicted_by: knob,", "predicted_by", "channels are valve, supply"},
+    {"resolution: 0, meaning: opening", "resolution: 0, predicted_by: valve, meaning: opening", "predicted_by",
+     "input only"},
+    {"nominal: 1000", "nominal: heavy", "parameters[0].nominal", "text"},
+    {"nominal: 1000", "nominal: .nan", "parameters[0].nominal", "NaN"},
+    {"nominal: 1000", "nominal: {a: 1, b: 2}", "parameters[0].nominal", "a mapping"},
+    {"nominal: {a: 1, b: 2}", "nominal: {a: 1}", "parameters[1].nominal", "lacks the key 'b'"},
+    {"nominal: {a: 1, b: 2}", "nominal: {a: 1, b: 2, c: 3}", "parameters[1].nominal", "key 'c'"},
+    {"tolerance: 0.01", "tolerance: -0.01", "parameters[0].tolerance", "0 or more"},
+    {"identify: true", "identify: 7", "parameters[1].identify", "true or false"},
+    {"name: density", "name: a_area", "parameters[1]", "second time"},
+    {"value: 9.81", "value: down", "constants.gravity.value", "text"},
+    {"y: [0, 2]", "y: [0, 2, 3]", "tables.curve.columns.y", "same count"},
+    // ports
+    {"command.valve:", "control.valve:", "ports.control.valve", "kinds are command, sensor"},
+    {"command.valve:", "command.knob:", "ports.command.knob", "channels are valve"},
+    {"command.valve:", "command.supply:", "ports.command.supply", "role is input"},
+    {"range: 10, effects", "range: 0, effects", "ports.command.valve.range", "above 0"},
+    {"channel: supply", "channel: inflow", "ports.sensor.inflow.channel", "channels are valve"},
+    {"channel: supply", "channel: valve", "ports.sensor.inflow.channel", "role is command"},
+    {"component: wall", "component: wall, channel: supply", "channel", "command and sensor ports only"},
+    {"time_constant: [0, 1]", "time_constant: [2, 1]", "effects.lag.time_constant", "minimum 2 above its maximum 1"},
+    {"time_constant: [0, 1]", "time_constant: [0, .nan]", "effects.lag.time_constant[1]", "NaN"},
+    {"time_constant: [0, 1]", "time_constant: any", "effects.lag.time_constant", "must be a list"},
+    {"time_constant: [0, 1]", "time_constant: [1]", "effects.lag.time_constant", "[minimum, maximum]"},
+    {"{time_constant: [0, 1]}", "{}", "effects.lag", "at least one parameter"},
+    {"sensor.inflow:", "command.valve:", "ports.command.valve", "given twice"},
+    // runs
+    {"supply: {value", "valve: {value", "inputs.valve", "role input"},
+    {"supply: {value", "steam: {value", "inputs.steam", "channels are"},
+    {"wander_std: 10", "wander_std: -10", "inputs.supply.wander_std", "0 or more"},
+    {"wander_high: 1", "wander_high: 0.01", "inputs.supply.wander_high", "not above wander_low"},
+    {"gain: 2", "gain: .nan", "controllers.level_control.gain", "NaN"},
+    {"gain: 2", "gain: {p: 2}", "controllers.level_control.gain", "must be text"},
+    {"controller: level_control", "controller: guess", "profiles[0].controller", "controllers are level_control"},
+    {"shape: steps", "shape: zigzag", "profiles[0]", "no excitation shape 'zigzag'"},
+    {"duration: 10", "duration: 0", "profiles[0].duration", "out of range"},
+    {"low: 0, high", "low: deep, high", "profiles[0]", "'low' must be a number"},
+    {"orifice_leakage@flow.a_", "orifice_leakage@flow.c_", "faults[0].effects[0]", "ports are command.valve"},
+    {"orifice_leakage@", "laminar_leakage@", "faults[0].effects[0]", "there are orifice_leakage"},
+    {"coefficient=1e-3", "size=1e-3", "faults[0].effects[0]", "allowed are from, to, coefficient"},
+    {"coefficient=1e-3", "coefficient=big", "faults[0].effects[0]", "not a number"},
+    {":coefficient=1e-3,from=2,to=4", "", "faults[0].effects[0]", "write effect@port"},
+    {"profile: steps", "profile: waves", "faults[0].profile", "profiles are steps"},
+    {"commands: {valve: {time: [1, 2], value: [0, 5]}}", "commands: {}", "faults[1]", "needs 'effects' or 'commands'"},
+    {"commands: {valve", "commands: {supply", "faults[1].commands.supply", "role command"},
+    {"time: [1, 2]", "time: [1, 1]", "faults[1].commands.valve.time", "must rise"},
+    {"time: [1, 2]", "time: [1, 2, 3]", "faults[1].commands.valve", "3 times and 2 values"},
+    {"name: opened", "name: leak", "faults[1]", "second time"},
+    {"lag@command.valve", "lag@command", "nuisance[0]", "ports are"},
+    {"nominal_effects: []", "nominal_effects: [5]", "nominal_effects[0]", "write effect@port"},
+    {"detectors: []", "detectors: [{name: x, type: Y}]", "detectors[0].type", "lower-case"},
+    {"{a_level: 0.1}", "{a_level: -1}", "normal_gap.a_level", "0 or more"},
+    {"{a_level: 0.1}", "{c_level: 1}", "normal_gap.c_level", "channels are"},
+    {"notes: [made up]", "notes: made up", "notes", "must be a list"},
+};
+
+int line_of(const std::string& text, std::size_t at) {
+  return 1 + static_cast<int>(std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
+}
+
+TEST_F(SmallDatasheet, OneWrongValueIsRefusedWithKeyAndLine) {
+  for (const Case& one : kCases) {
+    SCOPED_TRACE(std::string(one.from) + "  ->  " + one.to);
+    std::string text = kSmall;
+    const auto at = text.find(one.from);
+    ASSERT_NE(at, std::string::npos);
+    text.replace(at, std::string(one.from).size(), one.to);
+    const std::string file = write(text);
+    const std::string said = complaint([&] { read_datasheet(file); });
+    EXPECT_NE(said.find(one.key), std::string::npos) << said;
+    EXPECT_NE(said.find(one.why), std::string::npos) << said;
+    EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+    ASSERT_EQ(said.rfind(file + ":", 0), 0u) << said;
+    // The line of the change; of the next or previous where a line was taken out or doubled, of line 1 where the key of
+    // the whole file is missing, of the entry that comes second where two clash.
+    const int line = std::stoi(said.substr(file.size() + 1));
+    const std::string whole = one.to;
+    const std::string reason = said;
+    if (reason.find("second time") != std::string::npos || reason.find("given twice") != std::string::npos) {
+      EXPECT_GE(line, line_of(kSmall, at)) << said;
+      EXPECT_LE(line, line_of(kSmall, at) + 1) << said;
+    } else if (reason.find("the datasheet lacks") != std::string::npos) {
+      EXPECT_EQ(line, 1) << said;
+    } else if (std::string(one.from).find("branches: [a, b]\n") != std::string::npos) {
+      EXPECT_EQ(line, 8) << said;  // the first entry that needs them
+    } else {
+      EXPECT_EQ(line, line_of(kSmall, at)) << said;
+    }
+  }
+}
+
+TEST_F(SmallDatasheet, FilesThatAreNoDatasheetsAreRefusedInOneLine) {
+  const auto said = [&](const std::string& text) {
+    const std::string file = write(text);
+    const std::string message = complaint([&] { read_datasheet(file); });
+    EXPECT_EQ(message.rfind(file + ":", 0), 0u) << message;
+    EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+    return message.substr(message.empty() ? 0 : file.size());
+  };
+  EXPECT_NE(said("").find("empty"), std::string::npos);
+  EXPECT_NE(said("# only a comment\n").find("empty"), std::string::npos);
+  EXPECT_NE(said("just words").find("must be a mapping"), std::string::npos);
+  EXPECT_NE(said("- 1\n- 2\n").find("must be a mapping"), std::string::npos);
+  EXPECT_EQ(said("rig: tank\ntitle: [open\n").substr(0, 3), ":3:");
+  EXPECT_EQ(said("rig: tank\n  title: x\n").substr(0, 3), ":2:");
+  EXPECT_EQ(said("rig: *nothing\n").substr(0, 3), ":1:");
+  EXPECT_NE(said(std::string(kSmall) + "---\nrig: two\n").find("second document"), std::string::npos);
+  EXPECT_NE(said(std::string("\0\1\2\3", 4)).size(), 0u);
+  EXPECT_NE(complaint([&] { read_datasheet((folder_ / "none.yaml").string()); }).find("no such file"),
+            std::string::npos);
+  EXPECT_NE(complaint([&] { read_datasheet(folder_.string()); }).find("no such file"), std::string::npos);
+}
+
+TEST_F(SmallDatasheet, FoldersAreCheckedForRigsThatClash) {
+  write(kSmall, "tank.yaml");
+  EXPECT_EQ(find_datasheet(folder_.string(), "tank").rig, "tank");
+  write(kSmall, "barrel.yaml");
+  EXPECT_NE(complaint([&] { read_datasheets(folder_.string()); }).find("already described"), std::string::npos);
+  EXPECT_NE(complaint([&] { find_datasheet(folder_.string(), "barrel"); }).find("name it tank.yaml"),
+            std::string::npos);
+  EXPECT_NE(complaint([&] { find_datasheet(folder_.string(), "pond"); }).find("barrel, tank"), std::string::npos);
+}
+
+TEST_F(SmallDatasheet, ATornFileIsRefusedOrReadButNeverWorse) {
+  std::ifstream stream(config_folder() + "/cooling_circuit.yaml");
+  const std::string whole((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
+  ASSERT_GT(whole.size(), 10000u);
+  int refused = 0;
+  for (std::size_t size = 0; size < whole.size(); size += 487) {
+    const std::string file = write(whole.substr(0, size));
+    EXPECT_NO_THROW({
+      try {
+        read_datasheet(file);
+      } catch (const InputError&) {
+        ++refused;
+      }
+    }) << size;
+  }
+  EXPECT_GT(refused, 20);
+}
+
+// ---- Settings
+
+TEST(Settings, GivesWhatIsThereAndRefusesTheRest) {
+  const Settings settings("file.yaml:3: 'x'", {{"gain", 2}, {"odd", std::numeric_limits<double>::infinity()}},
+                          {{"list", {1, 2, 3}}}, {{"word", "fast"}});
+  EXPECT_DOUBLE_EQ(settings.number("gain", 0, 10), 2);
+  EXPECT_DOUBLE_EQ(settings.number_or("none", 7, 0, 10), 7);
+  EXPECT_EQ(settings.list("list", 3, 0, 5).size(), 3u);
+  EXPECT_EQ(settings.word_or("none", "slow"), "slow");
+  EXPECT_FALSE(settings.has("none"));
+  for (const std::string& said :
+       {complaint([&] { settings.number("gain", 3, 10); }), complaint([&] { settings.number("none", 0, 1); }),
+        complaint([&] { settings.number("odd", 0, 1e300); }), complaint([&] { settings.number("word", 0, 1); }),
+        complaint([&] { settings.list("list", 2, 0, 5); }), complaint([&] { settings.list("list", 3, 0, 2); }),
+        complaint([&] { settings.list("gain", 1, 0, 2); }), complaint([&] { settings.word("gain"); }),
+        complaint([&] { settings.word("none"); }), complaint([&] { settings.list("none", 1, 0, 1); })})
+    EXPECT_EQ(said.rfind("file.yaml:3: 'x': ", 0), 0u) << said;
+}
+
+TEST(Settings, NamesTheKeyThatNobodyAskedFor) {
+  Settings settings("here", {{"gain", 2}, {"gian", 3}}, {}, {});
+  settings.number("gain", 0, 10);
+  const std::string said = complaint([&] { settings.check_used(); });
+  EXPECT_NE(said.find("'gian'"), std::string::npos) << said;
+  EXPECT_NE(said.find("gain"), std::string::npos) << said;
+  settings.number("gian", 0, 10);
+  EXPECT_NO_THROW(settings.check_used());
+  settings.set("gain", 5);
+  EXPECT_DOUBLE_EQ(settings.number("gain", 0, 10), 5);
+}
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,45 @@
+"""What the withheld check takes from the project: the datasheet of a rig, config/<rig>.yaml, and nothing else.
+
+Only channels, parameters, ports, constants and the sample period are read. Everything the truth computes with these
+numbers is written here a second time, on purpose.
+"""
+import os
+
+import yaml
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+
+
+def _number(value):
+    """YAML 1.1 readers take 1e+6 (no dot) for text; datasheets are written by hand."""
+    return float(value)
+
+
+class Datasheet:
+    """Channels, parameters and ports of one rig, as plain dictionaries."""
+
+    def __init__(self, rig, path=None):
+        self.path = path or os.environ.get("FAULTLINE_DATASHEET") or os.path.join(ROOT, "config", rig + ".yaml")
+        if not os.path.exists(self.path):
+            raise SystemExit(f"{self.path}: no such datasheet; run from a complete tree or set FAULTLINE_DATASHEET")
+        with open(self.path, encoding="utf-8") as stream:
+            sheet = yaml.safe_load(stream)
+        self.rig = rig
+        self.sample_period = _number(sheet["sample_period"])
+        self.channels = [c["name"] for c in sheet["channels"]]
+        self.role = {c["name"]: c["role"] for c in sheet["channels"]}
+        self.range = {c["name"]: tuple(map(_number, c["range"])) for c in sheet["channels"]}
+        self.noise = {c["name"]: _number(c.get("noise_std", 0)) for c in sheet["channels"]}
+        self.resolution = {c["name"]: _number(c.get("resolution", 0)) for c in sheet["channels"]}
+        self.nominal = {p["name"]: _number(p["nominal"]) for p in sheet["parameters"]}
+        self.tolerance = {p["name"]: _number(p["tolerance"]) for p in sheet["parameters"]}
+        self.constants = {}
+        for name, entry in (sheet.get("constants") or {}).items():
+            self.constants[name] = _number(entry["value"] if isinstance(entry, dict) else entry)
+        self.bounds = {}  # "effect@port" -> {parameter: (low, high)}
+        for port, entry in sheet["ports"].items():
+            for effect, parameters in (entry.get("effects") or {}).items():
+                self.bounds[f"{effect}@{port}"] = {n: tuple(map(_number, b)) for n, b in (parameters or {}).items()}
+
+    def effects(self):
+        return sorted(self.bounds)

@@ -1,0 +1,172 @@
+"""The withheld check in one command: make cases, diagnose them, score.
+
+    run.py OUT --cases 40                      all parts, development seed
+    run.py OUT --cases 200 --set test          the table in docs/
+    run.py OUT --part closed --cases 5 --no-faultline    baselines only
+Stops cleanly on Ctrl-C and goes on where it stopped when the same command is given again.
+"""
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+
+import baselines
+import generate
+import score
+from datasheet import ROOT, Datasheet
+
+
+def seconds_file(folder, name, seconds):
+    path = os.path.join(folder, "seconds.json")
+    known = {}
+    if os.path.exists(path):
+        with open(path, encoding="utf-8") as stream:
+            known = json.load(stream)
+    known[name] = seconds
+    with open(path + ".new", "w", encoding="utf-8") as stream:
+        json.dump(known, stream, indent=1)
+    os.replace(path + ".new", path)
+
+
+class Diagnosis:
+    """Runs the program on one case after the other, several at once; knows its processes so that it can end them."""
+
+    def __init__(self, program, out, threads):
+        self.program, self.out, self.threads = program, out, threads
+        self.processes = set()
+        self.stopped = False
+
+    def one(self, entry, method, extra):
+        target = os.path.join(self.out, "answers", method, entry["case"] + ".json")
+        command = [self.program, "gap"] + [os.path.join(self.out, r) for r in entry["runs"]] + extra
+        for key in entry["without"]:
+            command += ["--without", key]
+        command += ["--rig", generate.RIG, "--jobs", str(self.threads), "--json", target + ".part"]
+        if self.stopped:
+            return entry["case"], None, "stopped"
+        began = time.perf_counter()
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        self.processes.add(process)
+        _, error = process.communicate()
+        self.processes.discard(process)
+        spent = time.perf_counter() - began
+        if process.returncode != 0:
+            return entry["case"], None, (error.strip().splitlines() or [f"exit {process.returncode}"])[-1]
+        os.replace(target + ".part", target)
+        return entry["case"], spent, ""
+
+    def stop(self):
+        self.stopped = True
+        for process in list(self.processes):
+            process.terminate()
+
+
+def run_program(program, out, manifest, method, jobs, threads, with_third):
+    """Answers of the program for all cases that have none yet; returns the messages of those that failed."""
+    folder = os.path.join(out, "answers", method)
+    os.makedirs(folder, exist_ok=True)
+    todo = [e for e in manifest if not os.path.exists(os.path.join(folder, e["case"] + ".json"))]
+    work = Diagnosis(program, out, threads)
+    began, done, failed = time.perf_counter(), 0, []
+    generate.bar(0, len(todo), began, f"{method:8s}")
+    pool = ThreadPoolExecutor(jobs)
+    waiting = set()
+    try:
+        for entry in todo:
+            extra = ["--holdout", os.path.join(out, entry["third"])] if with_third else []
+            waiting.add(pool.submit(work.one, entry, method, extra))
+        while waiting:
+            ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in ready:
+                name, spent, error = future.result()
+                done += 1
+                if spent is None:
+                    failed.append(f"{name}: {error}")
+                else:
+                    seconds_file(folder, name, spent)
+                generate.bar(done, len(todo), began, f"{method:8s}")
+    except BaseException:
+        work.stop()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    return failed
+
+
+def _baseline(task):
+    out, entry = task
+    sheet = Datasheet(generate.RIG)
+    began = time.perf_counter()
+    found = baselines.answers([os.path.join(out, r) for r in entry["runs"]], sheet, entry["without"])
+    return entry["case"], found, time.perf_counter() - began
+
+
+def run_baselines(out, manifest, jobs):
+    folders = {m: os.path.join(out, "answers", m) for m in baselines.METHODS}
+    for folder in folders.values():
+        os.makedirs(folder, exist_ok=True)
+    last = folders[baselines.METHODS[-1]]
+    todo = [(out, e) for e in manifest if not os.path.exists(os.path.join(last, e["case"] + ".json"))]
+    began, done = time.perf_counter(), 0
+    generate.bar(0, len(todo), began, "baseline")
+    pool = generate.multiprocessing.Pool(jobs, generate.quiet_worker)
+    try:
+        for name, found, spent in pool.imap_unordered(_baseline, todo):
+            for method, data in found.items():
+                baselines.write(os.path.join(folders[method], name + ".json"), data)
+                seconds_file(folders[method], name, spent)  # the four share one regression, and its time
+            done += 1
+            generate.bar(done, len(todo), began, "baseline")
+        pool.close()
+    except BaseException:
+        pool.terminate()
+        raise
+    finally:
+        pool.join()
+
+
+def main():
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    generate.add_arguments(reader)
+    reader.add_argument("--program", default=os.path.join(ROOT, "faultline"), help="what to run as `PROGRAM gap ...`")
+    reader.add_argument("--at-once", type=int, default=1, help="cases diagnosed at once; the cores are shared among them")
+    reader.add_argument("--no-faultline", action="store_true", help="baselines only")
+    reader.add_argument("--no-baselines", action="store_true", help="faultline only")
+    reader.add_argument("--table", help="write the table here (default OUT/table.md)")
+    given = reader.parse_args()
+    if given.cases < 1 or given.jobs < 1 or given.at_once < 1:
+        sys.exit("--cases, --jobs and --at-once must be at least 1")
+    if not given.no_faultline and not os.access(given.program, os.X_OK):
+        sys.exit(f"{given.program}: cannot be run; build first, or give --program or --no-faultline")
+    seed = given.seed if given.seed is not None else generate.SEEDS[given.set]
+    parts = given.part or generate.PARTS
+    generate.generate(given.out, parts, given.cases, seed, given.jobs, given.third)
+    with open(os.path.join(given.out, "runs.json"), encoding="utf-8") as stream:
+        manifest = json.load(stream)
+    failed = []
+    if not given.no_faultline:
+        threads = max(1, given.jobs // given.at_once)
+        failed = run_program(given.program, given.out, manifest, "faultline", given.at_once, threads, False)
+        if given.third:
+            failed += run_program(given.program, given.out, manifest, "third", given.at_once, threads, True)
+    if not given.no_baselines:
+        run_baselines(given.out, manifest, given.jobs)
+    for line in failed:
+        print(line, file=sys.stderr)
+    command = f"test/withheld/run.py OUT --cases {given.cases}" + "".join(f" --part {p}" for p in given.part or []) \
+        + (f" --set {given.set}" if given.seed is None else f" --seed {given.seed}") + (" --third" if given.third else "")
+    table = score.score(given.out, f"Made by `{command}` (seed {seed}).")
+    with open(given.table or os.path.join(given.out, "table.md"), "w", encoding="utf-8") as stream:
+        stream.write(table)
+    print(table)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit("\nstopped; give the same command again to go on")

@@ -1,0 +1,89 @@
+"""What an effect, a parameter or a nuisance does to the outputs, in units of the noise.
+
+Windows of 0.16 s, spread over a run, are simulated again without noise under the recorded commands, each started from the
+true state, once with and once without the change. Their difference over the channel's noise is the signature: what a
+model without the effect leaves as residual when it is restarted every 0.16 s, before any refit.
+"""
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from truth_servo_actuator import OUTPUTS, PARAMETERS, Truth
+
+LENGTH = 160   # samples in a window
+COUNT = 6      # windows in a run
+
+
+def windows(samples, shift):
+    """Evenly spread; shifted from run to run so that cycles are met at other phases."""
+    stride = (samples - LENGTH - 100) // COUNT
+    return [(60 + shift % 37 + n * stride, 60 + shift % 37 + n * stride + LENGTH) for n in range(COUNT)]
+
+
+class Run:
+    """Commands, boundary values and true states of one run, for replays."""
+
+    def __init__(self, output, noise_scale, shift, parameters, nuisance):
+        truth = output["truth"]
+        self.sheet, self.supply, self.load = truth.sheet, truth.supply, truth.load
+        self.commands = output["record"]["valve_command"].tolist()
+        self.windows = windows(len(self.commands), shift)
+        self.starts = [truth.base(output["states"][first]) for first, _ in self.windows]
+        self.noise = np.array([self.sheet.noise[c] for c in OUTPUTS]) * noise_scale
+        self.parameters, self.nuisance = parameters, nuisance
+        self.samples = len(self.commands)
+        self._plain = None
+
+    def outputs(self, effects=None, parameters=None, nuisance=None):
+        p = dict(self.parameters)
+        p.update(parameters or {})
+        truth = Truth(self.sheet, p, effects or {}, self.nuisance if nuisance is None else nuisance, self.supply, self.load)
+        return truth.replay(self.commands, self.windows, self.starts)
+
+    def plain(self):
+        if self._plain is None:
+            self._plain = self.outputs()
+        return self._plain
+
+    def signature(self, effects=None, parameters=None, nuisance=None):
+        return (self.outputs(effects, parameters, nuisance) - self.plain()) / self.noise
+
+    def repetition(self):
+        """How many samples of the run one sample of the windows stands for."""
+        return self.samples / (LENGTH * COUNT)
+
+
+def lift(signatures):
+    """How far the residual rises over the noise floor, in the channel where it rises most (1: not at all)."""
+    together = np.concatenate(signatures)
+    return float(np.sqrt(1 + np.max(np.mean(together ** 2, axis=0))))
+
+
+def parameter_signatures(runs):
+    """One column per parameter: signature of one tolerance, from a step of half a tolerance."""
+    columns = {}
+    for name in PARAMETERS:
+        step = 0.5 * runs[0].sheet.tolerance[name]
+        if step <= 0:
+            continue
+        parts = [run.signature(parameters={name: run.parameters[name] * (1 + step)}) / 0.5 for run in runs]
+        columns[name] = np.concatenate(parts).ravel()
+    return columns
+
+
+def explained(target, columns, prior, repetition):
+    """Least squares of a target on columns; those with prior 1 are parameters, in tolerances: unit prior, at most +-3.
+
+    Returns (chi^2 left, prior included, over all samples of the runs; residual on the windows).
+    """
+    scale = np.sqrt(repetition)
+    matrix = np.column_stack(columns)
+    size = np.linalg.norm(matrix, axis=0) * scale
+    size[size == 0] = 1.0
+    prior = np.asarray(prior, dtype=float)
+    # 12 unknowns against some 20000 rows: the triangular factor carries all that the bounded problem needs
+    orthogonal, triangle = np.linalg.qr(np.vstack([matrix * scale, np.diag(prior)]) / size)
+    wanted = orthogonal[:len(target)].T @ (target * scale)
+    limit = np.where(prior > 0, 3.0, np.inf) * size
+    solution = lsq_linear(triangle, wanted, (-limit, limit), method="bvls").x / size
+    left = target - matrix @ solution
+    return float(repetition * (left @ left) + np.sum((prior * solution) ** 2)), left

@@ -1,0 +1,533 @@
+"""An independent truth of the servo actuator, for the check of `faultline gap` on effects that are withheld.
+
+Shares no code with src/; takes only the datasheet's numbers. Integrated by LSODA (stiff, variable step), restarted at
+every sample and wherever a held command changes. Where physics allows, the formula is another one than the datasheet's:
+
+    friction            LuGre bristles (datasheet: set-valued Coulomb + Stribeck); extra Stribeck part with sech^2
+    orifices            y / (|y|^3 + d^3)^(1/6) in place of y / (y^2 + d^2)^(1/4)
+    supply              pump with a soft characteristic, a state of its own; measured at its outlet
+    entrained air       polytropic, exponent 1.1 (so its fraction is not the datasheet's number to the last digit)
+    deadband, overlap   softplus blend;     saturation  high-order rational blend;     hysteresis  three plays in parallel
+    droop               solved exactly for the drawn flow (quadratic)
+    end stop, backlash  contacts after Hunt and Crossley
+    lags                exact between samples;   delay  exact shift, the command changes within a sample
+Small nuisance effects that no datasheet lists: friction that varies along the stroke, oil that warms up, a valve with a
+trace of hysteresis, transducers a little off, a filter on the pressure channels. Each stays well below the sensor noise.
+
+States: x, v, p_a, p_b, x_v, P_s, z (bristle); with a rod effect also x_l, v_l, z_l; with line inertia also p_va, q_a,
+p_vb, q_b. SI units throughout.
+"""
+import math
+
+import numpy as np
+from scipy.integrate import ode
+
+BRISTLE = 2.0e7           # N/m: 400 N of friction winds the seals up by 20 um, below the position noise
+BRISTLE_DAMPING = 3.0e3   # N s/m
+ORIFICE_LAMINAR = 600.0   # Pa
+ATMOSPHERE = 101325.0
+POLYTROPIC = 1.1
+PUMP_RESISTANCE = 5.0e8   # Pa s/m^3, seen by the supply transducer
+PUMP_TIME = 0.05          # s
+CONTACT = 1.0e7           # N/m, backlash flanks
+COUPLING_STIFFNESS = 4.0e7  # N/m, rod coupling when only the other rod effect is asked for
+OUTPUTS = ["position", "velocity", "load_pressure", "chamber_a_pressure", "chamber_b_pressure", "spool_position"]
+PARAMETERS = ["ram_area", "moving_mass", "viscous_damping", "coulomb_friction", "static_excess", "stribeck_velocity",
+              "compliance", "chamber_volume", "flow_coefficient", "spool_time_constant", "spool_gain"]
+NO_NUISANCE = {"stroke_friction": 0.0, "warming": 0.0, "spool_hysteresis": 0.0, "gain_error": 0.0, "pressure_filter": 0.0}
+
+
+def split(effects):
+    """{"effect@port": {parameter: value}} as {port: {effect: {...}}}."""
+    ports = {}
+    for key, values in effects.items():
+        effect, port = key.split("@")
+        ports.setdefault(port, {})[effect] = values
+    return ports
+
+
+class CommandPath:
+    """From the voltage that is recorded to the voltage that drives the spool.
+
+    Each sample gives pieces (start, end, kind, a, b, c) on which the drive is a (kind 0), a + (b - a) exp(-(t - start)/c)
+    (kind 1) or a ramp from b towards a with slope c (kind 2).
+    """
+
+    def __init__(self, effects, period, spool_hysteresis=0.0):
+        self.e = effects
+        self.period = period
+        self.delay = effects.get("delay", {}).get("time", 0.0)
+        width = effects.get("hysteresis", {}).get("width", 0.0)
+        self.plays = [(0.8 * width, 0.25, [0.0]), (width, 0.5, [0.0]), (1.2 * width, 0.25, [0.0])] if width > 0 else []
+        self.trace = spool_hysteresis
+        self.trace_state = 0.0
+        self.tau = effects.get("lag", {}).get("time_constant", 0.0)
+        self.rate = effects.get("rate_limit", {}).get("rate", math.inf)
+        self.stuck_from = effects.get("stuck", {}).get("from", math.inf)
+        self.history = {}
+        self.out = 0.0
+
+    def _static(self, u):
+        e = self.e
+        if self.trace > 0:
+            self.trace_state = min(max(self.trace_state, u - self.trace / 2), u + self.trace / 2)
+            u = self.trace_state
+        if self.plays:
+            total = 0.0
+            for width, weight, state in self.plays:
+                state[0] = min(max(state[0], u - width / 2), u + width / 2)
+                total += weight * state[0]
+            u = total
+        if "deadband" in e:
+            u = soft_deadband(u, e["deadband"]["width"])
+        if "gain_curve" in e:
+            u *= 1 + e["gain_curve"]["curvature"] * (abs(u) / 10 - 1)
+        if "scale" in e:
+            u *= e["scale"]["factor"]
+        if "offset" in e:
+            u += e["offset"]["value"]
+        if "saturation" in e:
+            limit = e["saturation"]["limit"]
+            u /= (1 + abs(u / limit) ** 24) ** (1 / 24)
+        return u
+
+    def pieces(self, k, command):
+        h = self.period
+        start, end = k * h, (k + 1) * h
+        self.history[k] = command
+        if self.delay > 0:
+            whole = int(self.delay / h)
+            rest = self.delay - whole * h
+            old, new = self.history.get(k - whole - 1, 0.0), self.history.get(k - whole, 0.0)
+            parts = [(start, start + rest, old), (start + rest, end, new)] if rest > 1e-9 else [(start, end, new)]
+        else:
+            parts = [(start, end, command)]
+        result = []
+        for a, b, u in parts:
+            if a >= self.stuck_from - 1e-12:
+                result.append((a, b, 0, self.out, 0.0, 1.0))
+                continue
+            target = self._static(u)
+            if self.tau > 0:
+                result.append((a, b, 1, target, self.out, self.tau))
+                self.out = target + (self.out - target) * math.exp(-(b - a) / self.tau)
+            elif self.rate < math.inf:
+                slope = math.copysign(self.rate, target - self.out)
+                result.append((a, b, 2, target, self.out, slope))
+                step = slope * (b - a)
+                self.out = target if abs(step) >= abs(target - self.out) else self.out + step
+            else:
+                self.out = target
+                result.append((a, b, 0, target, 0.0, 1.0))
+        return result
+
+
+def soft_deadband(u, width):
+    """u without its part inside +-width/2; corners rounded over 3 % of the width."""
+    if width <= 0:
+        return u
+    s = 0.03 * width
+
+    def softplus(y):
+        return y if y > 40 else (math.log1p(math.exp(y)) if y > -40 else 0.0)
+
+    return s * (softplus((u - width / 2) / s) - softplus((-u - width / 2) / s))
+
+
+class Sensor:
+    """One output channel on its way to the recording: exact lag between samples, then scale, drift, offset, steps, stuck."""
+
+    def __init__(self, effects, period, gain=1.0, filter_time=0.0):
+        self.e = effects
+        self.period = period
+        self.gain = gain
+        self.lags = [t for t in (filter_time, effects.get("lag", {}).get("time_constant", 0.0)) if t > 0]
+        self.state = [None] * len(self.lags)
+        self.before = [0.0] * len(self.lags)
+        self.held = None
+
+    def __call__(self, t, y):
+        e = self.e
+        y *= self.gain
+        for n, tau in enumerate(self.lags):  # exact for an input that is straight between the samples
+            if self.state[n] is None:
+                self.state[n] = y
+            else:
+                decay = math.exp(-self.period / tau)
+                slope = (y - self.before[n]) / self.period
+                self.state[n] = y - tau * slope + (self.state[n] - self.before[n] + tau * slope) * decay
+            self.before[n] = y
+            y = self.state[n]
+        if "scale" in e:
+            y *= e["scale"]["factor"]
+        if "offset" in e:
+            y += e["offset"]["value"]
+        if "drift" in e:
+            y += e["drift"]["rate"] * t
+        return y
+
+    def last(self, t, y):
+        """After the noise: what the electronics behind the transducer do."""
+        e = self.e
+        if "quantisation" in e:
+            y = e["quantisation"]["step"] * math.floor(y / e["quantisation"]["step"] + 0.5)
+        if "stuck" in e:
+            if t >= e["stuck"]["from"]:
+                if self.held is None:
+                    self.held = y
+                return self.held
+        return y
+
+
+class Truth:
+    """The rig with given parameters and effects.
+
+    parameters: name -> value; effects: "effect@port" -> {parameter: value}; supply_wander(t) and load(t): callables.
+    """
+
+    def __init__(self, datasheet, parameters=None, effects=None, nuisance=None, supply=None, load=None, bypass_volts=0.0):
+        self.sheet = datasheet
+        self.p = dict(datasheet.nominal)
+        self.p.update(parameters or {})
+        self.effects = effects or {}
+        self.ports = split(self.effects)
+        self.nuisance = dict(NO_NUISANCE)
+        self.nuisance.update(nuisance or {})
+        level = datasheet.constants.get("supply_pressure_set", 6.89e6)
+        self.supply = supply or (lambda t: level)
+        self.load = load or (lambda t: 0.0)
+        self.bypass_volts = bypass_volts
+        self.period = datasheet.sample_period
+        self.drive = [0, 0.0, 0.0, 1.0, 0.0]
+        rod = self.ports.get("transmission.rod", {})
+        self.has_rod = bool(rod)
+        self.inertance = self.ports.get("line.valve_cylinder", {}).get("line_inertia", {}).get("inertance", 0.0)
+        self.rod_index = 7
+        self.line_index = 7 + (3 if self.has_rod else 0)
+        self.size = self.line_index + (4 if self.inertance > 0 else 0)
+        self._build()
+
+    # ---- the right-hand side, with everything that is constant taken out of it
+    def _build(self):
+        p, ports, drive = self.p, self.ports, self.drive
+        exp, sqrt, cosh, sin, pi, tanh, log1p = math.exp, math.sqrt, math.cosh, math.sin, math.pi, math.tanh, math.log1p
+        area, mass, volume = p["ram_area"], p["moving_mass"], p["chamber_volume"]
+        viscous, coulomb = p["viscous_damping"], p["coulomb_friction"]
+        excess, stribeck = p["static_excess"], p["stribeck_velocity"]
+        bulk0 = volume / (2 * p["compliance"])
+        flow_gain = p["flow_coefficient"] * sqrt(2.0)
+        tau_v, spool_gain = p["spool_time_constant"], p["spool_gain"]
+        stop, stop_k, stop_d = p["stroke_limit"], p["stop_stiffness"], p["stop_damping"]
+        bypass = p["leak_valve_gain"] * max(self.bypass_volts, 0.0)
+        supply, load = self.supply, self.load
+        stroke_friction, warming = self.nuisance["stroke_friction"], self.nuisance["warming"]
+
+        f = ports.get("force.piston", {})
+        more_coulomb = f.get("coulomb_friction", {}).get("force", 0.0)
+        more_viscous = f.get("viscous_friction", {}).get("coefficient", 0.0)
+        more_excess = f.get("stribeck_friction", {}).get("static_excess", 0.0)
+        more_velocity = f.get("stribeck_friction", {}).get("velocity", 0.05)
+        asymmetry = f.get("asymmetric_friction", {}).get("difference", 0.0)
+        by_load = f.get("load_dependent_friction", {}).get("coefficient", 0.0)
+        push, spring = f.get("load_force", {}).get("constant", 0.0), f.get("load_force", {}).get("stiffness", 0.0)
+        more_mass = f.get("added_mass", {}).get("mass", 0.0)
+        end = f.get("end_stop")
+        end_x, end_k = (end["position"], end["stiffness"]) if end else (0.0, 0.0)
+        extra_friction = bool(more_coulomb or more_excess or asymmetry or by_load)
+
+        ab = ports.get("flow.chamber_a_chamber_b", {})
+        leak_ab = ab.get("orifice_leakage", {}).get("coefficient", 0.0) + bypass
+        laminar_ab = ab.get("laminar_leakage", {}).get("coefficient", 0.0)
+        leak_a = ports.get("flow.chamber_a_tank", {}).get("orifice_leakage", {}).get("coefficient", 0.0)
+        leak_b = ports.get("flow.chamber_b_tank", {}).get("orifice_leakage", {}).get("coefficient", 0.0)
+        any_leak = bool(leak_ab or laminar_ab or leak_a or leak_b)
+        oil = ports.get("compliance.chambers", {})
+        air = oil.get("entrained_air", {}).get("fraction", 0.0)
+        bulk = bulk0 * oil.get("compliance_factor", {}).get("factor", 1.0)
+        lands = ports.get("restriction.valve", {})
+        flow_gain *= 1 - lands.get("clogging", {}).get("fraction", 0.0)
+        exponent = lands.get("area_curve", {}).get("exponent", 1.0)
+        overlap = lands.get("deadband", {}).get("width", 0.0)
+        source = ports.get("source.supply_pressure", {})
+        droop = source.get("droop", {}).get("resistance", 0.0)
+        ripple = source.get("ripple", {}).get("amplitude", 0.0)
+        ripple_w = 2 * pi * source.get("ripple", {}).get("frequency", 1.0)
+        supply_offset = source.get("offset", {}).get("value", 0.0)
+
+        has_rod, rod_index, line_index = self.has_rod, self.rod_index, self.line_index
+        inertance, has_line = self.inertance, self.inertance > 0
+        share_m = p["load_mass_share"] if has_rod else 0.0
+        share_f = p["load_friction_share"] if has_rod else 0.0
+        rod = ports.get("transmission.rod", {})
+        gap = rod.get("backlash", {}).get("gap", 0.0)
+        if "elasticity" in rod:
+            rod_k, rod_d = 1 / rod["elasticity"]["compliance"], rod["elasticity"]["damping"]
+        else:
+            rod_k, rod_d = CONTACT, 3.0e3
+        piston_mass = mass * (1 - share_m) + more_mass
+        load_mass = mass * share_m
+        d3 = ORIFICE_LAMINAR ** 3
+
+        def root(y):
+            return y / (abs(y) ** 3 + d3) ** (1 / 6)
+
+        def supplied(g, drop):
+            """Flow through an opening g from the supply, behind the resistance of the line if there is one."""
+            if droop == 0.0 or drop <= 0.0:
+                return g * root(drop)
+            gg = g * g * droop
+            return 0.5 * (sqrt(gg * gg + 4 * g * g * drop) - gg) * (1 if g >= 0 else -1)
+
+        def stop_force(x, v):
+            if x > stop:
+                return max(0.0, stop_k * (x - stop) + stop_d * v)
+            if x < -stop:
+                return min(0.0, stop_k * (x + stop) + stop_d * v)
+            return 0.0
+
+        def rhs(t, y):
+            x, v, pa, pb, xv, ps, z = y[0], y[1], y[2], y[3], y[4], y[5], y[6]
+            kind = drive[0]
+            if kind == 0:
+                u = drive[1]
+            elif kind == 1:
+                u = drive[1] + (drive[2] - drive[1]) * exp(-(t - drive[4]) / drive[3])
+            else:
+                u = drive[2] + drive[3] * (t - drive[4])
+                if (u - drive[1]) * drive[3] > 0:
+                    u = drive[1]
+            dxv = (spool_gain * u - xv) / tau_v
+            if (xv >= 10 and dxv > 0) or (xv <= -10 and dxv < 0):
+                dxv = 0.0
+            # valve
+            opening = xv
+            if overlap:
+                opening = soft_deadband(opening, overlap)
+            if exponent != 1.0:
+                opening *= ((opening * opening + 1e-8) / 100.0) ** (0.5 * (exponent - 1))
+            pva, pvb = (y[line_index], y[line_index + 2]) if has_line else (pa, pb)
+            pv = ps + supply_offset
+            if ripple:
+                pv += ripple * sin(ripple_w * t)
+            g = flow_gain * opening
+            if opening > 0:
+                qa, qb = supplied(g, pv - pva), g * root(pvb)
+                drawn = qa
+            else:
+                qa, qb = g * root(pva), supplied(g, pv - pvb)
+                drawn = -qb
+            # chambers
+            pl = pa - pb
+            ca = cb = bulk
+            if air:
+                ca = 1 / (1 / bulk + air * (ATMOSPHERE / (max(pa, 0.0) + ATMOSPHERE)) ** (1 / POLYTROPIC)
+                          / (POLYTROPIC * (max(pa, 0.0) + ATMOSPHERE)))
+                cb = 1 / (1 / bulk + air * (ATMOSPHERE / (max(pb, 0.0) + ATMOSPHERE)) ** (1 / POLYTROPIC)
+                          / (POLYTROPIC * (max(pb, 0.0) + ATMOSPHERE)))
+            out_a = out_b = 0.0
+            if any_leak:
+                across = leak_ab * root(pl) + laminar_ab * pl
+                out_a, out_b = across + leak_a * root(pa), leak_b * root(pb) - across
+            if has_line:
+                in_a, in_b = y[line_index + 1], -y[line_index + 3]
+                dpa = ca / (0.8 * volume + area * x) * (in_a - area * v - out_a)
+                dpb = cb / (0.8 * volume - area * x) * (in_b + area * v - out_b)
+            else:
+                dpa = ca / (volume + area * x) * (qa - area * v - out_a)
+                dpb = cb / (volume - area * x) * (area * v - qb - out_b)
+            if pa < 0:
+                dpa -= 3e3 * pa   # make-up valve
+            if pb < 0:
+                dpb -= 3e3 * pb
+            # friction of the piston (and, without a rod effect, of all that moves)
+            own = 1 - share_f
+            r = v / stribeck
+            level = own * (coulomb + excess * exp(-r * r))
+            if stroke_friction:
+                level *= 1 + stroke_friction * sin(60.0 * x)
+            b = viscous * (1 + warming * t)
+            if extra_friction:
+                level += more_coulomb
+                if more_excess:
+                    r = 1.0586 * v / more_velocity
+                    if -20 < r < 20:
+                        level += more_excess / cosh(r) ** 2
+                if asymmetry:
+                    level += 0.5 * asymmetry * tanh(v / 5e-4)
+                if by_load:
+                    level += by_load * sqrt(pl * pl + 1e6)
+                if level < 1.0:
+                    level = 1.0
+            dz = v - BRISTLE * abs(v) * z / level
+            force = area * pl - BRISTLE * z - BRISTLE_DAMPING * dz - (own * b + more_viscous) * v - push - spring * x
+            if end_k and x > end_x:
+                force -= max(0.0, end_k * (x - end_x) * (1 + 0.5 * v))
+            outer = load(t)
+            if has_rod:
+                xl, vl, zl = y[rod_index], y[rod_index + 1], y[rod_index + 2]
+                stretch, speed = x - xl, v - vl
+                if gap:
+                    pen = abs(stretch) - 0.5 * gap
+                    if pen > 0:
+                        side = 1.0 if stretch > 0 else -1.0
+                        held = max(0.0, rod_k * pen + rod_d * speed * side * min(1.0, pen * 1e5)) * side
+                    else:
+                        held = 0.0
+                else:
+                    held = rod_k * stretch + rod_d * speed
+                r = vl / stribeck
+                dzl = vl - BRISTLE * abs(vl) * zl / (share_f * (coulomb + excess * exp(-r * r)))
+                dvl = (held - outer - stop_force(xl, vl) - BRISTLE * zl - BRISTLE_DAMPING * dzl - share_f * b * vl) / load_mass
+                force -= held
+                tail = [vl, dvl, dzl]
+            else:
+                force -= outer + stop_force(x, v)
+                tail = []
+            dv = force / piston_mass
+            dps = (supply(t) - PUMP_RESISTANCE * max(drawn, 0.0) - ps) / PUMP_TIME
+            if has_line:
+                node = 0.2 * volume
+                tail += [ca / node * (qa - in_a), (pva - pa) / inertance, cb / node * (-in_b - qb), (pb - pvb) / inertance]
+            return [v, dv, dpa, dpb, dxv, dps, dz] + tail
+
+        self.rhs = rhs
+        self.root = root
+        self.leak_coefficient = leak_ab
+
+    def absolute_tolerance(self):
+        tolerance = [1e-8, 1e-6, 20.0, 20.0, 1e-5, 20.0, 1e-9]
+        if self.has_rod:
+            tolerance += [1e-8, 1e-6, 1e-9]
+        if self.inertance > 0:
+            tolerance += [20.0, 1e-9, 20.0, 1e-9]
+        return tolerance
+
+    def start(self, base=None, t=0.0, speed_sign=1.0):
+        """A full state from the seven base states (or rest), with the effect's own states where they would settle."""
+        ps = self.supply(t)
+        y = list(base[:7]) if base is not None else [0.0, 0.0, ps / 2, ps / 2, 0.0, ps, 0.0]
+        if self.has_rod:
+            share = self.p["load_friction_share"]
+            z = y[6]
+            y[6] = (1 - share) * z
+            held = share * BRISTLE * z + self.load(t)
+            rod = self.ports["transmission.rod"]
+            stiffness = 1 / rod["elasticity"]["compliance"] if "elasticity" in rod else CONTACT
+            play = rod.get("backlash", {}).get("gap", 0.0) / 2
+            side = math.copysign(1.0, held) if abs(held) > 1 else speed_sign
+            y += [y[0] - held / stiffness - side * play, y[1], share * z]
+        if self.inertance > 0:
+            y += [y[2], self.p["ram_area"] * y[1], y[3], self.p["ram_area"] * y[1]]
+        return y
+
+    def base(self, y):
+        """The seven base states of a full state (for a model without the rod's or the line's states)."""
+        y = list(y)
+        if self.has_rod:
+            y[6] += y[self.rod_index + 2]
+        return y[:7]
+
+    def solver(self, tolerance=1e-5):
+        return ode(self.rhs).set_integrator("lsoda", rtol=tolerance, atol=self.absolute_tolerance(), nsteps=20000)
+
+    def advance(self, solver, y, pieces):
+        drive = self.drive
+        for start, end, kind, a, b, c in pieces:
+            drive[0], drive[1], drive[2], drive[3], drive[4] = kind, a, b, c, start
+            solver.set_initial_value(y, start)
+            y = solver.integrate(end)
+            if not solver.successful():
+                raise RuntimeError(f"the truth could not be integrated past t = {start:.4f} s")
+        return y
+
+    def measured(self, y, sensors, t):
+        """Outputs behind the transducers, without noise."""
+        return (sensors[0](t, y[0]), sensors[1](t, y[1]), sensors[2](t, y[2] - y[3]), sensors[3](t, y[2]),
+                sensors[4](t, y[3]), sensors[5](t, y[4]))
+
+    def sensors(self):
+        n = self.nuisance
+        made = []
+        for index, name in enumerate(OUTPUTS):
+            pressure = name.endswith("pressure")
+            made.append(Sensor(self.ports.get("sensor." + name, {}), self.period,
+                               1 + n["gain_error"] * (-1) ** index if name != "position" else 1.0,
+                               n["pressure_filter"] if pressure else 0.0))
+        return made
+
+    def run(self, duration, controller, noise_scale=1.0, seed=0, y0=None, tolerance=1e-5):
+        """Simulate with a controller; returns a dictionary of channel arrays (as recorded) and `states`, `clean`.
+
+        controller(k, measured) -> command, called once per sample with the measured channels of that sample.
+        Noise in the recording is the datasheet's times noise_scale; the controller has its own, quieter path (one times).
+        """
+        sheet, h = self.sheet, self.period
+        count = int(round(duration / h))
+        random = np.random.default_rng(seed)
+        path = CommandPath(self.ports.get("command.valve_command", {}), h, self.nuisance["spool_hysteresis"])
+        sensors = self.sensors()
+        std = [sheet.noise[c] for c in OUTPUTS]
+        step = [sheet.resolution[c] for c in OUTPUTS]
+        white = random.standard_normal((count, 6))
+        more = random.standard_normal((count, 6)) * math.sqrt(max(noise_scale ** 2 - 1, 0.0))
+        low = [0.0 if sheet.range[c][0] == 0 else -math.inf for c in OUTPUTS]
+        solver = self.solver(tolerance)
+        y = self.start(y0)
+        states = np.empty((count, self.size))
+        clean = np.empty((count, 6))
+        record = {c: np.zeros(count) for c in sheet.channels}
+        rows = [record[c] for c in OUTPUTS]
+        command = record["valve_command"]
+        dac = sheet.resolution["valve_command"]
+        supply, load, reference = record["supply_pressure"], record["load_force"], record["position_reference"]
+        own_noise = min(noise_scale, 1.0)
+        for k in range(count):
+            t = k * h
+            states[k] = y
+            values = self.measured(y, sensors, t)
+            clean[k] = values
+            seen = {}
+            for c in range(6):
+                noise = own_noise * white[k, c] * std[c]
+                own = sensors[c].last(t, values[c] + noise)
+                seen[OUTPUTS[c]] = own
+                logged = own if noise_scale <= 1 or "stuck" in sensors[c].e else \
+                    sensors[c].last(t, values[c] + noise + more[k, c] * std[c])
+                rows[c][k] = max(low[c], math.floor(logged / step[c] + 0.5) * step[c])
+            supply[k], load[k] = y[5], self.load(t)
+            seen["supply_pressure"], seen["load_force"] = y[5], load[k]
+            volts, reference[k] = controller(k, seen)
+            volts = dac * math.floor(min(max(volts, -10.0), 10.0) / dac + 0.5)
+            command[k] = volts
+            y = self.advance(solver, y, path.pieces(k, volts))
+        for name in ("supply_pressure", "load_force", "leak_flow"):
+            noisy = record[name] + noise_scale * sheet.noise[name] * random.standard_normal(count)
+            if sheet.range[name][0] == 0:
+                noisy = np.maximum(noisy, 0.0)
+            if sheet.resolution[name] > 0:
+                noisy = np.round(noisy / sheet.resolution[name]) * sheet.resolution[name]
+            record[name] = noisy
+        return {"t": np.arange(count) * h, "record": record, "states": states, "clean": clean, "truth": self}
+
+    def replay(self, commands, windows, starts, tolerance=1e-5):
+        """Outputs without noise on windows (first, last+1) of a run, each started from a state, driven by given commands.
+
+        Memory of the command path and of the transducers is taken along from the start of the run: the path sees every
+        command, a transducer starts settled at the window's first value.
+        """
+        path = CommandPath(self.ports.get("command.valve_command", {}), self.period, self.nuisance["spool_hysteresis"])
+        solver = self.solver(tolerance)
+        clean = []
+        k = 0
+        for (first, last), base in zip(windows, starts):
+            while k < first:
+                path.pieces(k, commands[k])
+                k += 1
+            y = self.start(base, first * self.period, 1.0 if base[1] >= 0 else -1.0)
+            sensors = self.sensors()
+            for k in range(first, last):
+                values = self.measured(y, sensors, k * self.period)
+                clean.append([s.last(k * self.period, value) for s, value in zip(sensors, values)])
+                y = self.advance(solver, y, path.pieces(k, commands[k]))
+            k = last
+        return np.array(clean)

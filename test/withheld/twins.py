@@ -1,0 +1,75 @@
+"""Families, near-equivalents and parameter twins, as effects.md and the datasheet's notes name them."""
+
+FAMILY = {}
+for _family, _names in {
+    "friction": "coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction",
+    "load": "load_force added_mass end_stop", "play": "backlash elasticity", "deadzone": "deadband",
+    "hysteresis": "hysteresis", "gain": "gain_curve scale", "limit": "rate_limit saturation", "offset": "offset drift",
+    "lag": "lag", "delay": "delay", "resolution": "quantisation noise", "stuck": "stuck",
+    "leakage": "orifice_leakage laminar_leakage speed_leakage relief_opening", "restriction": "clogging area_curve",
+    "compliance": "entrained_air compliance_factor", "line": "line_inertia",
+    "source": "droop ripple displacement_ripple", "temperature": "viscosity_drift", "heat": "heat_loss heat_capacity",
+}.items():
+    for _name in _names.split():
+        FAMILY[_name] = _family
+
+# Move like a nominal parameter: below about three tolerances miscalibration, not structure.
+PARAMETER_TWINS = {
+    "coulomb_friction@force.piston", "viscous_friction@force.piston", "stribeck_friction@force.piston",
+    "added_mass@force.piston", "compliance_factor@compliance.chambers", "clogging@restriction.valve",
+    "scale@command.valve_command",
+}
+# Groups whose members one run may not tell apart (the datasheet's notes, cosine 0.93 and above, and their logic).
+_GROUPS = [
+    ["lag@command.valve_command", "delay@command.valve_command"],
+    ["orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b"],
+    ["offset@sensor.chamber_a_pressure", "scale@sensor.chamber_a_pressure"],
+    ["coulomb_friction@force.piston", "load_dependent_friction@force.piston", "viscous_friction@force.piston",
+     "stribeck_friction@force.piston"],
+    ["asymmetric_friction@force.piston", "load_force@force.piston"],
+    ["scale@command.valve_command", "gain_curve@command.valve_command", "clogging@restriction.valve"],
+    ["entrained_air@compliance.chambers", "compliance_factor@compliance.chambers"],
+    ["droop@source.supply_pressure", "offset@source.supply_pressure", "clogging@restriction.valve"],
+    ["clogging@restriction.valve", "area_curve@restriction.valve", "gain_curve@command.valve_command"],
+    ["area_curve@restriction.valve", "deadband@restriction.valve"],
+    ["deadband@command.valve_command", "hysteresis@command.valve_command"],
+    ["deadband@command.valve_command", "gain_curve@command.valve_command"],
+    ["saturation@command.valve_command", "gain_curve@command.valve_command", "rate_limit@command.valve_command"],
+    ["rate_limit@command.valve_command", "lag@command.valve_command"],
+    ["offset@command.valve_command", "offset@sensor.spool_position"],
+    ["scale@command.valve_command", "scale@sensor.spool_position"],
+    ["offset@sensor.load_pressure", "offset@sensor.chamber_a_pressure"],
+    ["offset@sensor.load_pressure", "offset@sensor.chamber_b_pressure"],
+    ["backlash@transmission.rod", "elasticity@transmission.rod"],
+    ["added_mass@force.piston", "elasticity@transmission.rod"],
+    ["load_force@force.piston", "end_stop@force.piston"],
+    ["orifice_leakage@flow.chamber_a_tank", "orifice_leakage@flow.chamber_b_tank"],
+    ["line_inertia@line.valve_cylinder", "lag@command.valve_command"],
+    ["quantisation@sensor.position", "lag@sensor.position"],
+    ["scale@sensor.position", "drift@sensor.position"],
+]
+
+
+def rivals(key, known):
+    """Effects that could be mistaken for this one and that the datasheet knows."""
+    found = []
+    for group in _GROUPS:
+        if key in group:
+            found += [other for other in group if other != key and other in known and other not in found]
+    return found
+
+
+def withheld(key, known):
+    """What the open part takes out of the library with an effect: its near-equivalents and its family at the same port."""
+    effect, port = key.split("@")
+    same = [other for other in known
+            if other != key and other.split("@")[1] == port and FAMILY.get(other.split("@")[0]) == FAMILY.get(effect)]
+    return [key] + rivals(key, known) + [other for other in same if other not in rivals(key, known)]
+
+
+def family(key):
+    return FAMILY.get(key.split("@")[0], key.split("@")[0])
+
+
+def place_kind(port):
+    return "sensor" if port.startswith("sensor.") else "process"
