@@ -27,7 +27,7 @@ try:
     import matplotlib
     import numpy
     import report_pictures as pictures
-    from report_data import Datasheet, ReportError, flatten, read_answer, read_series, share_folder
+    from report_data import Datasheet, ReportError, datasheet_path, flatten, read_answer, read_series
     from report_units import Scale, decimals_for, show, words
 except ImportError as missing:
     print("faultline report: {}; install python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml".format(missing),
@@ -43,18 +43,23 @@ KIND_NAMES = {"fault": "fault", "sensor": "sensor fault", "data": "bad data", "m
 
 def find_program():
     """The faultline program: named by the environment, beside this script (installed), or in the build of this tree."""
-    candidates = [os.environ.get("FAULTLINE_PROGRAM", ""), os.path.join(HERE, "faultline"),
-                  os.path.join(HERE, "..", "catkin_ws", "devel", "lib", "faultline", "faultline")]
+    given = os.environ.get("FAULTLINE_PROGRAM")
+    candidates = [given] if given else [os.path.join(HERE, "faultline"),
+                                        os.path.join(HERE, "..", "catkin_ws", "devel", "lib", "faultline", "faultline")]
     for path in candidates:
-        if path and os.path.isfile(path) and os.access(path, os.X_OK):
+        if os.path.isfile(path) and os.access(path, os.X_OK):
             return os.path.realpath(path)
+    if given:
+        raise ReportError("FAULTLINE_PROGRAM={}: no program is there; set it right, or unset it".format(given))
     raise ReportError("the faultline program is not built; run ./faultline build first")
 
 
-def diagnose(program, bag, rig, folder):
+def diagnose(program, chosen, folder):
     """Runs the diagnosis; returns where its answer and its series are, and the command."""
     answer, series = os.path.join(folder, "answer.json"), os.path.join(folder, "series.csv")
-    command = [program, "diagnose", bag] + (["--rig", rig] if rig else []) + ["--json", answer, "--series", series]
+    bag = chosen.bag
+    options = (["--rig", chosen.rig] if chosen.rig else []) + (["--config", chosen.config] if chosen.config else [])
+    command = [program, "diagnose", bag] + options + ["--json", answer, "--series", series]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                           universal_newlines=True)
     if done.returncode != 0:
@@ -65,7 +70,7 @@ def diagnose(program, bag, rig, folder):
         if not os.path.isfile(path):
             raise ReportError("{}: the diagnosis wrote no {}; is the program older than this script? run ./faultline build".format(
                 bag, os.path.basename(path)))
-    shown = ["faultline", "diagnose", bag] + (["--rig", rig] if rig else []) + ["--json", "ANSWER", "--series", "SERIES"]
+    shown = ["faultline", "diagnose", bag] + options + ["--json", "ANSWER", "--series", "SERIES"]
     return answer, series, " ".join(shown)
 
 
@@ -109,13 +114,17 @@ def alarm_row(alarm, number, sheet):
     size, bounds = size_text(alarm.get("size"))
     raised, since, until = alarm.get("raised"), alarm["since"], alarm["until"]
     confidence = alarm.get("confidence")
+    if alarm["kind"] == "data" and not confidence:  # that a number is missing is not a matter of belief
+        confidence = None
     return {
         "number": number, "kind": alarm["kind"], "what": alarm["what"],
         "port": alarm.get("port") or "", "component": sheet.component(alarm.get("port") or ""),
         "since": "{:.2f} s".format(since), "until": "end of run" if alarm.get("active") else "{:.2f} s".format(until),
         "delay": "{:.2f} s".format(raised - since) if raised is not None else "–",
         "size_name": words((alarm.get("size") or {}).get("name") or ""), "size": size, "bounds": bounds,
-        "confidence": None if confidence is None else int(100 * min(max(confidence, 0.0), 1.0)), "text": alarm.get("text") or "",
+        "confidence": None if confidence is None else int(100 * min(max(confidence, 0.0), 1.0)),
+        "sure": "–" if confidence is None else "> 99 %" if confidence > 0.99 else "{:.0f} %".format(100 * confidence),
+        "text": alarm.get("text") or "",
     }
 
 
@@ -131,6 +140,11 @@ def verdict_of(answer):
     return chosen, words_of[chosen], sentence
 
 
+def as_sentence(text):
+    """With a capital, unless it begins with the name of a channel."""
+    return text if re.match(r"\w+:", text) else text[:1].upper() + text[1:]
+
+
 def keep_together(text):
     """A number and its unit stay on one line."""
     return re.sub(r"(?<=\d) (?=(?:l/s|l/min|bar|Pa|mm|m|N|V|K|s|min|%|to)\b|%|°C)", "\u00a0", text)
@@ -144,17 +158,19 @@ def render(answer, series, sheet, facts):
     end = max(float(answer["duration"]), float(series.time[-1]), 1e-9)
     for number, alarm in enumerate(answer["alarms"], start=1):
         alarm["number"] = number
+        if alarm["until"] is None:
+            alarm["until"] = end
         alarm["what"] = words(alarm.get("effect") or "") or KIND_NAMES.get(alarm["kind"], words(alarm["kind"]))
     state, word, sentence = verdict_of(answer)
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(os.path.join(HERE, "templates")), autoescape=True,
                                      undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    period = float(numpy.median(numpy.diff(series.time))) or float(series.time[-1]) / (series.rows - 1)
+    samples = (answer.get("counts") or {}).get("samples", series.rows)
     return environment.get_template("report.html").render(
-        state=state, word=word, sentence=keep_together(sentence), title=sheet.title, rig=answer["rig"],
-        duration=duration_text(end), rate="{:.0f} Hz".format(1 / period) if period > 0 else "–",
-        samples="{:,}".format(series.rows).replace(",", " "),
+        state=state, word=word, sentence=keep_together(as_sentence(sentence)), title=sheet.title, rig=answer["rig"],
+        duration=duration_text(end), rate="{:.4g} Hz".format((samples - 1) / end),
+        samples="{:,}".format(samples).replace(",", " "),
         alarms=[alarm_row(alarm, i, sheet) for i, alarm in enumerate(answer["alarms"], start=1)],
-        counts=[(words(name), "{:,}".format(value).replace(",", " ") if isinstance(value, int) else value)
+        counts=[(name, "{:,}".format(value).replace(",", " ") if isinstance(value, int) else value)
                 for name, value in flatten(answer.get("counts") or {})],
         pictures={name: markupsafe.Markup(svg) if svg else None
                   for name, svg in pictures.draw_all(answer, series, sheet, end).items()},
@@ -192,10 +208,11 @@ def parse(arguments):
         prog="faultline report", formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Diagnoses a recorded session and writes what was found as one HTML file.",
         epilog="example: ./faultline report bags/servo_actuator_step_leak.bag -o step_leak.html")
-    parser.add_argument("bag", metavar="BAG", help="recorded session: a bag, or what else `faultline diagnose` reads")
+    parser.add_argument("bag", metavar="BAG", help="recorded session: a .bag, or a .csv with --rig")
     parser.add_argument("-o", "--output", metavar="OUT.html", default="faultline_report.html",
                         help="file to write (default: %(default)s in this folder)")
     parser.add_argument("--rig", help="rig, where the recording does not name it")
+    parser.add_argument("--config", metavar="FILE", help="datasheet to read instead of the rig's own")
     parser.add_argument("--json", metavar="FILE", help="answer of an earlier `faultline diagnose BAG --json FILE`")
     parser.add_argument("--series", metavar="FILE", help="series of an earlier `faultline diagnose BAG --series FILE`")
     chosen = parser.parse_args(arguments)
@@ -219,17 +236,19 @@ def main(arguments):
             command = "faultline diagnose {} --json {} --series {}".format(chosen.bag, chosen.json, chosen.series)
         else:
             folder = tempfile.mkdtemp(prefix="faultline_report_")
-            answer_path, series_path, command = diagnose(find_program(), chosen.bag, chosen.rig, folder)
+            answer_path, series_path, command = diagnose(find_program(), chosen, folder)
         answer, series = read_answer(answer_path), read_series(series_path)
-        facts = [
-            ("Recording", "{} ({})".format(os.path.basename(chosen.bag), file_facts(chosen.bag))),
+        facts = [("Recording", "{} ({})".format(os.path.basename(chosen.bag), file_facts(chosen.bag)))]
+        if answer.get("made_by"):
+            facts.append(("Recorded with", str(answer["made_by"])))
+        facts += [
             ("Diagnosis", command),
             ("Report", "faultline report {}".format(chosen.bag)),
             ("Versions", "faultline {}, Python {}, matplotlib {}, jinja2 {}, numpy {}".format(
                 program_version(), sys.version.split()[0], matplotlib.__version__, jinja2.__version__, numpy.__version__)),
             ("Written", datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")),
         ]
-        sheet = Datasheet(str(answer["rig"]), share_folder(HERE))
+        sheet = Datasheet(answer["rig"], chosen.config or datasheet_path(answer["rig"], HERE))
         write_file(chosen.output, render(answer, series, sheet, facts))
         print("faultline: report written to {}".format(chosen.output))
         return 0

@@ -1,8 +1,9 @@
 """What the report reads: the answer of `faultline diagnose` (JSON), its series (CSV) and the rig's datasheet (YAML).
 
-The series: a column `t` [s], every channel by its name, then what was estimated, each only if there is such a thing:
-  state:NAME  quantity:NAME  quantity_std:NAME  innovation:CHANNEL  innovation_std:CHANNEL  normalised_innovation
-A name may carry its unit, `quantity:leak_flow[m^3/s]`. Empty cells are missing numbers.
+The series: a column `t` [s from the start], every channel by its name, and what was estimated, as far as it is there:
+  x.STATE  q.QUANTITY  i.CHANNEL (innovation), each with a column NAME.std beside it;  normalised_innovation
+A long run comes as pairs of rows that hold the smallest and the largest number of a stretch, column by column, in the order in
+which they came. A name may carry its unit, `q.leak_flow[m^3/s]`. Empty cells are missing numbers.
 """
 import json
 import os
@@ -19,29 +20,30 @@ class ReportError(Exception):
 
 
 class Series:
-    """The columns of a run; times count from its start."""
+    """The columns of a run."""
 
     def __init__(self, names, table):
-        self.units = {}
-        plain = []
-        for name in names:
+        self.units, self.columns = {}, {}
+        for i, name in enumerate(names):
             match = re.fullmatch(r"(.*?)\s*\[([^\]]*)\]", name)
-            plain.append(match.group(1) if match else name)
             if match:
-                self.units[plain[-1]] = match.group(2)
-        self.columns = {name: table[:, i] for i, name in enumerate(plain)}
-        time = self.columns.pop("t")
-        self.time = time - time[0]
-        self.rows = len(time)
+                name = match.group(1)
+                self.units[name] = match.group(2)
+            self.columns[name] = table[:, i]
+        self.time = self.columns.pop("t")
+        self.rows = len(self.time)
 
     def get(self, name):
         return self.columns.get(name)
 
-    def with_prefix(self, prefix):
-        return [name[len(prefix):] for name in self.columns if name.startswith(prefix)]
+    def std(self, name):
+        return self.columns.get(name + ".std")
+
+    def names(self, prefix):
+        return [name[len(prefix):] for name in self.columns if name.startswith(prefix) and not name.endswith(".std")]
 
     def channels(self):
-        return [name for name in self.columns if ":" not in name and name != "normalised_innovation"]
+        return [name for name in self.columns if "." not in name and name != "normalised_innovation"]
 
 
 def _number(text):
@@ -73,7 +75,33 @@ def read_series(path):
         raise ReportError("{}: cannot be read: {}".format(path, getattr(error, "strerror", None) or "not a text file"))
     if len(rows) < 2:
         raise ReportError("{}: holds {} samples; a report needs at least two".format(path, len(rows)))
-    return Series(names, np.array(rows))
+    table = np.array(rows)
+    if not np.isfinite(table[:, names.index("t")]).all():
+        raise ReportError("{}: a sample has no time (column t); make the series again".format(path))
+    return Series(names, open_gaps(table, names.index("t")))
+
+
+def open_gaps(table, at, factor=20):
+    """Rows without numbers where time jumps, so that no line is drawn over what was not recorded."""
+    time = table[:, at]
+    steps = np.diff(time)
+    usual = np.median(steps)
+    jumps = np.flatnonzero(steps > factor * usual) if usual > 0 else []
+    if len(jumps) == 0 or len(jumps) > 1000:
+        return table
+    # Enough rows to fill a whole stretch of a picture, whatever rows it begins with; an even number, for pairs to stay pairs.
+    count = 4 * max(2, -(-len(table) // 1000))
+    parts, begin = [], 0
+    for jump in jumps:
+        empty = np.full((count, table.shape[1]), np.nan)
+        empty[:, at] = np.linspace(time[jump], time[jump + 1], count + 2)[1:-1]
+        parts += [table[begin:jump + 1], empty]
+        begin = jump + 1
+    return np.vstack(parts + [table[begin:]])
+
+
+def _is_number(value):
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def read_answer(path):
@@ -90,42 +118,47 @@ def read_answer(path):
     for key in ("rig", "duration", "verdict", "alarms"):
         if key not in answer:
             raise ReportError("{}: key '{}' is missing; make the file with `faultline diagnose BAG --json FILE`".format(path, key))
+    remedy = "make the file with `faultline diagnose BAG --json FILE`"
+    if not isinstance(answer["rig"], str):
+        raise ReportError("{}: key 'rig' is not a name; {}".format(path, remedy))
+    if not _is_number(answer["duration"]):
+        raise ReportError("{}: key 'duration' is not a number; {}".format(path, remedy))
     if not isinstance(answer["alarms"], list):
-        raise ReportError("{}: key 'alarms' is not a list; make the file with `faultline diagnose BAG --json FILE`".format(path))
+        raise ReportError("{}: key 'alarms' is not a list; {}".format(path, remedy))
     for i, alarm in enumerate(answer["alarms"]):
         for key in ("kind", "since", "until"):
             if not isinstance(alarm, dict) or key not in alarm:
-                raise ReportError("{}: alarm {} has no key '{}'; make the file with `faultline diagnose BAG --json FILE`".format(
-                    path, i, key))
+                raise ReportError("{}: alarm {} has no key '{}'; {}".format(path, i, key, remedy))
+        for key in ("since", "until", "raised", "confidence"):
+            if not _is_number(alarm.get(key)) and (key == "since" or alarm.get(key) is not None):
+                raise ReportError("{}: alarm {}: key '{}' is not a number; {}".format(path, i, key, remedy))
     return answer
 
 
-def share_folder(here):
-    """The folder that holds config/: the source tree, or share/faultline of an install space; None where there is none."""
-    candidates = [os.environ.get("FAULTLINE_SHARE", ""), os.path.dirname(here),
-                  os.path.join(here, "..", "..", "share", "faultline")]
-    for folder in candidates:
-        if folder and os.path.isdir(os.path.join(folder, "config")):
-            return os.path.realpath(folder)
+def datasheet_path(rig, here):
+    """config/<rig>.yaml of the source tree, or of share/faultline in an install space; None where there is none."""
+    for folder in (os.environ.get("FAULTLINE_SHARE", ""), os.path.dirname(here), os.path.join(here, "..", "..", "share", "faultline")):
+        path = os.path.join(folder, "config", rig + ".yaml")
+        if folder and os.path.isfile(path):
+            return path
     return None
 
 
 class Datasheet:
     """What the report needs of a rig's datasheet; empty where there is none, and then names stand for themselves."""
 
-    def __init__(self, rig, folder):
+    def __init__(self, rig, path):
         self.title, self.channels, self.ports = rig.replace("_", " "), {}, {}
-        path = os.path.join(folder or "", "config", rig + ".yaml")
-        if not folder or not os.path.isfile(path):
+        if not path:
             return
         try:
             with open(path, encoding="utf-8") as file:
                 sheet = yaml.safe_load(file)
-        except (OSError, yaml.YAMLError) as error:
-            raise ReportError("{}: cannot be read: {}".format(path, str(error).replace("\n", " ")))
-        self.title = sheet.get("title", self.title)
-        self.channels = {channel["name"]: channel for channel in sheet.get("channels", [])}
-        self.ports = sheet.get("ports", {})
+            self.title = sheet.get("title", self.title)
+            self.channels = {channel["name"]: channel for channel in sheet.get("channels", [])}
+            self.ports = sheet.get("ports", {})
+        except (OSError, UnicodeDecodeError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+            raise ReportError("{}: is no datasheet: {}; see docs/datasheet.md".format(path, str(error).replace("\n", " ")))
 
     def unit(self, channel):
         return self.channels.get(channel, {}).get("unit", "")
@@ -137,17 +170,27 @@ class Datasheet:
         return self.ports.get(port, {}).get("component", "")
 
 
-# Where a series names no unit: what the last word of a quantity's name says.
+# Where a series names no unit: a quantity known by its name, else what the last word of a quantity's name says.
 _UNIT_OF_LAST_WORD = {"flow": "m^3/s", "force": "N", "pressure": "Pa", "parity": "Pa", "sum": "Pa", "position": "m",
                       "velocity": "m/s", "speed": "rad/s", "temperature": "K", "torque": "N m", "power": "W"}
 
 
+_UNIT_OF_NAME = {"leak_coefficient": "m^3/(s sqrt(Pa))", "leak_drive": "sqrt(Pa)"}
+
+
 def quantity_unit(name, series, sheet):
-    if "quantity:" + name in series.units:
-        return series.units["quantity:" + name]
+    if "q." + name in series.units:
+        return series.units["q." + name]
     if sheet.unit(name):
         return sheet.unit(name)
-    return _UNIT_OF_LAST_WORD.get(name.rsplit("_", 1)[-1], "")
+    return _UNIT_OF_NAME.get(name) or _UNIT_OF_LAST_WORD.get(name.rsplit("_", 1)[-1], "")
+
+
+COUNT_NAMES = {
+    "used": "samples used", "not_newer": "not newer than the last", "restarts": "starts of the filter",
+    "missing": "missing numbers", "out_of_range": "numbers out of range", "gaps": "gaps in time", "lost": "lost samples",
+    "duplicates": "duplicate samples", "backward": "jumps back in time",
+}
 
 
 def flatten(counts, prefix=""):
@@ -157,5 +200,5 @@ def flatten(counts, prefix=""):
         if isinstance(value, dict):
             result += flatten(value, prefix + key + ": ")
         elif isinstance(value, (int, float, str)):
-            result.append((prefix + key, value))
+            result.append((prefix + COUNT_NAMES.get(key, key.replace("_", " ")), value))
     return result

@@ -1,7 +1,7 @@
 """The report's pictures, each an SVG string: alarms over time, signals, estimates with bounds, residuals.
 
 A run has far more samples than a screen has pixels. Signals are reduced to the extremes of each of a thousand or so
-stretches and the mean between them, so that no spike is lost; estimates to the mean of each.
+stretches and the middle between them, so that no spike is lost; estimates to that middle.
 """
 import io
 import re
@@ -14,14 +14,14 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
 from report_data import quantity_unit  # noqa: E402
-from report_units import Scale, words  # noqa: E402
+from report_units import Scale, show, words  # noqa: E402
 
 KIND_COLOURS = {"fault": "#c0362c", "sensor": "#b4570f", "data": "#8a6d0b", "model": "#2f6fa8", "unknown": "#6b4fa3"}
 LINES = ["#1f5f99", "#d1741b", "#2f8f5b", "#8d4fa8", "#4d4d4d", "#b8336a", "#0f8b8d"]
-TRUTH = "#1c1c1c"
+TRUTH, BAND = "#1c1c1c", "#2f8f5b"
 NINETY = 1.645  # two-sided 90 % bounds of a normal distribution, in standard deviations
 STRETCHES = 1100
-WIDTH, LEFT, RIGHT = 10.6, 0.66, 0.1  # inches, of the picture and of its margins; the page scales it
+WIDTH, LEFT, RIGHT = 10.6, 0.8, 0.1  # inches, of the picture and of its margins; the page scales it
 
 STYLE = {
     "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "font.size": 9, "svg.fonttype": "none",
@@ -39,12 +39,13 @@ PAGE_FONTS = "system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue','Noto S
 # ---- Fewer points
 
 def stretches(rows, wanted=STRETCHES):
-    """First rows of about `wanted` stretches of equal length."""
-    return np.arange(0, rows, max(1, -(-rows // wanted)))
+    """First rows of about `wanted` stretches of equal length; of even length, since the series comes in pairs."""
+    step = -(-rows // wanted)
+    return np.arange(0, rows, step + step % 2 if step > 1 else 1)
 
 
 def envelope(values, wanted=STRETCHES):
-    """First row, smallest and largest sample of every stretch; not a number where a stretch has none."""
+    """First row, smallest and largest number of every stretch; not a number where a stretch has none."""
     starts = stretches(len(values), wanted)
     good = np.isfinite(values)
     low = np.minimum.reduceat(np.where(good, values, np.inf), starts)
@@ -54,13 +55,10 @@ def envelope(values, wanted=STRETCHES):
     return starts, low, high
 
 
-def means(time, values, wanted=STRETCHES):
-    starts = stretches(len(time), wanted)
-    good = np.isfinite(values)
-    counts = np.add.reduceat(good.astype(float), starts)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        result = np.add.reduceat(np.where(good, values, 0.0), starts) / counts
-    return time[starts], result
+def middle(time, values):
+    """Time and middle between the extremes of every stretch."""
+    starts, low, high = envelope(values)
+    return time[starts], 0.5 * (low + high)
 
 
 # ---- Parts of a picture
@@ -102,10 +100,10 @@ def _panels(count, height, end, gap=0.5):
 
 
 def _trace(axis, time, values, colour, width=0.9, label=None, style="-", order=3):
-    """A signal: its extremes as a pale band, so that no spike is lost, and its mean as a line."""
+    """A signal: its extremes as a pale band, so that no spike is lost, and the middle between them as a line."""
     starts, low, high = envelope(values)
-    axis.fill_between(time[starts], low, high, color=colour, alpha=0.3, linewidth=0.5, zorder=order - 0.5)
-    axis.plot(*means(time, values, wanted=STRETCHES), color=colour, linewidth=width, linestyle=style, zorder=order, label=label)
+    axis.fill_between(time[starts], low, high, color=colour, alpha=0.3, linewidth=0, zorder=order - 0.5)
+    axis.plot(time[starts], 0.5 * (low + high), color=colour, linewidth=width, linestyle=style, zorder=order, label=label)
     return low, high
 
 
@@ -122,6 +120,16 @@ def _title(axis, text, entries=True):
     if entries and handles:
         axis.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 0.985), ncol=len(handles), borderaxespad=0,
                     handlelength=1.6, columnspacing=1.4, handletextpad=0.5)
+
+
+def _remark(axis, text, colour="#5a646e"):
+    axis.text(1.0, 1.05, text, transform=axis.transAxes, ha="right", va="bottom", fontsize=8.5, color=colour)
+
+
+def chi_square_99(degrees):
+    """What 99 of 100 chi-square numbers stay below; Wilson and Hilferty 1931, good to one per cent."""
+    part = 2.0 / (9.0 * degrees)
+    return degrees * (1.0 - part + 2.326 * part**0.5) ** 3
 
 
 def _limits(axis, parts, spread=0.08):
@@ -147,7 +155,8 @@ def alarm_line(alarms, end, label="alarms", most=24):
         axis.barh(row, max(until - since, end * 0.002), left=since, height=0.62, color=colour, alpha=0.85, linewidth=0)
         if alarm.get("raised") is not None:
             axis.plot([alarm["raised"]] * 2, [row - 0.42, row + 0.42], color="#15191d", linewidth=1.4)
-        name = alarm["what"]
+        place = (alarm.get("port") or "").partition(".")[2] if not alarm.get("effect") else ""
+        name = alarm["what"] + (": " + words(place) if place else "")
         # Beside the bar where there is room, else in it.
         before = since / end > 0.28
         after = not before and (end - until) / end > 0.28
@@ -160,6 +169,11 @@ def alarm_line(alarms, end, label="alarms", most=24):
     axis.spines["left"].set_visible(False)
     axis.set_xlabel("time from the start [s]")
     return _svg(figure, label)
+
+
+def settled(end):
+    """s: before, a rig moves to where it works and an estimate knows little; such moments do not set a picture's scale."""
+    return min(3.0, 0.05 * end)
 
 
 def signals(series, sheet, alarms, end, label="signals"):
@@ -185,8 +199,12 @@ def signals(series, sheet, alarms, end, label="signals"):
                                style=(0, (4, 1.5)) if role == "setpoint" else "-")
             # A broken cable may send anything: what the transducer cannot show does not set the scale.
             floor, ceiling = sheet.channels.get(name, {}).get("range", (-np.inf, np.inf))
-            lowest = min(lowest, max(np.nanmin(low), scale.value(floor)))
-            highest = max(highest, min(np.nanmax(high), scale.value(ceiling)))
+            shown = np.isfinite(low) & (series.time[stretches(series.rows)] >= settled(end))
+            if shown.any():
+                lowest = min(lowest, max(low[shown].min(), scale.value(floor)))
+                highest = max(highest, min(high[shown].max(), scale.value(ceiling)))
+        if lowest > highest:
+            lowest, highest = 0.0, 0.0
         room = 0.08 * (highest - lowest) if highest > lowest else max(0.1 * abs(highest), 1e-3)
         axis.set_ylim(lowest - room, highest + room)
         axis.set_ylabel(scale.unit)
@@ -199,8 +217,8 @@ def signals(series, sheet, alarms, end, label="signals"):
 def estimated(series):
     """Names of the quantities that carry an uncertainty of their own; the others follow from measurements alone."""
     result = []
-    for name in series.with_prefix("quantity:"):
-        std = series.get("quantity_std:" + name)
+    for name in series.names("q."):
+        std = series.std("q." + name)
         if std is not None and np.nanmax(np.where(np.isfinite(std), std, 0.0)) > 0:
             result.append(name)
     return result
@@ -215,23 +233,21 @@ def estimates(series, sheet, alarms, end, label="estimates"):
     for axis, name in zip(axes, names):
         unit = quantity_unit(name, series, sheet)
         scale = Scale(unit)
-        value, std = series.get("quantity:" + name), series.get("quantity_std:" + name)
-        time, middle = means(series.time, scale.value(value))
-        spread = NINETY * means(series.time, scale.span(std))[1]
-        largest = np.nanmax(np.abs(middle)) if np.isfinite(middle).any() else 0
+        time, value = middle(series.time, scale.value(series.get("q." + name)))
+        spread = NINETY * middle(series.time, scale.span(series.std("q." + name)))[1]
+        largest = np.nanmax(np.abs(value)) if np.isfinite(value).any() else 0
         power = int(np.floor(np.log10(largest))) if largest > 0 else 0
         power = power if not -4 <= power < 5 else 0
-        middle, spread = middle / 10.0**power, spread / 10.0**power
+        value, spread = value / 10.0**power, spread / 10.0**power
         _shade(axis, alarms)
-        axis.fill_between(time, middle - spread, middle + spread, color=LINES[0], alpha=0.2, linewidth=0, zorder=2,
+        axis.fill_between(time, value - spread, value + spread, color=LINES[0], alpha=0.2, linewidth=0, zorder=2,
                           label="90 % bounds")
-        axis.plot(time, middle, color=LINES[0], linewidth=1.1, zorder=4, label="estimate")
-        # All but the start counts for the limits: before the first move an estimate knows little.
-        known = time > min(5.0, 0.1 * end)
-        parts = [middle[known], (middle - spread)[known], (middle + spread)[known]]
+        axis.plot(time, value, color=LINES[0], linewidth=1.1, zorder=4, label="estimate")
+        known = time >= settled(end)
+        parts = [value[known], (value - spread)[known], (value + spread)[known]]
         truth = series.get(name)
         if truth is not None and np.isfinite(truth).any() and sheet.ground_truth(name):
-            at, true = means(series.time, scale.value(truth) / 10.0**power)
+            at, true = middle(series.time, scale.value(truth) / 10.0**power)
             axis.plot(at, true, color=TRUTH, linewidth=0.8, zorder=3, alpha=0.85, label="flow meter" if unit == "m^3/s" else "measured")
             parts.append(true)
         _limits(axis, parts)
@@ -243,55 +259,50 @@ def estimates(series, sheet, alarms, end, label="estimates"):
 
 def residuals(series, alarms, end, label="residuals"):
     """Every innovation in units of its own predicted standard deviation, and their normalised sum of squares."""
-    names = [name for name in series.with_prefix("innovation:") if series.get("innovation_std:" + name) is not None]
+    names = [name for name in series.names("i.") if series.std("i." + name) is not None]
     whole = series.get("normalised_innovation")
     count = len(names) + (whole is not None)
     if count == 0:
         return None
     figure, axes = _panels(count, 1.05, end, gap=0.42)
     for axis, name in zip(axes, names):
-        std = series.get("innovation_std:" + name)
+        std = series.std("i." + name)
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.where(std > 0, series.get("innovation:" + name) / std, np.nan)
-        good = np.isfinite(ratio)
-        outside = 100.0 * np.mean(np.abs(ratio[good]) > 2) if good.any() else float("nan")
+            ratio = np.where(std > 0, series.get("i." + name) / std, np.nan)
+        good = np.abs(ratio[np.isfinite(ratio)])
         _shade(axis, alarms)
-        axis.axhspan(-2, 2, color="#2f8f5b", alpha=0.1, linewidth=0, zorder=1)
         for level in (-2, 2):
-            axis.axhline(level, color="#2f8f5b", linewidth=0.8, zorder=4)
+            axis.axhline(level, color=BAND, linewidth=0.8, zorder=4)
         _trace(axis, series.time, ratio, LINES[0])
-        top = max(3.2, min(12.0, 1.15 * np.percentile(np.abs(ratio[good]), 99.95))) if good.any() else 3.2
+        top = min(12.0, max(3.2, 1.15 * np.percentile(good, 99.9))) if len(good) else 3.2
         axis.set_ylim(-top, top)
         axis.set_ylabel("σ")
         _title(axis, words(name).capitalize())
-        axis.text(1.0, 1.05, "{:.1f} % of the samples outside ±2 σ".format(outside), transform=axis.transAxes, ha="right",
-                  va="bottom", fontsize=8.5, color="#5a646e")
+        _remark(axis, "largest: {} σ".format(show(np.max(good), 2)) if len(good) else "not observed")
     if whole is not None:
         axis = axes[-1]
         _shade(axis, alarms)
-        # Over a second, single samples of a chi-square average out and a model that no longer fits stands out.
-        time, values = means(series.time, whole / max(len(names), 1), wanted=max(2, min(STRETCHES, int(end * 10))))
-        axis.plot(time, values, color=LINES[3], linewidth=0.9, zorder=3)
-        axis.axhline(1.0, color="#2f8f5b", linewidth=1.0, zorder=2)
-        good = values[np.isfinite(values) & (time > min(2.0, 0.05 * end))]
-        axis.set_ylim(0, max(1.25, 1.15 * np.percentile(good, 99.7)) if len(good) else 1.25)
-        _title(axis, "Normalised innovation squared, per channel")
-        axis.text(1.0, 1.05, "1: as uncertain as the filter believes", transform=axis.transAxes, ha="right", va="bottom",
-                  fontsize=8.5, color="#2f8f5b")
+        _, high = _trace(axis, series.time, whole, LINES[3])
+        degrees = max(len(names), 1)
+        limit = chi_square_99(degrees)
+        axis.axhline(limit, color=BAND, linewidth=1.0, zorder=4)
+        good = high[np.isfinite(high)]
+        axis.set_ylim(0, max(1.2 * limit, 1.1 * np.percentile(good, 99.0)) if len(good) else 1.2 * limit)
+        _title(axis, "Normalised innovation squared, all channels")
+        _remark(axis, "where model and noise are right, 99 of 100 samples lie below {:.1f}".format(limit), BAND)
     return _svg(figure, label)
 
 
 def balances(series, sheet, alarms, end, label="balances"):
     """Quantities that follow from measurements alone: what redundant transducers say about each other."""
-    names = [name for name in series.with_prefix("quantity:") if name not in estimated(series) and
-             np.isfinite(series.get("quantity:" + name)).any()]
+    names = [name for name in series.names("q.") if name not in estimated(series) and np.isfinite(series.get("q." + name)).any()]
     if not names:
         return None
     figure, axes = _panels(len(names), 1.05, end, gap=0.42)
     for axis, name in zip(axes, names):
         scale = Scale(quantity_unit(name, series, sheet))
         _shade(axis, alarms)
-        _limits(axis, _trace(axis, series.time, scale.value(series.get("quantity:" + name)), LINES[2]))
+        _limits(axis, _trace(axis, series.time, scale.value(series.get("q." + name)), LINES[2]))
         axis.set_ylabel(scale.unit)
         _title(axis, words(name).capitalize())
     return _svg(figure, label)

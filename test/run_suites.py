@@ -107,14 +107,24 @@ def send(pids, number):
             pass
 
 
-def end_processes(suite, patience=10.0):
-    """Asks, waits, insists. Returns how many had to be asked."""
-    first = marked_processes(suite)
-    send(first, signal.SIGINT)
+def gone(suite, patience):
     limit = time.monotonic() + patience
-    while marked_processes(suite) and time.monotonic() < limit:
+    while time.monotonic() < limit:
+        if not marked_processes(suite):
+            return True
         time.sleep(0.1)
-    send(marked_processes(suite), signal.SIGKILL)
+    return not marked_processes(suite)
+
+
+def end_processes(suite, grace=0.0):
+    """Waits, asks twice, insists. Returns how many had to be asked."""
+    if gone(suite, grace):
+        return 0
+    first = marked_processes(suite)
+    for number, patience in ((signal.SIGINT, 6.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0)):
+        send(marked_processes(suite), number)
+        if gone(suite, patience):
+            break
     return len(first)
 
 
@@ -141,10 +151,14 @@ def count(suite, result, scratch, log, code):
         elif suite.kind == "gtest":
             read_junit(suite, ElementTree.parse(result))
         else:
-            # rostest sums up all nodes of a .test file in one file; nodes write files of their own beside it.
-            files = list((scratch / "results").rglob("rostest-*.xml"))
-            for file in files:
+            # Each test node writes rosunit-*.xml, which counts; rostest-*.xml says in addition which nodes wrote nothing.
+            for file in (scratch / "results").rglob("rosunit-*.xml"):
                 read_junit(suite, ElementTree.parse(file))
+            nodes = Suite("rostest", suite.name, suite.path)
+            for file in (scratch / "results").rglob("rostest-*.xml"):
+                read_junit(nodes, ElementTree.parse(file))
+            suite.failed += nodes.failed
+            suite.notes += nodes.notes
     except (OSError, ValueError, KeyError, ElementTree.ParseError):
         said = log.read_text(errors="replace")
         suite.passed = len(re.findall(r"^\[       OK \]", said, re.M))
@@ -196,7 +210,7 @@ class Runner:
             suite.failed += 1
             suite.notes.append(f"did not start: {problem}")
         finally:
-            left = end_processes(suite)
+            left = end_processes(suite, grace=2.0)
             if left and not self.stopped:
                 suite.failed += 1
                 suite.notes.append(f"left {left} processes running; they were ended")

@@ -1,8 +1,8 @@
 #include "cli/bag_file.h"
 
-#include <cerrno>
-#include <cstring>
 #include <algorithm>
+#include <cmath>
+#include <exception>
 #include <set>
 
 #include <fmt/format.h>
@@ -25,6 +25,16 @@ rosbag::CompressionType of(BagCompression compression) {
     case BagCompression::bz2: break;
   }
   return rosbag::compression::BZ2;
+}
+
+// Straight from the time since kBagEpoch, so that no digit is lost to the epoch.
+ros::Time stamp_of(double time) {
+  try {
+    return ros::Time(static_cast<std::uint32_t>(kBagEpoch), 0) +
+           ros::Duration().fromNSec(static_cast<std::int64_t>(std::llround(time * 1e9)));
+  } catch (const std::exception&) {
+    throw InputError(fmt::format("time {} s does not fit a bag, which holds 1970 to 2106", time));
+  }
 }
 
 // The rig of a topic /RIG/name.
@@ -60,6 +70,10 @@ void deserialise(const std::string& file, const BagMessage& from, Message& to) {
 
 }  // namespace
 
+double time_in_bag(double time) { return to_seconds(stamp_of(time)); }
+
+std::int64_t stamp_in_bag(double time) { return static_cast<std::int64_t>(stamp_of(time).toNSec()); }
+
 BagCompression bag_compression(const std::string& name) {
   if (name == "none") return BagCompression::none;
   if (name == "lz4") return BagCompression::lz4;
@@ -90,7 +104,7 @@ BagWriter::BagWriter(const std::string& file, const std::string& shown, const Da
     parts_->bag->open(file, rosbag::bagmode::Write);
     parts_->bag->setCompression(of(compression));
     faultline_msgs::RigDescription description = to_message(sheet, made_by);
-    description.header.stamp = to_stamp(kBagEpoch + first_time);
+    description.header.stamp = stamp_of(first_time);
     parts_->bag->write(topic(sheet.rig, "description"), description.header.stamp, description);
   } catch (const rosbag::BagException& error) {
     parts_->fail(error.what());
@@ -108,14 +122,7 @@ BagWriter::~BagWriter() {
 
 void BagWriter::write(const Sample& sample) {
   faultline_msgs::Sample& message = parts_->message;
-  // Straight from the sample's time, so that no digit is lost to the epoch.
-  const auto nanoseconds = static_cast<std::int64_t>(std::llround(sample.time * 1e9));
-  ros::Time stamp;
-  try {
-    stamp = ros::Time(static_cast<std::uint32_t>(kBagEpoch), 0) + ros::Duration().fromNSec(nanoseconds);
-  } catch (const std::exception&) {
-    throw InputError(fmt::format("{}: time {} s does not fit a bag", parts_->shown, sample.time));
-  }
+  const ros::Time stamp = stamp_of(sample.time);
   message.header.stamp = stamp;
   message.header.frame_id = parts_->rig;
   message.header.seq = static_cast<std::uint32_t>(sample.sequence);
@@ -177,6 +184,7 @@ BagContent read_bag(const std::string& file, const std::string& rig) {
     if (!received.empty() && message.received < received.back()) sorted = false;
     received.push_back(message.received);
     content.time.push_back(to_seconds(sample.header.stamp));
+    content.stamp.push_back(static_cast<std::int64_t>(sample.header.stamp.toNSec()));
     content.sequence.push_back(sample.sequence);
     content.values.insert(content.values.end(), sample.values.begin(), sample.values.end());
   });
@@ -196,6 +204,7 @@ BagContent read_bag(const std::string& file, const std::string& rig) {
     BagContent arranged = content;
     for (std::size_t i = 0; i < order.size(); ++i) {
       arranged.time[i] = content.time[order[i]];
+      arranged.stamp[i] = content.stamp[order[i]];
       arranged.sequence[i] = content.sequence[order[i]];
       std::copy_n(content.values.begin() + static_cast<std::ptrdiff_t>(order[i] * content.width), content.width,
                   arranged.values.begin() + static_cast<std::ptrdiff_t>(i * content.width));

@@ -16,6 +16,10 @@ namespace faultline {
 
 constexpr double kBagEpoch = 946684800;  // s, 2000-01-01T00:00:00Z; time 0 of a simulation or of an imported file
 
+// What becomes of a time counted from kBagEpoch on its way through a bag: what a live node would see, bit for bit.
+double time_in_bag(double time);
+std::int64_t stamp_in_bag(double time);  // ns since 1970
+
 enum class BagCompression { none, lz4, bz2 };
 BagCompression bag_compression(const std::string& name);  // InputError that lists them
 
@@ -39,7 +43,8 @@ struct BagContent {
   bool described = false;
   Description description;
   std::size_t width = 0;  // values per sample
-  std::vector<double> time;
+  std::vector<double> time;           // s since 1970, as a double: what the diagnosis sees
+  std::vector<std::int64_t> stamp;    // ns since 1970, exact
   std::vector<std::uint64_t> sequence;
   std::vector<double> values;
 };

@@ -23,6 +23,7 @@ void take_bag(const std::string& file, const std::string& rig, const std::string
   loaded.recording.rig = loaded.sheet.rig;
   loaded.recording.channels = loaded.sheet.channels;
   loaded.recording.time = std::move(content.time);
+  loaded.stamp = std::move(content.stamp);
   loaded.recording.sequence = std::move(content.sequence);
   const std::size_t width = loaded.sheet.channels.size();
   if (!content.described) {
@@ -61,7 +62,11 @@ void take_csv(const std::string& file, const std::string& rig, const std::string
   loaded.sheet = load_datasheet(rig, config);
   CsvContent content = read_csv(read_text(file), file, loaded.sheet.rig, loaded.sheet.channels);
   loaded.recording = std::move(content.recording);
-  for (double& time : loaded.recording.time) time += kBagEpoch;
+  loaded.stamp.reserve(loaded.recording.rows());
+  for (double& time : loaded.recording.time) {
+    loaded.stamp.push_back(stamp_in_bag(time));
+    time = time_in_bag(time);
+  }
   for (const std::string& name : content.filled) loaded.remarks.push_back(fmt::format("{}: no column '{}'; it is taken as 0", file, name));
 }
 

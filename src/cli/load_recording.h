@@ -2,6 +2,7 @@
 // other subcommand that reads recordings begins with.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@ namespace faultline {
 struct LoadedRecording {
   Datasheet sheet;
   Recording recording;  // in the datasheet's order of channels; times as a live node would see them
+  std::vector<std::int64_t> stamp;  // ns since 1970, one per row: the times without rounding
   double start = 0;     // s, time of the first sample
   double end = 0;       // s, the latest time
   SampleFindings findings;

@@ -69,6 +69,13 @@ Datasheet read_rig(Parameters& parameters) {
   return find_datasheet(folder, parameters.word("rig"));
 }
 
+void linger() {
+  for (int i = 0; i < 120 && ros::ok(); ++i) {
+    ros::spinOnce();
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+}
+
 bool wait_for_subscribers(const ros::Publisher& publisher, int count, double seconds) {
   const double end = steady_seconds() + seconds;
   while (static_cast<int>(publisher.getNumSubscribers()) < count && ros::ok()) {

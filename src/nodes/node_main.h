@@ -22,6 +22,9 @@ Datasheet read_rig(Parameters& parameters);
 // before a subscriber is connected, and a recording's first samples should not be lost. False if the time ran out.
 bool wait_for_subscribers(const ros::Publisher& publisher, int count, double seconds);
 
+// At the end of a node's job, a second: ROS sends from a thread of its own and drops what is still queued when the node ends.
+void linger();
+
 // Seconds on a clock that no one sets.
 double steady_seconds();
 

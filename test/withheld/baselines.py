@@ -91,8 +91,8 @@ class Regression:
                 smoothed(ca * dpa - qa + area * v), smoothed(cb * dpb + qb - area * v),
                 smoothed(tau * dxv - p["spool_gain"] * half + xv), smoothed(pl - pa + pb)]
         late = (t > t[len(t) // 2]).astype(float)
-        fa = np.where(xvs > 0, 1.0, 0.0) * 0.5 * k * np.abs(xvs) / np.sqrt(np.maximum(np.abs(drop_a), 1e4))
-        fb = np.where(xvs > 0, 0.0, -1.0) * 0.5 * k * np.abs(xvs) / np.sqrt(np.maximum(np.abs(drop_b), 1e4))
+        ha, hb = (0.5 * k * np.abs(xvs) / np.sqrt(np.maximum(np.abs(d), 1e4)) for d in (drop_a, drop_b))
+        fa, fb = np.where(xvs > 0, ha, 0.0), np.where(xvs > 0, 0.0, hb)  # of these, what the supply pressure moves
         reach = np.quantile(x, 0.85)
         top = np.quantile(np.abs(half), 0.9)
         fast = np.quantile(np.abs(di), 0.9)
@@ -120,8 +120,8 @@ class Regression:
             "lag@sensor.velocity": {m: dv, c: p["moving_mass"] * -ddv - p["viscous_damping"] * dv, a: -area * dv, b: area * dv},
             "offset@sensor.load_pressure": {c: -area * one, r: one}, "scale@sensor.load_pressure": {c: -area * pl, r: pl},
             "lag@sensor.load_pressure": {c: area * dpl, r: -dpl}, "stuck@sensor.load_pressure": {c: area * pl * late, r: -pl * late},
-            "offset@sensor.chamber_a_pressure": {a: fa, r: -one}, "scale@sensor.chamber_a_pressure": {a: fa * pa + ca * dpa, r: -pa},
-            "offset@sensor.chamber_b_pressure": {b: -fb, r: one},
+            "offset@sensor.chamber_a_pressure": {a: ha, r: -one}, "scale@sensor.chamber_a_pressure": {a: ha * pa + ca * dpa, r: -pa},
+            "offset@sensor.chamber_b_pressure": {b: hb, r: one},
             "offset@sensor.spool_position": {s: one, a: -ga, b: gb}, "scale@sensor.spool_position": {s: xv + tau * dxv, a: -qa, b: qb},
             "coulomb_friction@force.piston": {c: -side}, "viscous_friction@force.piston": {c: -v},
             "stribeck_friction@force.piston": {c: -side * np.exp(-(vs / 0.03) ** 2)},
@@ -135,9 +135,9 @@ class Regression:
             "compliance_factor@compliance.chambers": {a: -ca * dpa, b: -cb * dpb},
             "clogging@restriction.valve": {a: -qa, b: qb}, "area_curve@restriction.valve": {a: qa * log_opening, b: -qb * log_opening},
             "deadband@restriction.valve": {a: -np.tanh(xvs / 0.05) * ga, b: np.tanh(xvs / 0.05) * gb},
-            "droop@source.supply_pressure": {a: -np.abs(fa) * np.abs(qa), b: -np.abs(fb) * np.abs(qb)},
-            "ripple@source.supply_pressure": {a: np.abs(fa) * np.sin(2 * np.pi * tone * t), b: np.abs(fb) * np.sin(2 * np.pi * tone * t)},
-            "offset@source.supply_pressure": {a: np.abs(fa), b: np.abs(fb)},
+            "droop@source.supply_pressure": {a: -fa * np.abs(qa), b: -fb * np.abs(qb)},
+            "ripple@source.supply_pressure": {a: fa * np.sin(2 * np.pi * tone * t), b: fb * np.sin(2 * np.pi * tone * t)},
+            "offset@source.supply_pressure": {a: fa, b: fb},
             "line_inertia@line.valve_cylinder": {a: -savgol_filter(qa, WINDOW, 3, deriv=2, delta=h),
                                                  b: savgol_filter(qb, WINDOW, 3, deriv=2, delta=h)},
             "backlash@transmission.rod": {c: dv * after}, "elasticity@transmission.rod": {c: savgol_filter(pl, WINDOW, 3, deriv=2, delta=h)}}

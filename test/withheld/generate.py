@@ -100,15 +100,15 @@ class Case:
             low, high = SEVERITY[wanted]
             self.target = low * (high / low) ** random.random()
 
-    def simulate(self, index, effects, duration=DURATION):
+    def simulate(self, index, effects, duration=None):
         random = np.random.default_rng(self.run_seeds[index])
         control = excitation.controller(self.sheet, self.kinds[index], random)
         supply, load = excitation.supply(self.sheet, random), excitation.load(self.sheet, random)
         truth = Truth(self.sheet, self.parameters, effects, self.nuisance, supply, load)
-        return truth.run(duration, control, self.noise_scale, self.run_seeds[index] + 1)
+        return truth.run(duration or DURATION, control, self.noise_scale, self.run_seeds[index] + 1)
 
-    def replayable(self, outputs):
-        return [signature.Run(o, self.noise_scale, s, self.parameters, self.nuisance)
+    def replayable(self, outputs, count=signature.COUNT):
+        return [signature.Run(o, self.noise_scale, s, self.parameters, self.nuisance, count)
                 for o, s in zip(outputs, self.run_seeds)]
 
     def choose_sizes(self):
@@ -116,14 +116,14 @@ class Case:
         knobs = {}
         if not self.keys:
             return knobs
-        runs = self.replayable([self.simulate(n, {}, 12.0) for n in range(2)])
+        runs = self.replayable([self.simulate(n, {}, 8.0) for n in range(2)], 3)
         columns = list(signature.parameter_signatures(runs).values())
         prior = [1.0] * len(columns)
 
         def lift(key, q):
             parts = [run.signature({key: sizes.value(key, self.sheet.bounds[key], self.templates[key], q)}) for run in runs]
             whole = np.concatenate(parts)
-            _, left = signature.explained(whole.ravel(), columns, prior, runs[0].repetition())
+            _, left, _ = signature.explained(whole.ravel(), columns, prior, runs[0].repetition())
             return math.sqrt(1 + np.max(np.mean(left.reshape(whole.shape) ** 2, axis=0)))
 
         for key in self.keys:
@@ -149,7 +149,13 @@ class Case:
         knobs = self.choose_sizes()
         for attempt in range(3):
             effects = {k: sizes.value(k, self.sheet.bounds[k], self.templates[k], q) for k, q in knobs.items()}
-            outputs = [self.simulate(n, effects) for n in range(3 if third else 2)]
+            try:
+                outputs = [self.simulate(n, effects) for n in range(3 if third else 2)]
+            except RuntimeError:  # the control loop broke up under so strong an effect
+                if attempt == 2:
+                    raise
+                knobs = {k: 0.8 * q for k, q in knobs.items()}
+                continue
             if not effects:
                 facts = None
                 break

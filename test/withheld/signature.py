@@ -13,20 +13,20 @@ LENGTH = 160   # samples in a window
 COUNT = 6      # windows in a run
 
 
-def windows(samples, shift):
+def windows(samples, shift, count=COUNT):
     """Evenly spread; shifted from run to run so that cycles are met at other phases."""
-    stride = (samples - LENGTH - 100) // COUNT
-    return [(60 + shift % 37 + n * stride, 60 + shift % 37 + n * stride + LENGTH) for n in range(COUNT)]
+    stride = (samples - LENGTH - 100) // count
+    return [(60 + shift % 37 + n * stride, 60 + shift % 37 + n * stride + LENGTH) for n in range(count)]
 
 
 class Run:
     """Commands, boundary values and true states of one run, for replays."""
 
-    def __init__(self, output, noise_scale, shift, parameters, nuisance):
+    def __init__(self, output, noise_scale, shift, parameters, nuisance, count=COUNT):
         truth = output["truth"]
         self.sheet, self.supply, self.load = truth.sheet, truth.supply, truth.load
         self.commands = output["record"]["valve_command"].tolist()
-        self.windows = windows(len(self.commands), shift)
+        self.windows = windows(len(self.commands), shift, count)
         self.starts = [truth.base(output["states"][first]) for first, _ in self.windows]
         self.noise = np.array([self.sheet.noise[c] for c in OUTPUTS]) * noise_scale
         self.parameters, self.nuisance = parameters, nuisance
@@ -49,7 +49,7 @@ class Run:
 
     def repetition(self):
         """How many samples of the run one sample of the windows stands for."""
-        return self.samples / (LENGTH * COUNT)
+        return self.samples / (LENGTH * len(self.windows))
 
 
 def lift(signatures):
@@ -70,20 +70,22 @@ def parameter_signatures(runs):
     return columns
 
 
-def explained(target, columns, prior, repetition):
+def explained(target, columns, prior, repetition, shift=None):
     """Least squares of a target on columns; those with prior 1 are parameters, in tolerances: unit prior, at most +-3.
 
-    Returns (chi^2 left, prior included, over all samples of the runs; residual on the windows).
+    `shift` is where the columns' coefficients count from (the prior still counts from zero).
+    Returns (chi^2 left, prior included, over all samples of the runs; residual on the windows; coefficients from zero).
     """
     scale = np.sqrt(repetition)
     matrix = np.column_stack(columns)
     size = np.linalg.norm(matrix, axis=0) * scale
     size[size == 0] = 1.0
     prior = np.asarray(prior, dtype=float)
-    # 12 unknowns against some 20000 rows: the triangular factor carries all that the bounded problem needs
+    shift = np.zeros(len(prior)) if shift is None else shift
+    # 12 unknowns against some 10000 rows: the triangular factor carries all that the bounded problem needs
     orthogonal, triangle = np.linalg.qr(np.vstack([matrix * scale, np.diag(prior)]) / size)
-    wanted = orthogonal[:len(target)].T @ (target * scale)
-    limit = np.where(prior > 0, 3.0, np.inf) * size
-    solution = lsq_linear(triangle, wanted, (-limit, limit), method="bvls").x / size
+    wanted = orthogonal.T @ np.concatenate([target * scale, -prior * shift])
+    free = np.where(prior > 0, 3.0, np.inf)
+    solution = lsq_linear(triangle, wanted, ((-free - shift) * size, (free - shift) * size), method="bvls").x / size
     left = target - matrix @ solution
-    return float(repetition * (left @ left) + np.sum((prior * solution) ** 2)), left
+    return float(repetition * (left @ left) + np.sum((prior * (shift + solution)) ** 2)), left, shift + solution

@@ -79,3 +79,18 @@ def nothing(key, fixed):
     else:
         result[main] = 0.0
     return result
+
+
+def scaled(key, bounds, values, main, ratio):
+    """The effect `ratio` times as strong, kept within its port's bounds."""
+    effect = key.split("@")[0]
+    result = dict(values)
+    low, high = bounds[main]
+    if (effect, main) in AROUND_ONE:
+        result[main] = 1 + ratio * (values[main] - 1)
+    elif (effect, main) in FROM_INFINITY:
+        result[main] = values[main] / max(ratio, 1e-6)
+    elif effect != "stuck":
+        result[main] = ratio * values[main]
+    result[main] = min(max(result[main], low), high)
+    return result

@@ -22,8 +22,8 @@ import math
 import numpy as np
 from scipy.integrate import ode
 
-BRISTLE = 2.0e7           # N/m: 400 N of friction winds the seals up by 20 um, below the position noise
-BRISTLE_DAMPING = 3.0e3   # N s/m
+BRISTLE = 1.0e8           # N/m: 400 N of friction winds the seals up by 4 um; softer ones would be a gap of their own
+BRISTLE_DAMPING = 5.0e3   # N s/m
 ORIFICE_LAMINAR = 600.0   # Pa
 ATMOSPHERE = 101325.0
 POLYTROPIC = 1.1
@@ -34,7 +34,8 @@ COUPLING_STIFFNESS = 4.0e7  # N/m, rod coupling when only the other rod effect i
 OUTPUTS = ["position", "velocity", "load_pressure", "chamber_a_pressure", "chamber_b_pressure", "spool_position"]
 PARAMETERS = ["ram_area", "moving_mass", "viscous_damping", "coulomb_friction", "static_excess", "stribeck_velocity",
               "compliance", "chamber_volume", "flow_coefficient", "spool_time_constant", "spool_gain"]
-NO_NUISANCE = {"stroke_friction": 0.0, "warming": 0.0, "spool_hysteresis": 0.0, "gain_error": 0.0, "pressure_filter": 0.0}
+NO_NUISANCE = {"stroke_friction": 0.0, "warming": 0.0, "spool_hysteresis": 0.0, "gain_error": 0.0, "pressure_filter": 0.0,
+               "bristle": BRISTLE}
 
 
 def split(effects):
@@ -169,7 +170,7 @@ class Sensor:
     def last(self, t, y):
         """After the noise: what the electronics behind the transducer do."""
         e = self.e
-        if "quantisation" in e:
+        if e.get("quantisation", {}).get("step", 0.0) > 0:
             y = e["quantisation"]["step"] * math.floor(y / e["quantisation"]["step"] + 0.5)
         if "stuck" in e:
             if t >= e["stuck"]["from"]:
@@ -196,6 +197,7 @@ class Truth:
         level = datasheet.constants.get("supply_pressure_set", 6.89e6)
         self.supply = supply or (lambda t: level)
         self.load = load or (lambda t: 0.0)
+        self.bristle = self.nuisance["bristle"]
         self.bypass_volts = bypass_volts
         self.period = datasheet.sample_period
         self.drive = [0, 0.0, 0.0, 1.0, 0.0]
@@ -220,6 +222,7 @@ class Truth:
         stop, stop_k, stop_d = p["stroke_limit"], p["stop_stiffness"], p["stop_damping"]
         bypass = p["leak_valve_gain"] * max(self.bypass_volts, 0.0)
         supply, load = self.supply, self.load
+        bristle = self.bristle
         stroke_friction, warming = self.nuisance["stroke_friction"], self.nuisance["warming"]
 
         f = ports.get("force.piston", {})
@@ -358,8 +361,8 @@ class Truth:
                     level += by_load * sqrt(pl * pl + 1e6)
                 if level < 1.0:
                     level = 1.0
-            dz = v - BRISTLE * abs(v) * z / level
-            force = area * pl - BRISTLE * z - BRISTLE_DAMPING * dz - (own * b + more_viscous) * v - push - spring * x
+            dz = v - bristle * abs(v) * z / level
+            force = area * pl - bristle * z - BRISTLE_DAMPING * dz - (own * b + more_viscous) * v - push - spring * x
             if end_k and x > end_x:
                 force -= max(0.0, end_k * (x - end_x) * (1 + 0.5 * v))
             outer = load(t)
@@ -376,8 +379,8 @@ class Truth:
                 else:
                     held = rod_k * stretch + rod_d * speed
                 r = vl / stribeck
-                dzl = vl - BRISTLE * abs(vl) * zl / (share_f * (coulomb + excess * exp(-r * r)))
-                dvl = (held - outer - stop_force(xl, vl) - BRISTLE * zl - BRISTLE_DAMPING * dzl - share_f * b * vl) / load_mass
+                dzl = vl - bristle * abs(vl) * zl / (share_f * (coulomb + excess * exp(-r * r)))
+                dvl = (held - outer - stop_force(xl, vl) - bristle * zl - BRISTLE_DAMPING * dzl - share_f * b * vl) / load_mass
                 force -= held
                 tail = [vl, dvl, dzl]
             else:
@@ -403,14 +406,18 @@ class Truth:
         return tolerance
 
     def start(self, base=None, t=0.0, speed_sign=1.0):
-        """A full state from the seven base states (or rest), with the effect's own states where they would settle."""
+        """A full state from base states (or rest), with the effect's own states where they would settle.
+
+        The base is x, v, p_a, p_b, x_v, P_s and the bristle's force, which a truth with other bristles can take over.
+        """
         ps = self.supply(t)
         y = list(base[:7]) if base is not None else [0.0, 0.0, ps / 2, ps / 2, 0.0, ps, 0.0]
+        y[6] /= self.bristle
         if self.has_rod:
             share = self.p["load_friction_share"]
             z = y[6]
             y[6] = (1 - share) * z
-            held = share * BRISTLE * z + self.load(t)
+            held = share * self.bristle * z + self.load(t)
             rod = self.ports["transmission.rod"]
             stiffness = 1 / rod["elasticity"]["compliance"] if "elasticity" in rod else CONTACT
             play = rod.get("backlash", {}).get("gap", 0.0) / 2
@@ -421,10 +428,11 @@ class Truth:
         return y
 
     def base(self, y):
-        """The seven base states of a full state (for a model without the rod's or the line's states)."""
+        """The base of a full state (for a model without the rod's or the line's states)."""
         y = list(y)
         if self.has_rod:
             y[6] += y[self.rod_index + 2]
+        y[6] *= self.bristle
         return y[:7]
 
     def solver(self, tolerance=1e-5):

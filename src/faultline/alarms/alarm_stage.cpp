@@ -139,6 +139,12 @@ void AlarmStage::process(const Estimate& estimate) {
     first_time_ = last_time_ = estimate.time;
   }
   advance(estimate.time);
+  if (stale_ == static_cast<int>(report_.alarms.size()) - 1 && stale_ >= 0 && estimate.time - last_time_ <= stale_after_) {
+    // Told to advance too far: the sample was only on its way. Nothing was silent, so nothing is left of it.
+    report_.alarms.pop_back();
+    stale_ = -1;
+    ++changes_;
+  }
   end(stale_, estimate.time);
   last_time_ = estimate.time;
   report_.time = estimate.time;
@@ -171,7 +177,7 @@ void AlarmStage::process(const Estimate& estimate) {
   }
 }
 
-void AlarmStage::say_verdict() {
+std::string AlarmStage::verdict() const {
   const Alarm* chosen = nullptr;
   int active = 0;
   for (const Alarm& alarm : report_.alarms) {
@@ -179,12 +185,10 @@ void AlarmStage::say_verdict() {
     ++active;
     if (!chosen || alarm.level > chosen->level) chosen = &alarm;
   }
-  if (!chosen) {
-    report_.verdict = report_.alarms.empty() ? "No fault found." : "No fault now; there were alarms before.";
-    return;
-  }
-  report_.verdict = chosen->text + size_text(*chosen) + ".";
-  if (active > 1) report_.verdict += fmt::format(" {} more alarm{}.", active - 1, active > 2 ? "s" : "");
+  if (!chosen) return report_.alarms.empty() ? "No fault found." : "No fault now; there were alarms before.";
+  std::string text = chosen->text + size_text(*chosen) + ".";
+  if (active > 1) text += fmt::format(" {} more alarm{}.", active - 1, active > 2 ? "s" : "");
+  return text;
 }
 
 }  // namespace faultline

@@ -20,13 +20,14 @@ class AlarmStage {
   explicit AlarmStage(const Datasheet& sheet);
 
   void process(const Estimate& estimate);
-  // The time went on to `now` [s] without a sample; raises the stale alarm where it is due.
+  // The time went on to `now` [s] without a sample; raises the stale alarm where it is due. If the next sample shows that there
+  // was no such silence, the alarm is taken back, so that what is told never depends on how long a sample was on its way.
   void advance(double now);
   void reset();
 
   // With the verdict as of the last sample.
-  const AlarmReport& report() {
-    say_verdict();
+  const AlarmReport& report() const {
+    report_.verdict = verdict();
     return report_;
   }
   // Counts up whenever an alarm is raised, ends, or changes level: what must be published at once.
@@ -47,7 +48,7 @@ class AlarmStage {
             double raised, const std::string& text);
   void end(int& alarm, double time);
   void check_data(const Estimate& estimate);
-  void say_verdict();
+  std::string verdict() const;
 
   Datasheet sheet_;
   double stale_after_;
@@ -57,7 +58,7 @@ class AlarmStage {
   bool running_ = false;
   double last_time_ = 0, first_time_ = 0;
   std::uint64_t changes_ = 0;
-  AlarmReport report_;
+  mutable AlarmReport report_;  // its sentence is only written when somebody reads it
 };
 
 }  // namespace faultline

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "faultline/estimators/observed_correction.h"
 #include "faultline/estimators/triangle.h"
 
 namespace faultline {
@@ -13,20 +14,23 @@ const double kSecond = std::sqrt(kStepSquared - 1) / (2 * kStepSquared);
 
 }  // namespace
 
-DividedDifferenceFilter::DividedDifferenceFilter(const ProcessModel& model, int order)
+template <int States, int Order>
+DividedDifferenceFilter<States, Order>::DividedDifferenceFilter(const ProcessModel& model)
     : model_(model),
-      order_(order),
       n_(static_cast<int>(model.states().size())),
-      m_(static_cast<int>(model.measured_channels().size())) {
+      m_(static_cast<int>(model.measured_channels().size())),
+      observed_(model.observed_states()) {
   const std::vector<double> q = model.process_noise(), r = model.measurement_noise();
   process_root_ = Eigen::Map<const Eigen::VectorXd>(q.data(), n_).cwiseSqrt();
   measurement_root_ = Eigen::Map<const Eigen::VectorXd>(r.data(), m_).cwiseSqrt();
   for (Vector* v : {&plus_, &minus_, &middle_, &probe_, &mean_, &state_}) v->setZero(n_);
   for (Outputs* v : {&y_plus_, &y_minus_, &y_middle_, &y_mean_, &innovation_, &innovation_std_, &solved_}) v->setZero(m_);
   root_.setZero(n_, n_);
+  wide_.setZero(n_, kBlocks * n_);
 }
 
-void DividedDifferenceFilter::reset(const double* state, const double* variance) {
+template <int States, int Order>
+void DividedDifferenceFilter<States, Order>::reset(const double* state, const double* variance) {
   state_ = Eigen::Map<const Eigen::VectorXd>(state, n_);
   root_.setZero();
   for (int i = 0; i < n_; ++i) root_(i, i) = std::sqrt(variance[i]);
@@ -35,34 +39,35 @@ void DividedDifferenceFilter::reset(const double* state, const double* variance)
   normalised_innovation_ = 0;
 }
 
-void DividedDifferenceFilter::predict(double dt, double noise_scale) {
-  const int second = order_ == 2 ? n_ : 0;
-  wide_.resize(n_, n_ + second + n_);
+template <int States, int Order>
+void DividedDifferenceFilter<States, Order>::predict(double dt, double noise_scale) {
+  const int n = kFixed ? States : n_;
   model_.predict(state_.data(), dt, middle_.data());
-  if (order_ == 2)
-    mean_ = (kStepSquared - n_) / kStepSquared * middle_;
+  if (Order == 2)
+    mean_ = (kStepSquared - n) / kStepSquared * middle_;
   else
     mean_ = middle_;
-  for (int p = 0; p < n_; ++p) {
+  for (int p = 0; p < n; ++p) {
     probe_ = state_ + kStep * root_.col(p);
     model_.predict(probe_.data(), dt, plus_.data());
     probe_ = state_ - kStep * root_.col(p);
     model_.predict(probe_.data(), dt, minus_.data());
     wide_.col(p) = (plus_ - minus_) / (2 * kStep);
-    if (order_ == 2) {
-      wide_.col(n_ + p) = kSecond * (plus_ + minus_ - 2 * middle_);
+    if (Order == 2) {
+      wide_.col(n + p) = kSecond * (plus_ + minus_ - 2 * middle_);
       mean_ += (plus_ + minus_) / (2 * kStepSquared);
     }
   }
-  wide_.rightCols(n_).setZero();
+  wide_.rightCols(n).setZero();
   const double scale = std::sqrt(noise_scale);
-  for (int i = 0; i < n_; ++i) wide_(i, n_ + second + i) = scale * process_root_[i];
+  for (int i = 0; i < n; ++i) wide_(i, (kBlocks - 1) * n + i) = scale * process_root_[i];
   reduce_to_triangle(wide_);
-  root_ = wide_.leftCols(n_);
+  root_ = wide_.leftCols(n);
   state_ = mean_;
 }
 
-void DividedDifferenceFilter::correct(const double* y, const bool* use) {
+template <int States, int Order>
+void DividedDifferenceFilter<States, Order>::correct(const double* y, const bool* use) {
   innovation_.setZero();
   innovation_std_.setZero();
   normalised_innovation_ = 0;
@@ -71,12 +76,34 @@ void DividedDifferenceFilter::correct(const double* y, const bool* use) {
   for (int i = 0; i < m_; ++i)
     if (use[i]) rows[m++] = i;
   if (m == 0) return;
+  if (observed_.empty())
+    correct_differences(y, rows, m);
+  else
+    correct_observed(y, rows, m);
+}
 
-  const int second = order_ == 2 ? n_ : 0;
+template <int States, int Order>
+void DividedDifferenceFilter<States, Order>::correct_observed(const double* y, const int* rows, int m) {
+  // Innovations are told against the prediction, all rows of it, before the first of them corrects anything.
+  for (int i = 0; i < m; ++i) {
+    const int r = rows[i], k = observed_[static_cast<std::size_t>(r)];
+    innovation_[r] = y[r] - state_[k];
+    innovation_std_[r] = std::sqrt(root_.row(k).squaredNorm() + measurement_root_[r] * measurement_root_[r]);
+  }
+  for (int i = 0; i < m; ++i) {
+    const int r = rows[i];
+    normalised_innovation_ += correct_observed_state(state_, root_, observed_[static_cast<std::size_t>(r)], y[r],
+                                                     measurement_root_[r] * measurement_root_[r]);
+  }
+}
+
+template <int States, int Order>
+void DividedDifferenceFilter<States, Order>::correct_differences(const double* y, const int* rows, int m) {
+  const int second = Order == 2 ? n_ : 0;
   first_.resize(m, n_);
   second_.resize(m, second);
   model_.observe(state_.data(), y_middle_.data());
-  y_mean_ = order_ == 2 ? Outputs((kStepSquared - n_) / kStepSquared * y_middle_) : y_middle_;
+  y_mean_ = Order == 2 ? Outputs((kStepSquared - n_) / kStepSquared * y_middle_) : y_middle_;
   for (int p = 0; p < n_; ++p) {
     probe_ = state_ + kStep * root_.col(p);
     model_.observe(probe_.data(), y_plus_.data());
@@ -85,14 +112,14 @@ void DividedDifferenceFilter::correct(const double* y, const bool* use) {
     for (int i = 0; i < m; ++i) {
       const int r = rows[i];
       first_(i, p) = (y_plus_[r] - y_minus_[r]) / (2 * kStep);
-      if (order_ == 2) second_(i, p) = kSecond * (y_plus_[r] + y_minus_[r] - 2 * y_middle_[r]);
+      if (Order == 2) second_(i, p) = kSecond * (y_plus_[r] + y_minus_[r] - 2 * y_middle_[r]);
     }
-    if (order_ == 2) y_mean_ += (y_plus_ + y_minus_) / (2 * kStepSquared);
+    if (Order == 2) y_mean_ += (y_plus_ + y_minus_) / (2 * kStepSquared);
   }
 
   output_wide_.setZero(m, n_ + second + m);
   output_wide_.leftCols(n_) = first_;
-  if (order_ == 2) output_wide_.middleCols(n_, n_) = second_;
+  if (Order == 2) output_wide_.middleCols(n_, n_) = second_;
   for (int i = 0; i < m; ++i) output_wide_(i, n_ + second + i) = measurement_root_[rows[i]];
   reduce_to_triangle(output_wide_);
   output_root_ = output_wide_.leftCols(m);
@@ -125,22 +152,40 @@ void DividedDifferenceFilter::correct(const double* y, const bool* use) {
   }
   normalised_innovation_ = solved_.squaredNorm();
 
-  wide_.resize(n_, n_ + m + second);
-  wide_.leftCols(n_) = root_;
-  wide_.leftCols(n_).noalias() -= gain_ * first_;
-  for (int i = 0; i < m; ++i) wide_.col(n_ + i) = gain_.col(i) * measurement_root_[rows[i]];
-  if (order_ == 2) wide_.rightCols(n_).noalias() = gain_ * second_;
-  reduce_to_triangle(wide_);
-  root_ = wide_.leftCols(n_);
+  corrected_.resize(n_, n_ + m + second);
+  corrected_.leftCols(n_) = root_;
+  corrected_.leftCols(n_).noalias() -= gain_ * first_;
+  for (int i = 0; i < m; ++i) corrected_.col(n_ + i) = gain_.col(i) * measurement_root_[rows[i]];
+  if (Order == 2) corrected_.rightCols(n_).noalias() = gain_ * second_;
+  reduce_to_triangle(corrected_);
+  root_ = corrected_.leftCols(n_);
 }
 
-void DividedDifferenceFilter::covariance(double* row_major) const {
-  for (int i = 0; i < n_; ++i)
-    for (int j = 0; j <= i; ++j) {
-      const double value = root_.row(i).head(j + 1).dot(root_.row(j).head(j + 1));
-      row_major[i * n_ + j] = value;
-      row_major[j * n_ + i] = value;
-    }
+template <int States, int Order>
+void DividedDifferenceFilter<States, Order>::covariance(double* row_major) const {
+  Eigen::Map<Root>(row_major, n_, n_).noalias() = root_.lazyProduct(root_.transpose());
+}
+
+namespace {
+
+template <int States>
+std::unique_ptr<StateEstimator> make_sized(const ProcessModel& model, int order) {
+  if (order == 1) return std::make_unique<DividedDifferenceFilter<States, 1>>(model);
+  return std::make_unique<DividedDifferenceFilter<States, 2>>(model);
+}
+
+}  // namespace
+
+std::unique_ptr<StateEstimator> make_divided_difference(const ProcessModel& model, int order) {
+  switch (model.states().size()) {
+    case 3: return make_sized<3>(model, order);
+    case 4: return make_sized<4>(model, order);
+    case 5: return make_sized<5>(model, order);
+    case 6: return make_sized<6>(model, order);
+    case 7: return make_sized<7>(model, order);
+    case 8: return make_sized<8>(model, order);
+    default: return make_sized<Eigen::Dynamic>(model, order);
+  }
 }
 
 }  // namespace faultline

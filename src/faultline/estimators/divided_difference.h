@@ -8,7 +8,9 @@
 //   S1  = (f_p+ - f_p-)/(2 h),   S2 = sqrt(h^2 - 1)/(2 h^2) (f_p+ + f_p- - 2 f_0)   DD1: no S2
 //   S-  = triangle [S1 S2 S_v];  the same differences of h(x) with S- give Y1, Y2 and S_y = triangle [Y1 Y2 S_w]
 //   K   = S- Y1' (S_y S_y')^-1,  x = x- + K (y - y-),  S = triangle [S- - K Y1, K S_w, K Y2]
-// `triangle` is a Householder reduction: the covariance stays symmetric and positive by construction.
+// `triangle` is a Householder reduction: the covariance stays symmetric and positive by construction. Where y are plainly some of
+// the states (ProcessModel::observed_states) Y2 is nothing and the correction is taken row by row instead, which is the same
+// (observed_correction.h) at a tenth of the cost.
 // Fails where the model returns something that is not finite: the state then is not finite either, and the stage restarts.
 #pragma once
 
@@ -18,9 +20,14 @@
 
 namespace faultline {
 
+// A filter of the given order, with matrices of fixed size where the model has 3 to 8 states.
+std::unique_ptr<StateEstimator> make_divided_difference(const ProcessModel& model, int order);
+
+// States: the number of states, or Eigen::Dynamic for any up to kMaximumStates.
+template <int States, int Order>
 class DividedDifferenceFilter : public StateEstimator {
  public:
-  DividedDifferenceFilter(const ProcessModel& model, int order);
+  explicit DividedDifferenceFilter(const ProcessModel& model);
 
   void reset(const double* state, const double* variance) override;
   void predict(double dt, double noise_scale) override;
@@ -33,24 +40,32 @@ class DividedDifferenceFilter : public StateEstimator {
   double normalised_innovation() const override { return normalised_innovation_; }
 
  private:
-  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaximumStates, 1>;
+  static constexpr bool kFixed = States != Eigen::Dynamic;
+  static constexpr int kMost = kFixed ? States : kMaximumStates;
+  static constexpr int kBlocks = Order == 2 ? 3 : 2;  // S1, S_v and, of second order, S2
+  using Vector = Eigen::Matrix<double, States, 1, 0, kMost, 1>;
   using Outputs = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaximumOutputs, 1>;
-  using Root = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumStates, kMaximumStates>;
+  using Root = Eigen::Matrix<double, States, States, Eigen::RowMajor, kMost, kMost>;
+  using Wide = Eigen::Matrix<double, States, kFixed ? kBlocks * States : Eigen::Dynamic, Eigen::RowMajor, kMost, kBlocks * kMost>;
+  using Corrected = Eigen::Matrix<double, States, Eigen::Dynamic, Eigen::RowMajor, kMost, 2 * kMost + kMaximumOutputs>;
   using OutputRoot = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumOutputs, kMaximumOutputs>;
-  using Wide = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumStates,
-                             2 * kMaximumStates + kMaximumOutputs + kMaximumStates>;
-  using OutputWide = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumOutputs,
-                                   2 * kMaximumStates + kMaximumOutputs>;
-  using Gain = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaximumStates, kMaximumOutputs>;
-  using Difference = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumOutputs, kMaximumStates>;
+  using OutputWide =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumOutputs, 2 * kMost + kMaximumOutputs>;
+  using Gain = Eigen::Matrix<double, States, Eigen::Dynamic, 0, kMost, kMaximumOutputs>;
+  using Difference = Eigen::Matrix<double, Eigen::Dynamic, States, Eigen::RowMajor, kMaximumOutputs, kMost>;
+
+  void correct_differences(const double* y, const int* rows, int m);  // of any h(x)
+  void correct_observed(const double* y, const int* rows, int m);     // of y that are states
 
   const ProcessModel& model_;
-  int order_, n_, m_;
+  int n_, m_;
+  std::vector<int> observed_;
   Vector process_root_, plus_, minus_, middle_, probe_, mean_;
   Outputs measurement_root_, y_plus_, y_minus_, y_middle_, y_mean_, innovation_, innovation_std_, solved_;
   Vector state_;
   Root root_;
   Wide wide_;
+  Corrected corrected_;
   OutputWide output_wide_;
   OutputRoot output_root_;
   Difference first_, second_;

@@ -20,7 +20,7 @@ EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
   measured_ = model_->measured_channels();
   driving_ = model_->driving_channels();
   held_.assign(channels_.size(), 0);
-  covariance_.assign(model_->states().size() * model_->states().size(), 0);
+  states_ = model_->states().size();
 }
 
 void EstimatorStage::reset() {
@@ -43,11 +43,11 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
     throw InputError(fmt::format("a sample has {} values, the rig has {} channels: is it another rig's?", sample.values.size(),
                                  channels_.size()));
   const double dt = sample.time - last_time_;
-  if (running_ && dt <= 0 && dt >= -jump_) {
+  if (!std::isfinite(sample.time) || (running_ && dt <= 0 && dt >= -jump_)) {
     ++counts_.stale;
     return false;
   }
-  const bool restart = !running_ || dt < 0 || dt > gap_;
+  bool restart = !running_ || dt < 0 || dt > gap_;
 
   // Only the channels that this estimator reads are its business; the status of all is told.
   const std::size_t n = channels_.size();
@@ -83,22 +83,21 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
     filter_->correct(y.data(), use.data());
     model_->take_inputs(held_.data());
     last_time_ = sample.time;
-    const std::size_t states = static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(covariance_.size()))));
-    if (!std::all_of(filter_->state(), filter_->state() + states, [](double v) { return std::isfinite(v); })) begin(sample);
+    restart = !std::all_of(filter_->state(), filter_->state() + states_, [](double v) { return std::isfinite(v); });
+    if (restart) begin(sample);
   }
 
-  const std::size_t states = static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(covariance_.size()))));
-  filter_->covariance(covariance_.data());
+  estimate.covariance.resize(states_ * states_);
+  filter_->covariance(estimate.covariance.data());
   estimate.time = sample.time;
   estimate.sequence = sample.sequence;
   estimate.restarted = restart;
-  estimate.state.assign(filter_->state(), filter_->state() + states);
-  estimate.covariance.assign(covariance_.begin(), covariance_.end());
+  estimate.state.assign(filter_->state(), filter_->state() + states_);
   estimate.innovation.assign(filter_->innovation(), filter_->innovation() + measured_.size());
   estimate.innovation_std.assign(filter_->innovation_std(), filter_->innovation_std() + measured_.size());
   estimate.normalised_innovation = filter_->normalised_innovation();
   estimate.observed = restart ? 0 : observed;
-  model_->quantities(held_.data(), filter_->state(), covariance_.data(), estimate.quantities);
+  model_->quantities(held_.data(), filter_->state(), estimate.covariance.data(), estimate.quantities);
   ++counts_.used;
   return true;
 }

@@ -2,8 +2,8 @@
 // The nodes and the offline program call this same code in the same order.
 //
 // Gating: a measured channel that is missing or out of its range is left out of the correction; a driving channel holds its last
-// good value. A sample that is not newer than the last is not used (process returns false) unless time jumped back by more than
-// `jump`, or forward by more than `gap`: then everything begins anew with that sample.
+// good value. A sample whose time is no number, or is not newer than the last, is not used (process returns false) unless time jumped
+// back by more than `jump`, or forward by more than `gap`: then everything begins anew with that sample.
 #pragma once
 
 #include <memory>
@@ -40,7 +40,7 @@ class EstimatorStage {
   std::unique_ptr<StateEstimator> filter_;
   std::vector<int> measured_, driving_;
   std::vector<double> held_;
-  std::vector<double> covariance_;
+  std::size_t states_ = 0;
   bool running_ = false;
   double last_time_ = 0;
   EstimatorCounts counts_;

@@ -30,6 +30,8 @@ class ProcessModel {
   virtual void measurement(const double* channels, double* y) const = 0;             // scaled
   virtual void predict(const double* state, double dt, double* next) const = 0;      // dt in s
   virtual void observe(const double* state, double* y) const = 0;
+  // Where y is plainly some of the states: which, one per row of y. Empty: filters ask observe(). Saves them most of a correction.
+  virtual std::vector<int> observed_states() const { return {}; }
   // Derived quantities with physical units; `covariance` row after row. Names and number never change.
   virtual void quantities(const double* channels, const double* state, const double* covariance,
                           std::vector<Quantity>& result) const = 0;

@@ -6,8 +6,8 @@
 namespace faultline {
 
 std::unique_ptr<StateEstimator> make_state_estimator(const std::string& type, const ProcessModel& model) {
-  if (type == "divided_difference_1") return std::make_unique<DividedDifferenceFilter>(model, 1);
-  if (type == "divided_difference_2") return std::make_unique<DividedDifferenceFilter>(model, 2);
+  if (type == "divided_difference_1") return make_divided_difference(model, 1);
+  if (type == "divided_difference_2") return make_divided_difference(model, 2);
   throw InputError("there is no estimator '" + type + "'; there are divided_difference_1, divided_difference_2");
 }
 

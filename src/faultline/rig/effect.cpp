@@ -115,6 +115,8 @@ EffectSpec parse_effect(const std::string& text) {
         throw InputError(fmt::format("effect '{}': {}={} is outside {}..{} {}", text, key, value, p.minimum, p.maximum, p.unit));
       spec.parameters[static_cast<std::size_t>(index)] = value;
       given[static_cast<std::size_t>(index)] = true;
+    } else if ((key == "from" || key == "to") && value == -kInfinity) {
+      throw InputError(fmt::format("effect '{}': {}={} is not a time; give seconds from the start", text, key, value));
     } else if (key == "from") {
       spec.from = value;
       spec.from_given = true;

@@ -43,6 +43,10 @@ class Plant {
       if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::output) sensors_.push_back({channel, &chain});
       if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::input) inputs_.push_back({channel, &chain});
     }
+    for (std::size_t i = 0; i < sheet.states.size(); ++i)
+      for (const auto& [channel, chain] : sensors_)
+        if (sheet.channels[channel].name == sheet.states[i].name) shown_states_.push_back({i, chain});
+    start_.resize(sheet.states.size());
     true_.resize(sheet.channels.size());
     shown_.resize(sheet.channels.size());
   }
@@ -52,15 +56,21 @@ class Plant {
     effects_.reset();
     effects_.set_time(0);
     std::copy_n(channels, true_.size(), true_.begin());
-    if (nominal_state)
-      integrator_->start_at(nominal_state, channels);
-    else
-      integrator_->start(channels);
+    integrator_->start(channels);
+    if (nominal_state) restart(0, channels, nominal_state);
     observe(0);
   }
 
   // Puts the rig's states back; effects keep their memory, and what sensors show at this time stays as it was.
-  void restart(const double* channels, const double* nominal_state) { integrator_->start_at(nominal_state, channels); }
+  // A state that is NaN goes on. A state that a channel shows is what that channel says, back through its sensor's effects.
+  void restart(double time, const double* channels, const double* nominal_state) {
+    std::vector<double>& state = start_;
+    for (std::size_t i = 0; i < state.size(); ++i)
+      state[i] = std::isnan(nominal_state[i]) ? integrator_->state()[i] : nominal_state[i];
+    for (const auto& [index, chain] : shown_states_)
+      if (!std::isnan(nominal_state[index])) state[index] = chain->undo_signal(state[index], time);
+    integrator_->start_at(state.data(), channels);
+  }
 
   // One sample period: commands held, inputs run linearly from `now` to `next`.
   void advance(double time, const double* now, const double* next) {
@@ -106,7 +116,8 @@ class Plant {
   std::unique_ptr<Rig> rig_;
   std::unique_ptr<Integrator> integrator_;
   std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;
-  std::vector<double> true_, shown_;
+  std::vector<std::pair<std::size_t, const EffectChain*>> shown_states_;
+  std::vector<double> true_, shown_, start_;
 };
 
 // Value plus band-limited wander, a sum of sines with random phases.
@@ -284,7 +295,7 @@ void DrivenModel::advance(const Recording& recording, std::size_t to_row, const 
   const double time = Parts::time(recording, to_row - 1);
   parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
   parts_->now.swap(parts_->next);
-  if (state) parts_->plant.restart(parts_->now.data(), state);
+  if (state) parts_->plant.restart(time + parts_->sheet.sample_period, parts_->now.data(), state);
 }
 
 const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }

@@ -69,6 +69,7 @@ enum class Kind { time, sequence, channel };
 struct Column {
   Kind kind = Kind::channel;
   std::size_t channel = 0;
+  bool converted = false;  // a unit of its own: `conversion` applies
   Conversion conversion;
   std::string name;
 };
@@ -150,6 +151,7 @@ class Reader {
         } catch (const InputError& error) {
           fail(fmt::format("column '{}': {}", column.name, error.what()));
         }
+        column.converted = true;
         content_.converted.push_back(column.name);
       }
       columns_.push_back(column);
@@ -177,11 +179,11 @@ class Reader {
       double value = 0;
       if (!read_number(cells_[i], value))
         fail(fmt::format("column '{}': '{}' is not a number", column.name, shown(cells_[i])));
+      if (column.converted) value = column.conversion(value);
       if (column.kind == Kind::channel) {
         if (std::isnan(value)) ++content_.missing;
-        sample_.values[column.channel] = column.conversion(value);
+        sample_.values[column.channel] = value;
       } else if (column.kind == Kind::time) {
-        value = column.conversion(value);
         if (!(std::abs(value) <= kLargestTime))
           fail(fmt::format("column '{}': '{}' is not a time; it must be a number within +-1e9 s", column.name, shown(cells_[i])));
         if (recording.rows() > 0 && !(value > recording.time.back()))

@@ -84,12 +84,7 @@ class ServoLeakModel : public ProcessModel {
 
   void predict(const double* x, double dt, double* next) const override {
     const double v = x[kVelocity];
-    const double ratio = v / stribeck_velocity_;
-    const double level = coulomb_ + (std::abs(ratio) < 6 ? static_excess_ * std::exp(-ratio * ratio) : 0.0);
-    // tanh is 1 to nine digits beyond ten widths: most samples while moving.
-    const double reach = v / kFrictionWidth;
-    const double sign = reach > 10 ? 1.0 : reach < -10 ? -1.0 : std::tanh(reach);
-    const double friction = level * sign / (area_ * scale_pressure_);
+    const double friction = dry_friction(v) / (area_ * scale_pressure_);
     const double drop = supply_scaled_ - (x[kSpool] > 0 ? x[kPressure] : x[kSpool] < 0 ? -x[kPressure] : 0.0);
     const double velocity_rate = theta1_ * (x[kPressure] - damping_bar_ * v - friction - load_) + x[kFriction];
     const double pressure_rate = theta3_ * (-area_bar_ * v - x[kLeak] * signed_root(x[kPressure], kTransition / scale_pressure_) +
@@ -103,6 +98,7 @@ class ServoLeakModel : public ProcessModel {
   }
 
   void observe(const double* x, double* y) const override { std::copy_n(x, 4, y); }
+  std::vector<int> observed_states() const override { return {kPosition, kVelocity, kPressure, kSpool}; }
 
   void quantities(const double* channels, const double* x, const double* covariance, std::vector<Quantity>& result) const override {
     if (result.empty())
@@ -125,12 +121,25 @@ class ServoLeakModel : public ProcessModel {
   }
 
  private:
+  double dry_friction(double v) const {
+    // Most of a filter's probes differ from the last in other states than the velocity.
+    if (v == friction_velocity_) return friction_;
+    friction_velocity_ = v;
+    const double ratio = v / stribeck_velocity_;
+    const double level = coulomb_ + (std::abs(ratio) < 6 ? static_excess_ * std::exp(-ratio * ratio) : 0.0);
+    // tanh is 1 to nine digits beyond ten widths: most samples while moving.
+    const double reach = v / kFrictionWidth;
+    friction_ = level * (reach > 10 ? 1.0 : reach < -10 ? -1.0 : std::tanh(reach));
+    return friction_;
+  }
+
   double area_, mass_, coulomb_, static_excess_, stribeck_velocity_, spool_time_, spool_gain_, flow_coefficient_, scale_pressure_,
       scale_spool_, theta1_, theta3_, area_bar_, damping_bar_;
   std::vector<double> process_noise_, measurement_noise_, initial_variance_;
   int command_, supply_, load_force_, chamber_a_, chamber_b_;
   std::vector<int> measured_;
   double voltage_ = 0, supply_scaled_ = 0, load_ = 0;
+  mutable double friction_velocity_ = 0, friction_ = 0;  // N, the last that was asked for; 0 at standstill
 };
 
 FAULTLINE_PROCESS_MODEL(servo_leak, {"servo_leak", make_process_model_of<ServoLeakModel>});

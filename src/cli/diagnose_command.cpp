@@ -1,0 +1,145 @@
+// `faultline diagnose`: what is wrong with a recording. Runs the rig's estimator and alarm stage over it as fast as they go; the same
+// code in the same order as the nodes. The JSON form is a contract: docs/diagnose.schema.json.
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "cli/interrupt.h"
+#include "cli/load_recording.h"
+#include "cli/output_file.h"
+#include "cli/series.h"
+#include "cli/subcommand.h"
+#include "faultline/alarms/diagnosis.h"
+
+namespace faultline {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kInterruptEvery = 4096;  // samples
+
+struct Options {
+  std::string input, rig, config, json, series;
+};
+
+// s from the recording's start; a double at today's epoch is good to a quarter of a microsecond.
+double rounded(double time) { return std::round(time * 1e6) / 1e6; }
+
+Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+const char* level_name(AlarmLevel level) {
+  switch (level) {
+    case AlarmLevel::ok: return "ok";
+    case AlarmLevel::warning: return "warning";
+    case AlarmLevel::error: return "error";
+    case AlarmLevel::stale: break;
+  }
+  return "stale";
+}
+
+Json alarm_json(const Alarm& alarm, double start) {
+  Json json = {{"kind", alarm.kind},
+               {"effect", alarm.effect},
+               {"port", alarm.port},
+               {"level", level_name(alarm.level)},
+               {"since", rounded(alarm.since - start)},
+               {"until", rounded(alarm.until - start)},
+               {"raised", rounded(alarm.raised - start)},
+               {"active", alarm.active},
+               {"size", Json()},
+               {"confidence", finite(alarm.confidence)},
+               {"text", alarm.text}};
+  if (alarm.has_size)
+    json["size"] = {{"name", alarm.size_name},
+                    {"value", finite(alarm.size)},
+                    {"unit", alarm.size_unit},
+                    {"low", finite(alarm.low)},
+                    {"high", finite(alarm.high)}};
+  return json;
+}
+
+Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, const Verdict& verdict) {
+  const SampleFindings& found = loaded.findings;
+  const EstimatorCounts& used = diagnosis.estimator().counts();
+  Json json = {{"rig", loaded.sheet.rig},
+               {"duration", rounded(loaded.end - loaded.start)},
+               {"verdict", verdict.kind},
+               {"sentence", verdict.sentence},
+               {"alarms", Json::array()},
+               {"counts",
+                {{"samples", found.samples},
+                 {"used", used.used},
+                 {"not_newer", used.stale},
+                 {"restarts", used.restarts},
+                 {"missing", used.missing},
+                 {"out_of_range", used.out_of_range},
+                 {"gaps", found.gaps},
+                 {"lost", found.lost},
+                 {"duplicates", found.duplicates},
+                 {"backward", found.backward}}},
+               {"made_by", loaded.made_by}};
+  for (const Alarm& alarm : diagnosis.report().alarms) json["alarms"].push_back(alarm_json(alarm, loaded.start));
+  return json;
+}
+
+void print_report(const LoadedRecording& loaded, const Diagnosis& diagnosis, const Verdict& verdict) {
+  fmt::print("{}, {:.1f} s: {}\n{}\n", loaded.sheet.rig, loaded.end - loaded.start, verdict.kind, verdict.sentence);
+  if (diagnosis.report().alarms.empty()) return;
+  fmt::print("\n{:>9} {:>9} {:>9}  {:<8} {}\n", "since", "until", "raised", "kind", "what");
+  for (const Alarm& alarm : diagnosis.report().alarms) {
+    const std::string place = alarm.effect.empty() ? alarm.port : alarm.effect + "@" + alarm.port;
+    std::string line = fmt::format("{:>9.2f} {:>9} {:>9.2f}  {:<8} {}", alarm.since - loaded.start,
+                                   alarm.active ? "end" : fmt::format("{:.2f}", alarm.until - loaded.start),
+                                   alarm.raised - loaded.start, alarm.kind, place);
+    if (alarm.has_size)
+      line += fmt::format("{}{}={:.3g} {} (90 %: {:.3g} to {:.3g})", place.empty() ? "" : " ", alarm.size_name, alarm.size,
+                          alarm.size_unit, alarm.low, alarm.high);
+    fmt::print("{}{}{}\n", line, place.empty() && !alarm.has_size ? "" : ": ", alarm.text);
+  }
+}
+
+void run(const Options& options) {
+  const LoadedRecording loaded = load_recording(options.input, options.rig, options.config);
+  const Recording& recording = loaded.recording;
+  Diagnosis diagnosis(loaded.sheet);
+  std::unique_ptr<Series> series;
+  if (!options.series.empty()) series = std::make_unique<Series>(loaded.sheet, diagnosis.estimator(), recording.rows());
+
+  Sample sample;
+  sample.values.resize(recording.columns());
+  for (std::size_t row = 0; row < recording.rows(); ++row) {
+    if (row % kInterruptEvery == 0) check_interrupt();
+    sample.time = recording.time[row];
+    sample.sequence = recording.sequence[row];
+    std::copy_n(recording.row(row), recording.columns(), sample.values.begin());
+    if (diagnosis.process(sample) && series) series->add(sample.time - loaded.start, sample, diagnosis.estimate());
+  }
+
+  const Verdict verdict = verdict_of(diagnosis.report(), loaded.start, loaded.end);
+  if (series) write_text(options.series, series->csv());
+  if (!options.json.empty()) write_text(options.json, report_json(loaded, diagnosis, verdict).dump(2) + "\n");
+  std::vector<std::string> remarks = loaded.remarks;
+  if (loaded.findings.backward > 0)
+    remarks.push_back(options.input + ": after a jump back in time the diagnosis starts over; only what follows the last jump is told");
+  print_remarks("diagnose", remarks);
+  if (options.json != "-" && options.series != "-") print_report(loaded, diagnosis, verdict);
+}
+
+void add(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  app.add_option("RECORDING", options->input, "a .bag, or a .csv with --rig")->required();
+  app.add_option("--rig", options->rig, "the rig; needed for a .csv, and where a bag holds several");
+  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
+  app.add_option("--json", options->json, "write the report as JSON to this file; - is standard output");
+  app.add_option("--series", options->series, "write signals, estimates and innovations as CSV, at most 4000 rows; - is standard output");
+  app.callback([options] { run(*options); });
+}
+
+FAULTLINE_SUBCOMMAND(diagnose, {"diagnose", "say what is wrong in a recording, where, since when and how much",
+                                "faultline diagnose leak.bag --json leak.json", add});
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,442 @@
+#include "faultline/gap/diagnose_gap.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <numeric>
+
+#include <fmt/format.h>
+
+#include "faultline/gap/measure.h"
+#include "faultline/rig/random.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+constexpr std::size_t kSegment = 500;      // samples
+constexpr std::size_t kFinalists = 10;     // candidates that are fitted after screening
+constexpr double kSignificance = 3;        // standard errors that a gain must exceed
+constexpr double kMaterial = 0.04;         // share of the mean squared residual that a first effect must remove
+constexpr double kMaterialNext = 0.10;     // ... and a further one
+constexpr double kQuiet = 0.06;            // excess below which there is nothing left to explain
+constexpr double kRefitMatters = 0.05;     // excess that the refit must remove to speak of miscalibration
+constexpr double kEnough = 0.55;           // share of the excess that named effects must close, else "unknown"
+constexpr double kRivalErrors = 2;         // standard errors within which a rival cannot be told apart
+constexpr double kRivalShare = 0.02;       // ... or this share of the gain
+constexpr double kSegmentsCorrelate = 2;   // neighbouring segments share errors: the standard error counts half of them
+constexpr int kBootstraps = 400;
+
+struct Fold {
+  std::vector<std::size_t> train, test;  // positions of runs
+};
+
+double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
+
+double standard_error(const std::vector<double>& values) {
+  const double n = static_cast<double>(values.size());
+  const double mean = sum(values) / n;
+  double squares = 0;
+  for (const double v : values) squares += (v - mean) * (v - mean);
+  return std::sqrt(squares / std::max(1.0, n - 1) * n * kSegmentsCorrelate);
+}
+
+std::vector<double> minus(const std::vector<double>& a, const std::vector<double>& b) {
+  std::vector<double> result(a.size());
+  for (std::size_t i = 0; i < a.size(); ++i) result[i] = a[i] - b[i];
+  return result;
+}
+
+// Loss of a segment on a scale where one segment in which the model goes astray does not outweigh all others: the negative log
+// likelihood with that segment's own noise level, n/2 log(2 loss/n). Near the noise it equals the loss but for a constant.
+std::vector<double> robust(const std::vector<double>& losses, double values_per_segment) {
+  std::vector<double> result;
+  for (const double loss : losses) result.push_back(0.5 * values_per_segment * std::log(std::max(2 * loss / values_per_segment, 0.2)));
+  return result;
+}
+
+// One structure: which effects, fitted per fold and scored on what the fold left out.
+struct Scored {
+  std::vector<Candidate> effects;     // starting points
+  std::vector<double> held_out;       // loss per segment of all tests
+  std::vector<double> score;          // the same on the scale of robust()
+  double screened = 0;                // gain in the screening
+  FitResult everywhere;               // fitted to all learning runs
+};
+
+class GapWork {
+ public:
+  GapWork(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds, const std::vector<std::size_t>& learn,
+            const GapSettings& settings, const GapProgress& progress)
+      : sheet_(sheet), settings_(settings), progress_(progress), model_(sheet, std::move(runs), gap_segment(sheet)), folds_(folds),
+        learn_(learn), all_(candidates(sheet, settings.without)) {
+    for (std::size_t i = 0; i < model_.runs().size(); ++i) every_.push_back(i);
+  }
+
+  const ResidualModel& model() const { return model_; }
+  const std::vector<Candidate>& all() const { return all_; }
+
+  void tell(double share, const std::string& text) const {
+    if (stop_asked()) throw Interrupted();
+    if (progress_) progress_(share, text);
+  }
+
+  // Refits the parameters around `effects`, twice linearised; leaves the linearisation of all runs at the result.
+  FitResult refit(const GapModel& start, const std::vector<Candidate>& effects, int rounds) {
+    FitResult fit;
+    fit.model = start;
+    fit.effects = effects;
+    for (int round = 0; round < rounds; ++round) {
+      linear_ = std::make_unique<Linearisation>(model_, with(fit.effects, fit.model.parameters), every_, settings_.jobs);
+      fit = fit_gap(model_, fit.model, fit.effects, linear_->subset(learn_), 3);
+    }
+    linear_ = std::make_unique<Linearisation>(model_, with(fit.effects, fit.model.parameters), every_, settings_.jobs);
+    return fit;
+  }
+
+  // Gain of each candidate over the linearised model, and its best starting point.
+  std::vector<Scored> screen(const FitResult& base, double from, double to) {
+    struct Point {
+      std::size_t candidate;
+      std::vector<double> values;
+      double loss = 0;
+    };
+    std::vector<Point> points;
+    for (std::size_t c = 0; c < all_.size(); ++c) {
+      const bool there = std::any_of(base.effects.begin(), base.effects.end(), [&](const Candidate& e) {
+        return e.effect.effect == all_[c].effect.effect && e.effect.port == all_[c].effect.port;
+      });
+      if (there) continue;
+      for (auto& values : starting_points(all_[c])) points.push_back({c, values});
+    }
+    const Eigen::VectorXd z = deviations(sheet_, linear_->free_parameters(), base.model.parameters);
+    const double before = projected_loss(*linear_, linear_->at_model(), z);
+    std::atomic<std::size_t> done{0};
+    parallel(points.size(), settings_.jobs, [&](std::size_t i) {
+      std::vector<Candidate> effects = base.effects;
+      effects.push_back(all_[points[i].candidate]);
+      effects.back().effect.parameters = points[i].values;
+      const GapModel model = with(effects, base.model.parameters);
+      std::vector<Eigen::MatrixXf> residuals;
+      for (const std::size_t run : every_) residuals.push_back(model_.residuals(model, run));
+      points[i].loss = projected_loss(*linear_, residuals, z);
+      const std::size_t now = ++done;
+      if (now % 16 == 0 && progress_) progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(points.size()), "trying effects");
+    });
+    std::vector<Scored> result;
+    for (std::size_t c = 0; c < all_.size(); ++c) {
+      const Point* best = nullptr;
+      for (const Point& point : points)
+        if (point.candidate == c && (!best || point.loss < best->loss)) best = &point;
+      if (!best) continue;
+      Scored scored;
+      scored.effects = base.effects;
+      scored.effects.push_back(all_[c]);
+      scored.effects.back().effect.parameters = best->values;
+      scored.screened = before - best->loss;
+      result.push_back(std::move(scored));
+    }
+    std::stable_sort(result.begin(), result.end(), [](const Scored& a, const Scored& b) { return a.screened > b.screened; });
+    return result;
+  }
+
+  // Fits each structure per fold and everywhere, and scores it.
+  void score(const FitResult& base, std::vector<Scored>& structures, double from, double to) {
+    const std::size_t parts = folds_.size() + 1;
+    std::vector<Linearisation> train, test;
+    for (const Fold& fold : folds_) {
+      train.push_back(linear_->subset(fold.train));
+      test.push_back(linear_->subset(fold.test));
+    }
+    const Linearisation learn = linear_->subset(learn_);
+    std::vector<std::vector<double>> losses(structures.size() * folds_.size());
+    std::atomic<std::size_t> done{0};
+    parallel(structures.size() * parts, settings_.jobs, [&](std::size_t i) {
+      Scored& structure = structures[i / parts];
+      const std::size_t part = i % parts;
+      if (part == folds_.size()) {
+        structure.everywhere = fit_gap(model_, base.model, structure.effects, learn, 8);
+      } else {
+        const FitResult fit = fit_gap(model_, base.model, structure.effects, train[part], 8);
+        std::vector<Eigen::MatrixXf> residuals;
+        for (const std::size_t run : folds_[part].test) residuals.push_back(model_.residuals(fit.model, run));
+        losses[i / parts * folds_.size() + part] = test[part].segment_losses(residuals);
+      }
+      const std::size_t now = ++done;
+      if (progress_) progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size() * parts), "fitting the best");
+    });
+    for (std::size_t s = 0; s < structures.size(); ++s) {
+      structures[s].held_out.clear();
+      for (std::size_t f = 0; f < folds_.size(); ++f) {
+        const auto& part = losses[s * folds_.size() + f];
+        structures[s].held_out.insert(structures[s].held_out.end(), part.begin(), part.end());
+      }
+      structures[s].score = robust(structures[s].held_out, segment_values());
+    }
+  }
+
+  // Losses per held-out segment of a model as it is.
+  std::vector<double> held_out(const GapModel& model) const {
+    std::vector<double> result;
+    for (const Fold& fold : folds_) {
+      const Linearisation test = linear_->subset(fold.test);
+      std::vector<Eigen::MatrixXf> residuals;
+      for (const std::size_t run : fold.test) residuals.push_back(model_.residuals(model, run));
+      const auto part = test.segment_losses(residuals);
+      result.insert(result.end(), part.begin(), part.end());
+    }
+    return result;
+  }
+
+  double segment_values() const { return static_cast<double>(model_.segment() * model_.outputs().size()); }
+
+  double held_out_values() const {
+    double count = 0;
+    for (const Fold& fold : folds_)
+      for (const std::size_t run : fold.test)
+        count += static_cast<double>(model_.runs()[run].segments() * model_.segment() * model_.outputs().size());
+    return count;
+  }
+
+  static GapModel with(const std::vector<Candidate>& effects, const std::vector<double>& parameters) {
+    GapModel model;
+    model.parameters = parameters;
+    for (const Candidate& candidate : effects) model.effects.push_back(candidate.effect);
+    return model;
+  }
+
+ private:
+  const Datasheet& sheet_;
+  const GapSettings& settings_;
+  const GapProgress& progress_;
+  ResidualModel model_;
+  std::vector<Fold> folds_;
+  std::vector<std::size_t> learn_, every_;
+  std::vector<Candidate> all_;
+  std::unique_ptr<Linearisation> linear_;
+};
+
+NamedEffect named(const Candidate& candidate, const FitResult& fit, std::size_t position) {
+  NamedEffect result;
+  result.effect = candidate.effect.effect;
+  result.port = candidate.effect.port;
+  result.family = candidate.family;
+  const EffectType* type = find_effect_type(candidate.effect.effect);
+  // The effects' coordinates stand last in the covariance, in order; those with a range only.
+  Eigen::Index at = fit.covariance.rows();
+  for (std::size_t e = fit.effects.size(); e-- > position;)
+    for (const Bounds& b : fit.effects[e].bounds) at -= b.minimum < b.maximum;
+  for (std::size_t p = 0; p < candidate.effect.parameters.size(); ++p) {
+    const double value = candidate.effect.parameters[p];
+    result.parameters[type->parameters[p].name] = value;
+    if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum || fit.covariance.rows() == 0) continue;
+    const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)));
+    ++at;
+    const double c = candidate.to_coordinate(p, value);
+    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, c - 1.645 * std),
+                                                  candidate.from_coordinate(p, c + 1.645 * std)};
+  }
+  return result;
+}
+
+std::string kind_of(const Datasheet& sheet, const std::string& port) {
+  return sheet.port(port).kind == PortKind::sensor ? "sensor" : "process";
+}
+
+std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run) {
+  std::vector<GapRun> parts;
+  const std::size_t rows = run.recording.rows();
+  const std::size_t middle = rows / 2;
+  for (int half = 0; half < 2; ++half) {
+    Recording part;
+    part.rig = run.recording.rig;
+    part.channels = run.recording.channels;
+    for (std::size_t k = half ? middle : 0; k < (half ? rows : middle); ++k) part.append(run.recording.sample(k));
+    parts.push_back(prepare_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part), gap_segment(sheet)));
+  }
+  return parts;
+}
+
+}  // namespace
+
+std::size_t gap_segment(const Datasheet&) { return kSegment; }
+
+GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout, const GapSettings& settings,
+                       const GapProgress& progress) {
+  const auto begin = std::chrono::steady_clock::now();
+  GapResult result;
+  result.rig = sheet.rig;
+  for (const GapRun& run : runs) result.runs.push_back(run.name);
+  for (const GapRun& run : holdout) result.holdout.push_back(run.name);
+
+  if (runs.empty()) throw InputError("gap: no run was given");
+  if (runs.size() == 1 && holdout.empty()) {
+    if (runs.front().recording.rows() < 4 * gap_segment(sheet))
+      throw InputError(fmt::format("{}: too short to be cut in two; a single run needs at least {:g} s", runs.front().name,
+                                   static_cast<double>(4 * gap_segment(sheet)) * sheet.sample_period));
+    runs = cut_in_two(sheet, runs.front());
+  }
+  std::vector<Fold> folds;
+  std::vector<std::size_t> learn;
+  const std::size_t learning = runs.size();
+  if (!holdout.empty()) {
+    Fold fold;
+    for (std::size_t i = 0; i < learning; ++i) fold.train.push_back(i);
+    for (std::size_t i = 0; i < holdout.size(); ++i) fold.test.push_back(learning + i);
+    folds.push_back(fold);
+    learn = fold.train;
+    for (GapRun& run : holdout) runs.push_back(std::move(run));
+  } else {
+    Fold even, odd;
+    for (std::size_t i = 0; i < learning; ++i) {
+      (i % 2 ? odd : even).train.push_back(i);
+      (i % 2 ? even : odd).test.push_back(i);
+      learn.push_back(i);
+    }
+    folds = {even, odd};
+  }
+
+  GapWork work(sheet, std::move(runs), folds, learn, settings, progress);
+  const double values = work.held_out_values();
+  const auto excess = [&](const std::vector<double>& losses) { return std::max(0.0, 2 * sum(losses) / values - 1); };
+
+  work.tell(0.02, "refitting parameters");
+  GapModel nominal;
+  nominal.parameters = sheet.nominal();
+  FitResult base = work.refit(nominal, {}, 2);
+  const GapModel refitted = base.model;
+  const std::vector<double> nominal_losses = work.held_out(nominal);
+
+  // The refitted model, scored like every other: fitted per fold.
+  std::vector<Scored> plain(1);
+  work.score(base, plain, 0.08, 0.1);
+  const std::vector<double> refit_losses = plain.front().held_out;
+  std::vector<double> now_losses = refit_losses;
+  const double refit_excess = excess(refit_losses), nominal_excess = excess(nominal_losses);
+
+  std::vector<Scored> first_ranked;
+  const std::vector<double> first_base = robust(refit_losses, work.segment_values());
+  std::vector<Scored> screened_first;
+  for (int round = 0; round < settings.most_effects; ++round) {
+    if (round > 0 && excess(now_losses) < kQuiet) break;
+    const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
+    std::vector<Scored> structures = work.screen(base, from, from + 0.7 * width);
+    if (round == 0) screened_first = structures;
+    if (structures.size() > kFinalists) structures.resize(kFinalists);
+    if (structures.empty()) break;
+    work.score(base, structures, from + 0.7 * width, from + width);
+    std::stable_sort(structures.begin(), structures.end(),
+                     [](const Scored& a, const Scored& b) { return sum(a.score) < sum(b.score); });
+    const std::vector<double> gain = minus(robust(now_losses, work.segment_values()), structures.front().score);
+    // Mean over the segments of the log of their loss: the share by which a typical segment shrinks.
+    const double share = 1 - std::exp(-sum(gain) / (0.5 * values));
+    const bool significant = sum(gain) > kSignificance * standard_error(gain);
+    if (round == 0) {
+      first_ranked = structures;
+    }
+    if (!significant || share < (round == 0 ? kMaterial : kMaterialNext)) break;
+    base = work.refit(structures.front().everywhere.model, structures.front().everywhere.effects, 1);
+    std::vector<Scored> again(1);
+    again.front().effects = base.effects;
+    work.score(base, again, from + width, from + width);
+    now_losses = sum(again.front().score) < sum(structures.front().score) ? again.front().held_out : structures.front().held_out;
+  }
+  work.tell(0.93, "measuring the gap");
+
+  const double explained_excess = excess(now_losses);
+  result.shrink_refit = refit_excess > 0 ? 1 - explained_excess / refit_excess : 0;
+  result.shrink_nominal = nominal_excess > 0 ? 1 - explained_excess / nominal_excess : 0;
+  if (base.effects.empty()) result.shrink_refit = 0;
+  Random random(settings.seed);
+  std::vector<double> shrinks;
+  for (int b = 0; b < kBootstraps && refit_excess > 0; ++b) {
+    double before = 0, after = 0;
+    for (std::size_t i = 0; i < refit_losses.size(); ++i) {
+      const auto k = static_cast<std::size_t>(random.uniform() * static_cast<double>(refit_losses.size()));
+      before += refit_losses[k];
+      after += now_losses[k];
+    }
+    const double e1 = 2 * before / values - 1, e2 = std::max(0.0, 2 * after / values - 1);
+    if (e1 > 0) shrinks.push_back(1 - e2 / e1);
+  }
+  std::sort(shrinks.begin(), shrinks.end());
+  if (!shrinks.empty())
+    result.shrink_interval = {shrinks[shrinks.size() / 20], shrinks[shrinks.size() - 1 - shrinks.size() / 20]};
+
+  // Ranked causes and rivals of the first effect.
+  double weights = 0;
+  for (const Scored& s : first_ranked) {
+    RankedCause cause;
+    cause.effect = named(s.everywhere.effects.back(), s.everywhere, s.everywhere.effects.size() - 1);
+    cause.gain = sum(first_base) - sum(s.score);
+    const std::vector<double> behind = minus(s.score, first_ranked.front().score);
+    cause.behind = sum(behind);
+    cause.standard_error = standard_error(behind);
+    const double scale = std::max({1.0, cause.standard_error, kRivalShare * (sum(first_base) - sum(first_ranked.front().score))});
+    cause.effect.probability = std::exp(-0.5 * std::pow(cause.behind / scale, 2));
+    weights += cause.effect.probability;
+    result.ranked.push_back(cause);
+  }
+  for (RankedCause& cause : result.ranked) cause.effect.probability /= std::max(weights, 1e-300);
+
+  // Places: the best candidate of each port.
+  double best_gain = 0;
+  std::map<std::string, double> place_gain;
+  for (const Scored& s : screened_first) {
+    double& gain = place_gain[s.effects.back().effect.port];
+    gain = std::max(gain, s.screened);
+  }
+  for (const RankedCause& cause : result.ranked) best_gain = std::max(best_gain, cause.gain);
+  std::map<std::string, double> place_share;
+  for (const RankedCause& cause : result.ranked) place_share[cause.effect.port] += cause.effect.probability;
+  for (const auto& [port, gain] : place_gain) {
+    PlaceScore place;
+    place.port = port;
+    place.component = sheet.port(port).component;
+    place.kind = kind_of(sheet, port);
+    place.score = gain;
+    const auto share = place_share.find(port);
+    place.share = share == place_share.end() ? 0 : share->second;
+    result.places.push_back(place);
+  }
+  std::stable_sort(result.places.begin(), result.places.end(), [](const PlaceScore& a, const PlaceScore& b) {
+    return a.share != b.share ? a.share > b.share : a.score > b.score;
+  });
+  if (!result.places.empty())
+    for (std::size_t i = 1; i < result.places.size(); ++i)
+      if (result.places[i].share > 0.15) result.places.front().inseparable.push_back(result.places[i].port);
+
+  const bool found = !base.effects.empty();
+  if (found) {
+    for (std::size_t e = 0; e < base.effects.size(); ++e) {
+      NamedEffect effect = named(base.effects[e], base, e);
+      for (const RankedCause& cause : result.ranked)
+        if (cause.effect.effect == effect.effect && cause.effect.port == effect.port) effect.probability = cause.effect.probability;
+      if (e > 0) effect.probability = 1;
+      result.effects.push_back(effect);
+    }
+    for (std::size_t i = 1; i < result.ranked.size(); ++i) {
+      const RankedCause& cause = result.ranked[i];
+      if (cause.behind < kRivalErrors * cause.standard_error || cause.behind < kRivalShare * result.ranked.front().gain)
+        result.equivalent.push_back(cause.effect);
+    }
+    if (!result.equivalent.empty())
+      result.why_equivalent = fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors", kRivalErrors);
+  }
+  result.closable = found ? (refit_excess > 0 ? std::max(0.0, 1 - explained_excess / refit_excess) : 0) : 0;
+  if (found)
+    result.verdict = result.shrink_refit >= kEnough ? "named" : "unknown";
+  else if (refit_excess > 4 * kQuiet && sum(refit_losses) > 0 && !first_ranked.empty() && refit_excess > 1)
+    result.verdict = "unknown";
+  else
+    result.verdict = nominal_excess - refit_excess > kRefitMatters ? "miscalibrated" : "none";
+  result.where_kind = result.verdict == "none" || result.verdict == "miscalibrated" || result.places.empty() ? "none" : result.places.front().kind;
+
+  measure_levels(work.model(), nominal, refitted, base, result);
+  describe(sheet, result);
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
+}
+
+}  // namespace faultline

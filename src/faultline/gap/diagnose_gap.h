@@ -1,0 +1,36 @@
+// The gap diagnosis: measures the gap, refits the parameters, tries every effect at every fitting port, scores what it fitted on
+// runs that it did not see, and says the verdict. Knows no rig.
+//
+// 1. nominal -> refit: parameters move within their tolerances (priors).
+// 2. Screen: each candidate at a few sizes, one simulation each, parameters adjusted to first order.
+// 3. The best are fitted together with the parameters on one part of the runs and scored on the other, both ways round.
+// 4. The winner joins the model; a second and third effect must pay in the same way.
+// 5. Rivals within two standard errors of the winner form the set that cannot be told apart.
+// Deterministic: no random numbers but the bootstrap's, which are seeded.
+#pragma once
+
+#include <functional>
+
+#include "faultline/gap/gap_result.h"
+#include "faultline/gap/least_squares.h"
+
+namespace faultline {
+
+struct GapSettings {
+  std::vector<std::string> without;  // candidates to leave out
+  int jobs = 1;
+  std::uint64_t seed = 1;
+  int most_effects = 3;
+};
+
+using GapProgress = std::function<void(double share, const std::string& text)>;
+
+// `runs` to learn from; `holdout` to score on (empty: the runs score each other; one run is cut in two). Throws InputError, or
+// Interrupted when ask_to_stop() was called.
+GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout, const GapSettings& settings,
+                       const GapProgress& progress);
+
+// Samples between restarts of the states.
+std::size_t gap_segment(const Datasheet& sheet);
+
+}  // namespace faultline

@@ -1,0 +1,94 @@
+// What `faultline gap` answers: how far recording and model are apart, where, why, and how far the gap shrinks. Dumb data; the
+// JSON form is docs/gap.schema.json.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace faultline {
+
+struct Interval {
+  double low = 0, high = 0;
+};
+
+// Distance between recording and model on one channel, in the channel's unit unless said otherwise.
+struct ChannelGap {
+  std::string channel;
+  std::string unit;
+  double noise_std = 0;                   // what the recording's own noise is
+  std::map<std::string, double> rms;      // by horizon: "1", "10", "100" samples, "segment"
+  std::map<std::string, double> nrmse;    // rms over the channel's standard deviation
+  std::map<std::string, double> fit;      // 1 - nrmse, in percent; 100 is perfect
+  double excess = 0;                      // max(0, rms^2 - noise^2)/noise^2 on segments
+};
+
+struct GapLevel {
+  std::string name;  // nominal | refit | explained
+  std::vector<ChannelGap> channels;
+  double excess = 0;  // mean over the channels
+  std::map<std::string, double> parameters;  // that differ from nominal: factor on the nominal value
+};
+
+struct Region {
+  std::string name;       // of the operating range, "velocity positive" and the like
+  double enrichment = 1;  // mean squared residual there over its mean everywhere
+  double share = 0;       // of the samples
+};
+
+struct PlaceScore {
+  std::string port;
+  std::string component;
+  std::string kind;      // process | sensor
+  double score = 0;      // gain in log likelihood that something at this place can win
+  double share = 0;      // 0..1, posterior share over places
+  std::vector<std::string> inseparable;  // places whose signature this excitation cannot tell from this one
+};
+
+struct NamedEffect {
+  std::string effect;
+  std::string port;
+  std::string family;
+  std::map<std::string, double> parameters;
+  std::map<std::string, Interval> intervals;  // 90 %
+  double probability = 0;
+};
+
+struct RankedCause {
+  NamedEffect effect;
+  double gain = 0;           // held-out log likelihood over the refitted model
+  double behind = 0;         // how far behind the best
+  double standard_error = 0;  // of that
+};
+
+struct NextRun {
+  std::string excitation;  // a profile of the datasheet
+  double duration = 0;     // s
+  double gain = 0;         // predicted distance of the two rivals, in log likelihood
+  std::string between;     // which two it separates
+};
+
+struct GapResult {
+  std::string rig;
+  std::vector<std::string> runs, holdout;
+  std::string deciding_run;  // which run showed it most
+  std::vector<GapLevel> gap;
+  std::vector<PlaceScore> places;
+  std::string where_kind;  // process | sensor | none
+  std::vector<Region> regions;
+  std::vector<Region> bands;  // frequency bands of the residual, enrichment over white
+  std::string verdict;     // none | miscalibrated | named | unknown
+  std::string sentence;
+  std::vector<NamedEffect> effects;
+  std::vector<NamedEffect> equivalent;
+  std::string why_equivalent;
+  std::vector<RankedCause> ranked;
+  double shrink_refit = 0;    // 1 - excess_explained/excess_refit, held out
+  double shrink_nominal = 0;  // against nominal
+  Interval shrink_interval;   // 90 %, of shrink_refit
+  double closable = 0;        // share of what a flexible closure wins that the named effects win
+  std::vector<NextRun> next;
+  double seconds = 0;
+};
+
+}  // namespace faultline

@@ -1,0 +1,182 @@
+#include "faultline/gap/measure.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace faultline {
+namespace {
+
+constexpr double kStandstill = 0.02;    // of a channel's 95 % range: near zero
+constexpr double kNotable = 1.25;       // enrichment from which a region is told
+constexpr std::size_t kMostRegions = 6;
+
+ChannelGap channel_gap(const ResidualModel& model, std::size_t output) {
+  const Channel& channel = model.sheet().channels[static_cast<std::size_t>(model.outputs()[output])];
+  ChannelGap gap;
+  gap.channel = channel.name;
+  gap.unit = channel.unit;
+  gap.noise_std = model.noise()[output];
+  return gap;
+}
+
+double deviation(const ResidualModel& model, std::size_t output) {
+  double s = 0, s2 = 0, n = 0;
+  for (const GapRun& run : model.runs())
+    for (std::size_t k = 0; k < run.recording.rows(); ++k) {
+      const double v = run.recording.at(k, static_cast<std::size_t>(model.outputs()[output]));
+      s += v;
+      s2 += v * v;
+      n += 1;
+    }
+  return std::sqrt(std::max(s2 / n - s / n * s / n, 0.0));
+}
+
+GapLevel level(const ResidualModel& model, const std::string& name, const GapModel& at) {
+  GapLevel result;
+  result.name = name;
+  const std::size_t outputs = model.outputs().size();
+  for (std::size_t o = 0; o < outputs; ++o) result.channels.push_back(channel_gap(model, o));
+  for (const std::size_t horizon : {std::size_t{1}, std::size_t{10}, std::size_t{100}, model.segment()}) {
+    const std::string key = horizon == model.segment() ? "segment" : std::to_string(horizon);
+    std::vector<double> squares(outputs, 0);
+    double rows = 0;
+    for (std::size_t r = 0; r < model.runs().size(); ++r) {
+      const Eigen::MatrixXf residuals = model.residuals(at, r, horizon);
+      rows += static_cast<double>(residuals.rows());
+      for (std::size_t o = 0; o < outputs; ++o) squares[o] += static_cast<double>(residuals.col(static_cast<Eigen::Index>(o)).squaredNorm());
+    }
+    for (std::size_t o = 0; o < outputs; ++o) {
+      ChannelGap& gap = result.channels[o];
+      const double square = squares[o] / rows;
+      const double rms = gap.noise_std * std::sqrt(square);
+      gap.rms[key] = rms;
+      gap.nrmse[key] = rms / std::max(deviation(model, o), 1e-300);
+      gap.fit[key] = 100 * (1 - gap.nrmse[key]);
+      if (key == "segment") {
+        gap.excess = std::max(0.0, square - 1);
+        result.excess += gap.excess / static_cast<double>(outputs);
+      }
+    }
+  }
+  const Datasheet& sheet = model.sheet();
+  for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
+    if (at.parameters[i] != sheet.parameters[i].nominal)
+      result.parameters[sheet.parameters[i].name] = at.parameters[i] / sheet.parameters[i].nominal;
+  return result;
+}
+
+void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>& residuals, GapResult& result) {
+  const Datasheet& sheet = model.sheet();
+  double total = 0, rows = 0;
+  std::vector<Eigen::VectorXf> squares;
+  for (const auto& matrix : residuals) {
+    squares.push_back(matrix.rowwise().squaredNorm());
+    total += static_cast<double>(squares.back().sum());
+    rows += static_cast<double>(matrix.rows());
+  }
+  const double mean = total / rows;
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    const Channel& channel = sheet.channels[c];
+    if (channel.ground_truth || channel.role == Role::setpoint || channel.role == Role::input) continue;
+    std::vector<double> sorted;
+    for (const GapRun& run : model.runs())
+      for (std::size_t k = 0; k < run.recording.rows(); k += 7) sorted.push_back(run.recording.at(k, c));
+    std::sort(sorted.begin(), sorted.end());
+    const double low = sorted[sorted.size() / 10], high = sorted[sorted.size() - 1 - sorted.size() / 10];
+    const double span = std::max(std::abs(sorted[sorted.size() / 40]), std::abs(sorted[sorted.size() - 1 - sorted.size() / 40]));
+    const bool both_signs = low < 0 && high > 0;
+    struct Part {
+      std::string name;
+      double sum = 0, count = 0;
+    };
+    std::vector<Part> parts = {{channel.name + " positive"}, {channel.name + " negative"}, {channel.name + " near zero"},
+                               {channel.name + " among its highest tenth"}, {channel.name + " among its lowest tenth"}};
+    for (std::size_t r = 0; r < residuals.size(); ++r)
+      for (Eigen::Index k = 0; k < squares[r].size(); ++k) {
+        const double v = model.runs()[r].recording.at(static_cast<std::size_t>(k), c);
+        const double s = static_cast<double>(squares[r][k]);
+        const auto add = [&](std::size_t i, bool inside) {
+          if (!inside) return;
+          parts[i].sum += s;
+          parts[i].count += 1;
+        };
+        add(0, both_signs && v > kStandstill * span);
+        add(1, both_signs && v < -kStandstill * span);
+        add(2, both_signs && std::abs(v) <= kStandstill * span);
+        add(3, v >= high);
+        add(4, v <= low);
+      }
+    for (const Part& part : parts)
+      if (part.count > 0.01 * rows && part.sum / part.count > kNotable * mean)
+        result.regions.push_back({part.name, part.sum / part.count / mean, part.count / rows});
+  }
+  std::stable_sort(result.regions.begin(), result.regions.end(),
+                   [](const Region& a, const Region& b) { return a.enrichment > b.enrichment; });
+  if (result.regions.size() > kMostRegions) result.regions.resize(kMostRegions);
+
+  // Bands by block means: energy between means over b and over 4 b samples, against what white noise of the same power has.
+  double total_power = total;
+  for (std::size_t b = 1; b <= 64; b *= 4) {
+    double energy = 0;
+    for (const auto& matrix : residuals) {
+      const Eigen::Index wide = static_cast<Eigen::Index>(4 * b), narrow = static_cast<Eigen::Index>(b);
+      for (Eigen::Index first = 0; first + wide <= matrix.rows(); first += wide) {
+        const Eigen::RowVectorXf whole = matrix.middleRows(first, wide).colwise().mean();
+        for (Eigen::Index i = 0; i < 4; ++i)
+          energy += static_cast<double>((matrix.middleRows(first + i * narrow, narrow).colwise().mean() - whole).squaredNorm()) *
+                    static_cast<double>(narrow);
+      }
+    }
+    const double rate = 1 / sheet.sample_period;
+    const double white = 0.75 / static_cast<double>(b);
+    const double per_block = energy / std::max(total_power, 1e-300);
+    result.bands.push_back({fmt::format("{:.3g} to {:.3g} Hz", rate / static_cast<double>(8 * b), rate / static_cast<double>(2 * b)),
+                            per_block / white, per_block});
+  }
+}
+
+}  // namespace
+
+void measure_levels(const ResidualModel& model, const GapModel& nominal, const GapModel& refitted, const FitResult& explained,
+                    GapResult& result) {
+  GapModel best = explained.model;
+  best.effects.clear();
+  for (const Candidate& candidate : explained.effects) best.effects.push_back(candidate.effect);
+  result.gap = {level(model, "nominal", nominal), level(model, "refit", refitted), level(model, "explained", best)};
+  std::vector<Eigen::MatrixXf> residuals;
+  double most = -1;
+  for (std::size_t r = 0; r < model.runs().size(); ++r) {
+    residuals.push_back(model.residuals(refitted, r));
+    const double gain = static_cast<double>((residuals.back().squaredNorm() - model.residuals(best, r).squaredNorm())) /
+                        static_cast<double>(residuals.back().size());
+    if (gain > most) {
+      most = gain;
+      result.deciding_run = model.runs()[r].name;
+    }
+  }
+  find_regions(model, residuals, result);
+}
+
+void describe(const Datasheet& sheet, GapResult& result) {
+  if (result.verdict == "none") {
+    result.sentence = "No gap beyond the noise and the tolerances of the datasheet.";
+  } else if (result.verdict == "miscalibrated") {
+    std::string moved;
+    for (const auto& [name, factor] : result.gap[1].parameters) {
+      const Parameter& p = sheet.parameters[static_cast<std::size_t>(sheet.parameter(name))];
+      if (std::abs(factor - 1) > p.tolerance) moved += fmt::format("{}{} x {:.3f}", moved.empty() ? "" : ", ", name, factor);
+    }
+    result.sentence = "The structure fits; the parameters are off" + (moved.empty() ? std::string(" within their tolerances.") : ": " + moved + ".");
+  } else if (result.verdict == "named") {
+    for (const NamedEffect& e : result.effects) result.sentence += fmt::format("{}{} at {}", result.sentence.empty() ? "" : " and ", e.effect, e.port);
+    result.sentence += fmt::format(" closes {:.0f} % of what the refit leaves.", 100 * result.shrink_refit);
+    if (!result.equivalent.empty()) result.sentence += fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
+  } else {
+    result.sentence = fmt::format("Something the library does not know{}; the best known effect closes only {:.0f} %.",
+                                  result.places.empty() ? "" : " at or near " + result.places.front().port, 100 * std::max(0.0, result.shrink_refit));
+  }
+}
+
+}  // namespace faultline

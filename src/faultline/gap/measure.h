@@ -1,0 +1,17 @@
+// How far recording and model are apart, per channel and level, and where in the operating range the residual lives.
+#pragma once
+
+#include "faultline/gap/gap_result.h"
+#include "faultline/gap/least_squares.h"
+
+namespace faultline {
+
+// Fills result.gap (nominal, refit, explained; horizons 1, 10, 100 and segment), regions and bands of the refitted model's
+// residual, and the run that shows the gap most.
+void measure_levels(const ResidualModel& model, const GapModel& nominal, const GapModel& refitted, const FitResult& explained,
+                    GapResult& result);
+
+// The verdict in one sentence.
+void describe(const Datasheet& sheet, GapResult& result);
+
+}  // namespace faultline

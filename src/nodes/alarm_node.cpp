@@ -1,0 +1,24 @@
+// alarm_node: estimates -> alarms and /diagnostics. Parameters and topics: docs/nodes.md.
+#include <fmt/format.h>
+#include <ros/ros.h>
+
+#include "faultline/signal/error.h"
+#include "nodes/alarm_publisher.h"
+#include "nodes/node_main.h"
+
+int main(int argc, char** argv) {
+  using namespace faultline;
+  return run_node(argc, argv, "alarm_node", [](Parameters& parameters) {
+    const Datasheet sheet = read_rig(parameters);
+    if (sheet.estimators.empty())
+      throw InputError(fmt::format("{}: the datasheet names no estimator; this rig cannot be diagnosed yet", sheet.file));
+    std::vector<std::string> stages;
+    for (const StageSpec& spec : sheet.estimators) stages.push_back(spec.name);
+    const std::string stage = parameters.choice("stage", stages.front(), stages);
+    const double patience = parameters.number("patience", 0.5, 0, 60);
+    parameters.check_used();
+    AlarmPublisher publisher(sheet, stage, patience);
+    ros::spin();
+    return 0;
+  });
+}

@@ -1,0 +1,151 @@
+#include "nodes/alarm_publisher.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+#include <ros/ros.h>
+
+#include "faultline/signal/error.h"
+#include "nodes/conversion.h"
+#include "nodes/node_main.h"
+#include "nodes/rig_input.h"
+
+namespace faultline {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+void add(DiagnosticStatus& status, const std::string& key, const std::string& value) {
+  diagnostic_msgs::KeyValue entry;
+  entry.key = key;
+  entry.value = value;
+  status.values.push_back(entry);
+}
+
+std::string title(const std::string& rig, const Alarm& alarm) {
+  std::string text = rig + ": " + alarm.kind;
+  if (!alarm.effect.empty()) text += " " + alarm.effect;
+  if (!alarm.port.empty()) text += " at " + alarm.port;
+  return text;
+}
+
+}  // namespace
+
+diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report) {
+  diagnostic_msgs::DiagnosticArray array;
+  DiagnosticStatus whole;
+  whole.name = report.rig + ": verdict";
+  whole.hardware_id = report.rig;
+  whole.level = static_cast<std::uint8_t>(worst(report));
+  whole.message = report.verdict;
+  const auto active = std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
+  add(whole, "active alarms", fmt::format("{}", active));
+  add(whole, "alarms since the start", fmt::format("{}", report.alarms.size()));
+  add(whole, "last sample [s]", fmt::format("{:.6f}", report.time));
+  array.status.push_back(whole);
+
+  for (const Alarm& alarm : report.alarms) {
+    DiagnosticStatus status;
+    status.name = title(report.rig, alarm);
+    status.hardware_id = report.rig;
+    status.level = alarm.active ? static_cast<std::uint8_t>(alarm.level) : static_cast<std::uint8_t>(DiagnosticStatus::OK);
+    status.message = alarm.active ? alarm.text : "over: " + alarm.text;
+    add(status, "since [s]", fmt::format("{:.6f}", alarm.since));
+    add(status, "raised [s]", fmt::format("{:.6f}", alarm.raised));
+    add(status, "until [s]", fmt::format("{:.6f}", alarm.until));
+    add(status, "confidence", fmt::format("{:.3f}", alarm.confidence));
+    if (alarm.has_size) {
+      add(status, fmt::format("{} [{}]", alarm.size_name, alarm.size_unit), fmt::format("{:.6g}", alarm.size));
+      add(status, "low", fmt::format("{:.6g}", alarm.low));
+      add(status, "high", fmt::format("{:.6g}", alarm.high));
+    }
+    // One status a name: the worst wins, of equals the latest.
+    const auto same = std::find_if(array.status.begin(), array.status.end(),
+                                   [&](const DiagnosticStatus& other) { return other.name == status.name; });
+    if (same == array.status.end())
+      array.status.push_back(status);
+    else if (status.level >= same->level)
+      *same = status;
+  }
+  return array;
+}
+
+AlarmPublisher::AlarmPublisher(const Datasheet& sheet, const std::string& stage, double patience)
+    : sheet_(sheet),
+      name_(stage),
+      stage_(sheet),
+      monitor_(sequence_settings(sheet)),
+      silence_(patience),
+      health_(sheet.rig, "alarms", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }) {
+  alarms_ = node_.advertise<faultline_msgs::AlarmArray>(topic(sheet.rig, "alarms"), 100, true);
+  diagnostics_ = node_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 100);
+  estimates_ = node_.subscribe<faultline_msgs::Estimate>(
+      topic(sheet.rig, "estimate"), kQueue,
+      [this](const boost::shared_ptr<const faultline_msgs::Estimate>& message) { take(*message); }, ros::VoidConstPtr(),
+      ros::TransportHints().tcpNoDelay());
+  watch_timer_ = node_.createWallTimer(ros::WallDuration(0.1), [this](const ros::WallTimerEvent&) { watch(); });
+  second_timer_ = node_.createWallTimer(ros::WallDuration(1), [this](const ros::WallTimerEvent&) { publish(); });
+  published_changes_ = stage_.changes();
+  publish();
+}
+
+double AlarmPublisher::simulated_seconds() const {
+  return ros::Time::isSimTime() ? ros::Time::now().toSec() : std::numeric_limits<double>::quiet_NaN();
+}
+
+void AlarmPublisher::take(const faultline_msgs::Estimate& message) {
+  if (message.stage != name_) {
+    ++other_stage_;
+    return;
+  }
+  Estimate estimate;
+  try {
+    estimate = from_message(message);
+    if (estimate.channel_status.size() != sheet_.channels.size()) throw InputError("");
+  } catch (const InputError&) {
+    ++bad_;
+    return;
+  }
+  monitor_.observe(estimate.sequence, estimate.time);
+  stage_.process(estimate);
+  silence_.arrived(estimate.time, steady_seconds(), simulated_seconds());
+  if (stage_.changes() != published_changes_) publish();
+}
+
+void AlarmPublisher::watch() {
+  const double now = silence_.now(steady_seconds(), simulated_seconds());
+  if (std::isnan(now)) return;
+  stage_.advance(now);
+  if (stage_.changes() != published_changes_) publish();
+}
+
+void AlarmPublisher::publish() {
+  published_changes_ = stage_.changes();
+  const AlarmReport& report = stage_.report();
+  alarms_.publish(to_message(report));
+  diagnostic_msgs::DiagnosticArray array = to_diagnostics(report);
+  array.header.stamp = ros::Time::now();
+  if (monitor_.counts().received == 0) {
+    array.status[0].level = DiagnosticStatus::STALE;
+    array.status[0].message = "No estimate has come yet.";
+  }
+  diagnostics_.publish(array);
+}
+
+void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const SequenceCounts& counts = monitor_.counts();
+  const bool silent = counts.received == told_.received;
+  status.summary(DiagnosticStatus::OK, "estimates arrive");
+  status.add("estimates per second", rate_.rate(counts.received));
+  tell_counts(counts, told_, status);
+  status.add("not understood", bad_);
+  status.add("of other stages", other_stage_);
+  if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some estimates do not fit this rig");
+  if (silent) status.mergeSummary(DiagnosticStatus::WARN, counts.received == 0 ? "no estimate yet" : "no estimate since the last report");
+  if (silence_.clock_stands(steady_seconds(), simulated_seconds()))
+    status.mergeSummary(DiagnosticStatus::WARN, "/clock stands still: replay is paused or over, silence is not judged");
+}
+
+}  // namespace faultline

@@ -1,0 +1,50 @@
+// Hosts the alarm stage of a rig: /RIG/estimate in; /RIG/alarms (latched) and /diagnostics out, at once when an alarm is raised, ends or
+// changes level, and once a second of wall time. Alarms follow from the estimates' stamps alone; see silence_watch.h for silence.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <ros/node_handle.h>
+
+#include "faultline/alarms/alarm_stage.h"
+#include "faultline/signal/sequence_monitor.h"
+#include "nodes/messages.h"
+#include "nodes/node_health.h"
+#include "nodes/silence_watch.h"
+
+namespace faultline {
+
+// What /diagnostics shows of a report: the rig's verdict first, at the worst level, then one status for each thing that has an alarm;
+// one that is over is OK. Pure, without stamp.
+diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report);
+
+class AlarmPublisher {
+ public:
+  // Listens to the estimates of `stage`. `patience`: s, see SilenceWatch.
+  AlarmPublisher(const Datasheet& sheet, const std::string& stage, double patience);
+
+ private:
+  void take(const faultline_msgs::Estimate& message);
+  void watch();  // ten times a second
+  void publish();
+  void tell(diagnostic_updater::DiagnosticStatusWrapper& status);
+  double simulated_seconds() const;
+
+  const Datasheet& sheet_;
+  std::string name_;
+  AlarmStage stage_;
+  SequenceMonitor monitor_;
+  SilenceWatch silence_;
+  ros::NodeHandle node_;
+  ros::Publisher alarms_, diagnostics_;
+  ros::Subscriber estimates_;
+  ros::WallTimer watch_timer_, second_timer_;
+  std::uint64_t published_changes_ = 0, bad_ = 0, other_stage_ = 0;
+  SequenceCounts told_;
+  RateMeter rate_;
+  NodeHealth health_;
+};
+
+}  // namespace faultline

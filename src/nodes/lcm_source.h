@@ -1,0 +1,33 @@
+// Where the driver's LCM messages come from, read in a thread of its own so that ROS callbacks never wait for it.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <string>
+#include <thread>
+
+namespace faultline {
+
+class LcmSource {
+ public:
+  using Take = std::function<void(const std::string& channel, const void* data, int size, double arrival)>;
+  using Idle = std::function<void(double now)>;
+
+  ~LcmSource();  // stops and joins
+
+  // Listens to RIG.* on an LCM network. Throws InputError if it cannot be opened. `idle` is called when nothing came for 0.1 s.
+  void listen(const std::string& url, const std::string& rig, Take take, Idle idle);
+  // Plays a log, `rate` times as fast as it was recorded. Throws InputError if it is not an LCM log.
+  void play(const std::string& path, double rate, Take take, Idle idle);
+
+  bool ended() const { return ended_; }
+  // Of a log that was played, after it ended: what was wrong with it, or why nothing came out of it; empty if nothing.
+  const std::string& trouble() const { return trouble_; }
+
+ private:
+  std::thread thread_;
+  std::atomic<bool> stop_{false}, ended_{false};
+  std::string trouble_;
+};
+
+}  // namespace faultline

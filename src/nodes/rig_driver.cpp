@@ -1,0 +1,97 @@
+#include "nodes/rig_driver.h"
+
+#include <ros/ros.h>
+
+#include "faultline/signal/error.h"
+#include "nodes/conversion.h"
+#include "nodes/conversion_lcm.h"
+#include "nodes/node_main.h"
+#include "nodes/rig_input.h"
+
+namespace faultline {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+constexpr double kDescriptionWait = 1.5;  // s: a DAQ sends one a second
+
+}  // namespace
+
+RigDriver::RigDriver(const Datasheet& sheet, const std::string& made_by)
+    : sheet_(sheet),
+      sample_channel_(lcm_channel(sheet.rig, "sample")),
+      description_channel_(lcm_channel(sheet.rig, "description")),
+      gate_(sheet, kDescriptionWait, 2 * kQueue, [this](const Sample& sample, double arrival) { deliver(sample, arrival); }),
+      monitor_(sequence_settings(sheet)) {
+  description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
+  samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue);
+  description_.publish(to_message(sheet, made_by));
+}
+
+void RigDriver::take(const std::string& channel, const void* data, int size, double arrival) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (channel == sample_channel_) {
+    faultline_lcm::sample_t message;
+    if (message.decode(data, 0, size) < 0) {
+      ++undecodable_;
+      return;
+    }
+    try {
+      gate_.push(from_lcm(message), arrival);
+    } catch (const InputError& error) {
+      ++unfit_;
+      last_unfit_ = error.what();
+    }
+  } else if (channel == description_channel_) {
+    faultline_lcm::rig_description_t message;
+    if (message.decode(data, 0, size) < 0) {
+      ++undecodable_;
+      return;
+    }
+    const std::string before = gate_.trouble();
+    gate_.describe(from_lcm(message));
+    if (!gate_.trouble().empty() && gate_.trouble() != before) ROS_ERROR("%s", gate_.trouble().c_str());
+  }
+}
+
+void RigDriver::flush(double arrival) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  gate_.tick(arrival);
+}
+
+void RigDriver::deliver(const Sample& sample, double arrival) {
+  if (!fit(monitor_.observe(sample.sequence, sample.time, arrival))) return;
+  samples_.publish(to_message(sample, sheet_.rig));
+  ++published_;
+}
+
+std::uint64_t RigDriver::published() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return published_;
+}
+
+std::string RigDriver::trouble() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return gate_.trouble();
+}
+
+void RigDriver::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const SequenceCounts counts = monitor_.counts();
+  const bool silent = counts.received == told_.received;
+  status.summary(DiagnosticStatus::OK, "the DAQ sends");
+  status.add("samples per second", rate_.rate(counts.received));
+  status.add("published", published_);
+  tell_counts(counts, told_, status);
+  status.add("refused", gate_.refused());
+  status.add("undecodable", undecodable_);
+  status.add("unfit", unfit_);
+  if (undecodable_ > 0)
+    status.mergeSummary(DiagnosticStatus::WARN, "some LCM messages do not decode: does the DAQ use msg/lcm of this version?");
+  if (unfit_ > 0) status.mergeSummary(DiagnosticStatus::WARN, last_unfit_);
+  if (!gate_.trouble().empty())
+    status.mergeSummary(gate_.refusing() ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN, gate_.trouble());
+  if (silent) status.mergeSummary(DiagnosticStatus::WARN, counts.received == 0 ? "no sample yet" : "no sample since the last report");
+}
+
+}  // namespace faultline

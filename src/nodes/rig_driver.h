@@ -1,0 +1,49 @@
+// From the DAQ's LCM messages to /RIG/sample. Stamps are the DAQ's own. Samples in the wrong order and repeats are counted and left
+// out, lost and late ones are counted; what does not decode or does not fit the datasheet is counted and never published.
+// `take` is called from the thread that reads LCM, `tell` from the one that spins ROS.
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <string>
+
+#include <diagnostic_updater/DiagnosticStatusWrapper.h>
+#include <ros/node_handle.h>
+
+#include "faultline/signal/sequence_monitor.h"
+#include "nodes/node_health.h"
+#include "nodes/sample_gate.h"
+
+namespace faultline {
+
+class RigDriver {
+ public:
+  // Advertises, and publishes the latched description.
+  RigDriver(const Datasheet& sheet, const std::string& made_by);
+
+  // One LCM message. `arrival`: s, of a clock that runs evenly. Other channels than the rig's are left alone.
+  void take(const std::string& channel, const void* data, int size, double arrival);
+  void flush(double arrival);  // no more will come, or none came for a while
+  void tell(diagnostic_updater::DiagnosticStatusWrapper& status);
+
+  const ros::Publisher& samples() const { return samples_; }
+  std::uint64_t published() const;
+  std::string trouble() const;
+
+ private:
+  void deliver(const Sample& sample, double arrival);
+
+  const Datasheet& sheet_;
+  std::string sample_channel_, description_channel_;
+  ros::NodeHandle node_;
+  ros::Publisher samples_, description_;
+  mutable std::mutex mutex_;  // over all that follows
+  SampleGate gate_;
+  SequenceMonitor monitor_;
+  SequenceCounts told_;
+  RateMeter rate_;
+  std::uint64_t published_ = 0, undecodable_ = 0, unfit_ = 0;
+  std::string last_unfit_;
+};
+
+}  // namespace faultline

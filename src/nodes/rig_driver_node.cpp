@@ -1,0 +1,52 @@
+// rig_driver_node: LCM, or a log of it -> /RIG/sample. Parameters, topics and LCM channels: docs/nodes.md.
+#include <fmt/format.h>
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+
+#include "faultline/signal/error.h"
+#include "nodes/lcm_source.h"
+#include "nodes/node_main.h"
+#include "nodes/rig_driver.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kSubscriberWait = 10;  // s
+
+int drive(Parameters& parameters) {
+  const Datasheet sheet = read_rig(parameters);
+  const std::string url = parameters.word("lcm_url", "");
+  const std::string log = parameters.word("log", "");
+  const double rate = parameters.number("rate", 1, 0.01, 100);
+  const int wait_for = static_cast<int>(parameters.integer("wait_for", 0, 0, 100));
+  parameters.check_used();
+  if (!log.empty() && !url.empty()) throw InputError("parameters ~log and ~lcm_url exclude each other; give one");
+
+  RigDriver driver(sheet, "rig_driver_node: " + (log.empty() ? "LCM " + (url.empty() ? "default network" : url) : "LCM log " + log));
+  const NodeHealth health(sheet.rig, "driver", [&](diagnostic_updater::DiagnosticStatusWrapper& status) { driver.tell(status); });
+  const LcmSource::Take take = [&](const std::string& channel, const void* data, int size, double arrival) {
+    driver.take(channel, data, size, arrival);
+  };
+  const LcmSource::Idle idle = [&](double now) { driver.flush(now); };
+
+  LcmSource source;
+  if (log.empty()) {
+    source.listen(url, sheet.rig, take, idle);
+  } else {
+    if (wait_for > 0) wait_for_subscribers(driver.samples(), wait_for, kSubscriberWait);
+    source.play(log, rate, take, idle);
+  }
+  while (ros::ok() && !source.ended()) ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.05));
+  if (!source.ended()) return 0;  // stopped from outside
+  linger();
+  if (!source.trouble().empty()) throw InputError(source.trouble());
+  if (driver.published() == 0)
+    throw InputError(fmt::format("{}: no sample of the rig '{}' in it{}", log, sheet.rig,
+                                 driver.trouble().empty() ? "" : ": " + driver.trouble()));
+  return 0;
+}
+
+}  // namespace
+}  // namespace faultline
+
+int main(int argc, char** argv) { return faultline::run_node(argc, argv, "rig_driver_node", faultline::drive); }

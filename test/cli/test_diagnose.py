@@ -1,0 +1,117 @@
+"""diagnose: the JSON form keeps its contract, finds the leak it is shown, and says the same of a bag and of its CSV file."""
+import json
+import pathlib
+import sys
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from program import ROOT, ProgramTest, check_schema  # noqa: E402
+
+SCHEMA = json.loads((ROOT / "docs/diagnose.schema.json").read_text())
+
+
+class Diagnose(ProgramTest):
+    def report(self, *arguments):
+        report = json.loads(self.run_program("diagnose", *arguments, "--json", "-").stdout)
+        self.assertEqual(check_schema(report, SCHEMA), [])
+        return report
+
+    def test_healthy(self):
+        bag = self.simulate("a.bag", duration=30)
+        report = self.report(bag)
+        self.assertEqual(report["verdict"], "healthy")
+        self.assertEqual(report["rig"], "servo_actuator")
+        self.assertAlmostEqual(report["duration"], 30, places=6)
+        self.assertEqual(report["counts"]["samples"], 30001)
+        self.assertEqual(report["counts"]["used"], 30001)
+        self.assertEqual(report["alarms"], [])
+        self.assertIn("--seed 1", report["made_by"])
+        self.assertIn("healthy", self.run_program("diagnose", bag).stdout)
+
+    def test_leak_step(self):
+        bag = self.simulate("a.bag", "--command", "leak_valve_command:20=0,20.001=5", duration=60)
+        report = self.report(bag)
+        self.assertEqual(report["verdict"], "fault")
+        fault = [alarm for alarm in report["alarms"] if alarm["kind"] == "fault"][0]
+        self.assertEqual((fault["effect"], fault["port"]), ("orifice_leakage", "flow.chamber_a_chamber_b"))
+        self.assertTrue(fault["active"])
+        self.assertGreater(fault["raised"], 20)
+        self.assertLess(fault["raised"], 40)
+        self.assertGreaterEqual(fault["raised"], fault["since"])
+        self.assertEqual(fault["until"], 60)
+        self.assertLess(fault["size"]["low"], fault["size"]["value"])
+        self.assertLess(fault["size"]["value"], fault["size"]["high"])
+        self.assertIn("still there at the end", report["sentence"])
+
+    def test_bag_and_csv_say_the_same(self):
+        bag = self.simulate("a.bag", "--command", "leak_valve_command:5=0,5.001=5", duration=40)
+        self.run_program("export", bag, "-o", "a.csv")
+        from_bag = self.report(bag)
+        from_csv = self.report("a.csv", "--rig", "servo_actuator")
+        from_bag.pop("made_by"), from_csv.pop("made_by")
+        self.assertEqual(from_bag, from_csv)
+
+    def test_missing_numbers_are_a_data_alarm(self):
+        lines = self.simulate("a.csv", duration=10).read_text().splitlines()
+        column = lines[0].split(",").index("load_pressure")
+        for k in range(4001, 6001):
+            cells = lines[k].split(",")
+            cells[column] = "nan"
+            lines[k] = ",".join(cells)
+        (self.folder / "b.csv").write_text("\n".join(lines) + "\n")
+        report = self.report("b.csv", "--rig", "servo_actuator")
+        data = [alarm for alarm in report["alarms"] if alarm["kind"] == "data"]
+        self.assertEqual(report["verdict"], "data")
+        self.assertEqual(len(data), 1)
+        self.assertEqual(data[0]["port"], "sensor.load_pressure")
+        self.assertAlmostEqual(data[0]["since"], 4.0, places=3)
+        self.assertAlmostEqual(data[0]["until"], 5.999, places=3)
+        self.assertEqual(report["counts"]["missing"], 2000)
+
+    def test_a_gap_is_told_and_survived(self):
+        lines = self.simulate("a.csv", duration=10).read_text().splitlines()
+        (self.folder / "b.csv").write_text("\n".join(lines[:3001] + lines[5001:]) + "\n")
+        report = self.report("b.csv", "--rig", "servo_actuator")
+        self.assertEqual(report["counts"]["gaps"], 1)
+        self.assertEqual(report["counts"]["restarts"], 2)
+        self.assertEqual([alarm["kind"] for alarm in report["alarms"]], ["data"])
+        self.assertEqual(report["alarms"][0]["level"], "stale")
+
+    def test_series(self):
+        bag = self.simulate("a.bag", "--effect", "offset@sensor.velocity:value=0.05,from=3.0", duration=10)
+        self.run_program("diagnose", bag, "--series", "series.csv")
+        lines = (self.folder / "series.csv").read_text().splitlines()
+        self.assertLessEqual(len(lines), 4001)
+        self.assertGreater(len(lines), 3000)
+        header = lines[0].split(",")
+        for name in ("t", "load_pressure", "x.position", "x.position.std", "i.velocity", "i.velocity.std", "normalised_innovation"):
+            self.assertIn(name, header)
+        rows = [[float(cell) for cell in line.split(",")] for line in lines[1:]]
+        self.assertTrue(all(len(row) == len(header) for row in rows))
+        times = [row[0] for row in rows]
+        self.assertEqual(times, sorted(times))
+        self.assertTrue(0 <= times[0] < 0.01 and 9.98 < times[-1] <= 10)
+        # No extreme is lost by thinning out.
+        self.run_program("export", bag, "-o", "a.csv")
+        full = (self.folder / "a.csv").read_text().splitlines()
+        column = full[0].split(",").index("velocity")
+        velocity = [float(line.split(",")[column]) for line in full[1:]]
+        thinned = [row[header.index("velocity")] for row in rows]
+        self.assertAlmostEqual(max(velocity), max(thinned), places=6)
+        self.assertAlmostEqual(min(velocity), min(thinned), places=6)
+
+    def test_config_of_ones_own(self):
+        bag = self.simulate("a.bag")
+        report = self.report(bag, "--config", ROOT / "config/servo_actuator.yaml")
+        self.assertEqual(report["rig"], "servo_actuator")
+
+
+class SchemaCheck(unittest.TestCase):
+    def test_the_check_can_fail(self):
+        self.assertTrue(check_schema({}, SCHEMA))
+        self.assertTrue(check_schema({"rig": 3}, {"properties": {"rig": {"type": "string"}}}))
+        self.assertTrue(check_schema(True, {"type": "number"}))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,234 @@
+// The test is the rig: it sends samples and holds what kalman_node and alarm_node say against the same stages run here.
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <thread>
+#include <vector>
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <gtest/gtest.h>
+#include <ros/package.h>
+#include <ros/ros.h>
+#include <std_srvs/Trigger.h>
+
+#include "faultline/alarms/alarm_stage.h"
+#include "faultline/estimators/estimator_stage.h"
+#include "faultline/rig/simulator.h"
+#include "nodes/conversion.h"
+#include "nodes/node_main.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kStart = 1.7e9;
+constexpr double kLeakFrom = 25;  // s
+constexpr double kLeak = 1.5e-8;  // m^3/(s sqrt(Pa))
+
+class Graph : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    sheet_ = new Datasheet(find_datasheet(ros::package::getPath("faultline") + "/config", "servo_actuator"));
+  }
+
+  void SetUp() override {
+    const ros::TransportHints fast = ros::TransportHints().tcpNoDelay();
+    description_ = node_.advertise<faultline_msgs::RigDescription>("/servo_actuator/description", 1, true);
+    samples_ = node_.advertise<faultline_msgs::Sample>("/servo_actuator/sample", kQueue);
+    description_.publish(to_message(*sheet_, "a test"));
+    estimates_ = node_.subscribe<faultline_msgs::Estimate>(
+        "/servo_actuator/estimate", 2 * kQueue,
+        [this](const faultline_msgs::Estimate::ConstPtr& message) { heard_.push_back(from_message(*message)); }, {}, fast);
+    alarms_ = node_.subscribe<faultline_msgs::AlarmArray>(
+        "/servo_actuator/alarms", 1000,
+        [this](const faultline_msgs::AlarmArray::ConstPtr& message) { report_ = from_message(*message); }, {}, fast);
+    diagnostics_ = node_.subscribe<diagnostic_msgs::DiagnosticArray>(
+        "/diagnostics", 1000, [this](const diagnostic_msgs::DiagnosticArray::ConstPtr& message) {
+          for (const diagnostic_msgs::DiagnosticStatus& status : message->status)
+            if (status.name == "servo_actuator: verdict") level_ = status.level;
+        });
+    ASSERT_TRUE(until([this] { return samples_.getNumSubscribers() >= 1; }, 15));
+    std_srvs::Trigger trigger;
+    ASSERT_TRUE(ros::service::waitForService("/kalman/reset", 10000));
+    ASSERT_TRUE(ros::service::call("/kalman/reset", trigger));
+    EXPECT_TRUE(trigger.response.success);
+  }
+
+  // Lets ROS work until something holds.
+  bool until(const std::function<bool()>& holds, double seconds) {
+    const double end = steady_seconds() + seconds;
+    while (!holds()) {
+      if (steady_seconds() > end || !ros::ok()) return false;
+      ros::spinOnce();
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return true;
+  }
+
+  Recording record(std::uint64_t seed, double duration, bool leak) {
+    SimulationSetup setup;
+    setup.seed = seed;
+    if (leak) {
+      setup.effects.push_back(parse_effect(
+          "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=" + std::to_string(static_cast<int>(kLeakFrom))));
+    }
+    return simulate(*sheet_, setup, duration);
+  }
+
+  // Sends with no more than 2000 samples on the way, and runs the same here.
+  void run(const Recording& recording, double start, std::uint64_t first_sequence,
+           const std::function<void(Sample&)>& spoil = [](Sample&) {}) {
+    const std::size_t before = heard_.size();
+    for (std::size_t row = 0; row < recording.rows(); ++row) {
+      Sample sample = recording.sample(row);
+      sample.time = to_seconds(to_stamp(start + sample.time));
+      sample.sequence = first_sequence + row;
+      spoil(sample);
+      samples_.publish(to_message(sample, "servo_actuator"));
+      Estimate estimate;
+      if (stage_.process(sample, estimate)) {
+        expected_.push_back(estimate);
+        alarm_stage_.process(estimate);
+      }
+      if (row % 500 == 0) ASSERT_TRUE(until([&] { return before + row < heard_.size() + 2000; }, 20)) << "at row " << row;
+    }
+    ASSERT_TRUE(until([&] { return heard_.size() == expected_.size(); }, 20)) << heard_.size() << " of " << expected_.size();
+    ASSERT_TRUE(until([&] { return report_.time == alarm_stage_.report().time; }, 5));
+  }
+
+  void expect_same_estimates() {
+    ASSERT_EQ(heard_.size(), expected_.size());
+    for (std::size_t i = 0; i < heard_.size(); ++i) {
+      ASSERT_EQ(heard_[i].time, expected_[i].time);
+      ASSERT_EQ(heard_[i].sequence, expected_[i].sequence);
+      ASSERT_EQ(heard_[i].restarted, expected_[i].restarted);
+      ASSERT_EQ(heard_[i].state, expected_[i].state);  // bit for bit
+      ASSERT_EQ(heard_[i].covariance, expected_[i].covariance);
+      ASSERT_EQ(heard_[i].channel_status, expected_[i].channel_status);
+    }
+  }
+
+  void expect_same_alarms(std::size_t first = 0) {
+    const std::vector<Alarm>& expected = alarm_stage_.report().alarms;
+    ASSERT_GE(report_.alarms.size(), first + expected.size());
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      const Alarm& heard = report_.alarms[first + i];
+      EXPECT_EQ(heard.kind, expected[i].kind);
+      EXPECT_EQ(heard.effect, expected[i].effect);
+      EXPECT_EQ(heard.port, expected[i].port);
+      EXPECT_EQ(heard.level, expected[i].level);
+      EXPECT_EQ(heard.active, expected[i].active);
+      EXPECT_EQ(to_stamp(heard.since), to_stamp(expected[i].since));
+      EXPECT_EQ(to_stamp(heard.raised), to_stamp(expected[i].raised));
+      EXPECT_EQ(to_stamp(heard.until), to_stamp(expected[i].until));
+      EXPECT_EQ(heard.size, expected[i].size);
+    }
+  }
+
+  static Datasheet* sheet_;
+  ros::NodeHandle node_;
+  ros::Publisher description_, samples_;
+  ros::Subscriber estimates_, alarms_, diagnostics_;
+  std::vector<Estimate> heard_, expected_;
+  AlarmReport report_;
+  int level_ = -1;
+  EstimatorStage stage_{*sheet_, sheet_->estimators.front()};
+  AlarmStage alarm_stage_{*sheet_};
+};
+
+Datasheet* Graph::sheet_ = nullptr;
+
+// Every test starts before the last one's time, so that the alarm node begins anew by itself.
+TEST_F(Graph, Test1FindsALeakAndSaysTheSameAsTheStagesHere) {
+  run(record(3, 60, true), kStart, 0);
+  expect_same_estimates();
+  expect_same_alarms();
+  const std::vector<Alarm>& alarms = report_.alarms;
+  ASSERT_FALSE(alarms.empty());
+  EXPECT_EQ(alarms[0].kind, "fault");
+  EXPECT_EQ(alarms[0].effect, "orifice_leakage");
+  EXPECT_EQ(alarms[0].port, "flow.chamber_a_chamber_b");
+  EXPECT_TRUE(alarms[0].active);
+  EXPECT_NEAR(alarms[0].since - kStart, kLeakFrom, 5);
+  EXPECT_LT(alarms[0].raised - kStart - kLeakFrom, 10);
+  EXPECT_GT(alarms[0].raised - kStart - kLeakFrom, 0);
+  ASSERT_TRUE(alarms[0].has_size);
+  EXPECT_LT(alarms[0].low, alarms[0].high);
+  EXPECT_NE(report_.verdict.find("eak"), std::string::npos);
+  EXPECT_TRUE(until([this] { return level_ == diagnostic_msgs::DiagnosticStatus::ERROR; }, 3));
+}
+
+TEST_F(Graph, Test2KeepsInvalidNumbersOutOfTheState) {
+  const int position = sheet_->channel("position"), pressure = sheet_->channel("load_pressure");
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  run(record(4, 6, false), kStart - 100, 0, [&](Sample& sample) {
+    if (sample.sequence >= 3000 && sample.sequence < 3050) sample.values[static_cast<std::size_t>(position)] = nan;
+    if (sample.sequence >= 3020 && sample.sequence < 3030) sample.values[static_cast<std::size_t>(pressure)] = 1e12;
+  });
+  expect_same_estimates();
+  for (const Estimate& estimate : heard_)
+    for (const double value : estimate.state) ASSERT_TRUE(std::isfinite(value));
+  EXPECT_EQ(heard_[3010].channel_status[static_cast<std::size_t>(position)], ChannelStatus::missing);
+  EXPECT_EQ(heard_[3025].channel_status[static_cast<std::size_t>(pressure)], ChannelStatus::out_of_range);
+  EXPECT_EQ(heard_[3025].observed + 2, heard_[2999].observed);
+  expect_same_alarms();
+  int data = 0;
+  for (const Alarm& alarm : report_.alarms) data += alarm.kind == "data";
+  EXPECT_EQ(data, 2);
+}
+
+TEST_F(Graph, Test3ResetBeginsAnew) {
+  const Recording recording = record(5, 1, false);
+  run(recording, kStart - 200, 0);
+  std_srvs::Trigger trigger;
+  ASSERT_TRUE(ros::service::call("/kalman/reset", trigger));
+  stage_.reset();
+  run(recording, kStart - 198.999, 1001);
+  expect_same_estimates();
+  EXPECT_TRUE(heard_[0].restarted);
+  EXPECT_FALSE(heard_[1000].restarted);
+  EXPECT_TRUE(heard_[1001].restarted);
+}
+
+TEST_F(Graph, Test4ABackwardJumpBeginsAnew) {
+  const Recording recording = record(5, 1, false);
+  run(recording, kStart - 300, 0);
+  const std::size_t length = heard_.size();
+  run(recording, kStart - 310, 0);
+  expect_same_estimates();
+  EXPECT_TRUE(heard_[length].restarted);
+  for (std::size_t i = 0; i < length; ++i) ASSERT_EQ(heard_[i].state, heard_[length + i].state);
+}
+
+TEST_F(Graph, Test5SilenceIsAnAlarmDatedFromTheLastSample) {
+  run(record(6, 1, false), kStart - 400, 0);
+  const double last = report_.time;
+  ASSERT_TRUE(until([this] { return worst(report_) == AlarmLevel::stale; }, 6));
+  const Alarm stale = report_.alarms.back();
+  EXPECT_EQ(stale.kind, "data");
+  EXPECT_NEAR(stale.since, last + 0.1, 1e-6);
+  EXPECT_EQ(stale.raised, stale.since);
+  EXPECT_TRUE(until([this] { return level_ == diagnostic_msgs::DiagnosticStatus::STALE; }, 3));
+
+  // Samples that were only on their way take it back ...
+  const std::size_t alarms = report_.alarms.size();
+  run(record(6, 0.05, false), last + 0.001, 1001);
+  ASSERT_TRUE(until([&] { return report_.alarms.size() + 1 == alarms; }, 3));
+  // ... and after a true silence it ends with the first of the new ones.
+  ASSERT_TRUE(until([this] { return worst(report_) == AlarmLevel::stale; }, 6));
+  const double start = last + 5;
+  run(record(6, 0.5, false), start, 6000);
+  ASSERT_TRUE(until([this] { return !report_.alarms.empty() && !report_.alarms.back().active; }, 3));
+  EXPECT_NEAR(report_.alarms.back().until, start, 1e-6);
+  expect_same_alarms();
+}
+
+}  // namespace
+}  // namespace faultline
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "graph_rostest");
+  ::testing::InitGoogleTest(&argc, argv);
+  const ros::NodeHandle alive;
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,57 @@
+"""Run in the built environment: writes what comes on a rig's topics as JSON lines, until SIGINT or nothing comes for QUIET s.
+
+listen.py RIG QUIET FILE TOPIC..."""
+
+import json
+import signal
+import sys
+import time
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from faultline.msg import AlarmArray, Estimate, Sample
+
+rig, quiet, file_name, topics = sys.argv[1], float(sys.argv[2]), sys.argv[3], sys.argv[4:]
+file = open(file_name, "w")
+last = [time.monotonic() + 20]
+
+
+def write(entry):
+    last[0] = time.monotonic()
+    file.write(json.dumps(entry) + "\n")
+
+
+def sample(message):
+    write({"topic": "sample", "time": message.header.stamp.to_nsec(), "sequence": message.sequence, "values": list(message.values)})
+
+
+def estimate(message):
+    write({"topic": "estimate", "time": message.header.stamp.to_nsec(), "sequence": message.sequence, "restarted": message.restarted,
+           "finite": all(abs(value) < 1e300 for value in message.state), "status": list(message.channel_status)})
+
+
+def alarms(message):
+    write({"topic": "alarms", "time": message.header.stamp.to_nsec(), "verdict": message.verdict, "alarms": [
+        {"kind": alarm.kind, "effect": alarm.effect, "port": alarm.port, "level": alarm.level, "since": alarm.since.to_nsec(),
+         "raised": alarm.raised.to_nsec(), "until": alarm.until.to_nsec(), "active": alarm.active, "size": alarm.size}
+        for alarm in message.alarms]})
+
+
+def diagnostics(message):
+    file.write(json.dumps({"topic": "diagnostics", "status": [
+        {"name": status.name, "level": status.level, "message": status.message,
+         "values": {value.key: value.value for value in status.values}} for status in message.status]}) + "\n")
+
+
+rospy.init_node("listener", disable_signals=True)
+stopped = []
+signal.signal(signal.SIGINT, lambda *_: stopped.append(True))
+kinds = {"sample": (Sample, sample), "estimate": (Estimate, estimate), "alarms": (AlarmArray, alarms)}
+for topic in topics:
+    if topic == "diagnostics":
+        rospy.Subscriber("/diagnostics", DiagnosticArray, diagnostics, queue_size=1000)
+    else:
+        rospy.Subscriber(f"/{rig}/{topic}", kinds[topic][0], kinds[topic][1], queue_size=20000, tcp_nodelay=True)
+while not stopped and time.monotonic() < last[0] + quiet:
+    time.sleep(0.02)
+file.close()
