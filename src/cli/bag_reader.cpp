@@ -45,9 +45,9 @@ struct Bytes {
 // Fields of a record's header that matter here, `name=value` each.
 struct Fields {
   std::uint8_t op = 0;
-  std::uint32_t connection = 0, size = 0, seconds = 0, nanoseconds = 0;
+  std::uint32_t connection = 0, connections = 0, chunks = 0, size = 0, seconds = 0, nanoseconds = 0;
   std::uint64_t index_position = 0;
-  std::string compression, encryptor;
+  std::string compression, encryptor, topic;
 };
 
 bool named(const Bytes& field, const char* name, std::size_t length) {
@@ -70,6 +70,9 @@ Fields read_fields(Bytes header) {
     const Bytes field = header.take(header.number());
     if (named(field, "op", 2)) copy_value(field, 2, fields.op);
     if (named(field, "conn", 4)) copy_value(field, 4, fields.connection);
+    if (named(field, "conn_count", 10)) copy_value(field, 10, fields.connections);
+    if (named(field, "chunk_count", 11)) copy_value(field, 11, fields.chunks);
+    if (named(field, "topic", 5)) fields.topic = text_value(field, 5);
     if (named(field, "size", 4)) copy_value(field, 4, fields.size);
     if (named(field, "time", 4) && field.left() == 13) {
       std::memcpy(&fields.seconds, field.at + 5, 4);
@@ -138,13 +141,17 @@ class Reader {
     if (!next(fields, data) || fields.op != kBagHeader) throw CutOff();
     if (!fields.encryptor.empty()) throw InputError(fmt::format("{}: the bag is encrypted; decrypt it with `rosbag decrypt`", file_));
     // The index stands behind the last chunk; its place is written when a recording is closed.
-    if (fields.index_position == 0 || fields.index_position >= size_) throw CutOff();
-    const std::uint64_t end = fields.index_position;
-    while (at_ < end && next(fields, data)) {
+    if (fields.index_position == 0 || fields.index_position > size_) throw CutOff();
+    if (fields.index_position == size_ && fields.connections > 0) throw CutOff();
+    const std::uint32_t chunks = fields.chunks;
+    std::uint32_t listed = 0;
+    while (next(fields, data)) {
       check_interrupt();
       if (fields.op == kChunk) read_chunk(fields, data);
       if (fields.op == kConnection) connect(fields, data);
+      if (fields.op == kChunkInfo) ++listed;
     }
+    if (listed != chunks) throw CutOff();  // the end of the index is missing
   }
 
   void read_chunk(const Fields& chunk, Bytes data) {
@@ -181,9 +188,9 @@ class Reader {
 
   void connect(const Fields& fields, Bytes data) {
     BagConnection connection;
+    connection.topic = fields.topic;
     while (data.left() > 0) {
       const Bytes field = data.take(data.number());
-      if (named(field, "topic", 5)) connection.topic = text_value(field, 5);
       if (named(field, "type", 4)) connection.type = text_value(field, 4);
       if (named(field, "md5sum", 6)) connection.checksum = text_value(field, 6);
     }

@@ -28,7 +28,7 @@ void run(const Options& options) {
   for (std::size_t row = 0; row < recording.rows(); ++row) check.add(recording.sample(row));
   const SampleFindings findings = check.findings();
   if (!period_fits(findings, sheet.sample_period))
-    throw InputError(fmt::format("{}: samples come every {:.6g} s, {} says {:.6g} s; resample the file, or give the unit of t as in t[ms]",
+    throw InputError(fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; resample the file, or give the unit of t as in t[ms]",
                                  options.input, findings.period, sheet.file, sheet.sample_period));
 
   const auto writer = make_sample_writer(options.output, sheet, "faultline import", recording.time.front(),

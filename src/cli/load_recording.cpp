@@ -104,7 +104,7 @@ LoadedRecording load_recording(const std::string& file, const std::string& rig, 
   loaded.start = recording.time.front();
   loaded.end = *std::max_element(recording.time.begin(), recording.time.end());
   if (!period_fits(loaded.findings, loaded.sheet.sample_period))
-    throw InputError(fmt::format("{}: samples come every {:.6g} s, {} says {:.6g} s; resample the recording or give the right "
+    throw InputError(fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; resample the recording or give the right "
                                  "datasheet with --config",
                                  file, loaded.findings.period, loaded.sheet.file, loaded.sheet.sample_period));
   for (const std::string& line : describe(loaded.findings, loaded.sheet.sample_period, loaded.start))

@@ -11,7 +11,8 @@ int main(int argc, char** argv) {
   return run_node(argc, argv, "alarm_node", [](Parameters& parameters) {
     const Datasheet sheet = read_rig(parameters);
     if (sheet.estimators.empty())
-      throw InputError(fmt::format("{}: the datasheet names no estimator; this rig cannot be diagnosed yet", sheet.file));
+      throw InputError(
+          fmt::format("{}: the datasheet names no estimator; this rig cannot be diagnosed yet", sheet.file));
     std::vector<std::string> stages;
     for (const StageSpec& spec : sheet.estimators) stages.push_back(spec.name);
     const std::string stage = parameters.choice("stage", stages.front(), stages);

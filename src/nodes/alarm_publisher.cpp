@@ -40,7 +40,8 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report) {
   whole.hardware_id = report.rig;
   whole.level = static_cast<std::uint8_t>(worst(report));
   whole.message = report.verdict;
-  const auto active = std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
+  const auto active =
+      std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
   add(whole, "active alarms", fmt::format("{}", active));
   add(whole, "alarms since the start", fmt::format("{}", report.alarms.size()));
   add(whole, "last sample [s]", fmt::format("{:.6f}", report.time));
@@ -50,7 +51,8 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report) {
     DiagnosticStatus status;
     status.name = title(report.rig, alarm);
     status.hardware_id = report.rig;
-    status.level = alarm.active ? static_cast<std::uint8_t>(alarm.level) : static_cast<std::uint8_t>(DiagnosticStatus::OK);
+    status.level =
+        alarm.active ? static_cast<std::uint8_t>(alarm.level) : static_cast<std::uint8_t>(DiagnosticStatus::OK);
     status.message = alarm.active ? alarm.text : "over: " + alarm.text;
     add(status, "since [s]", fmt::format("{:.6f}", alarm.since));
     add(status, "raised [s]", fmt::format("{:.6f}", alarm.raised));
@@ -143,7 +145,9 @@ void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("not understood", bad_);
   status.add("of other stages", other_stage_);
   if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some estimates do not fit this rig");
-  if (silent) status.mergeSummary(DiagnosticStatus::WARN, counts.received == 0 ? "no estimate yet" : "no estimate since the last report");
+  if (silent)
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        counts.received == 0 ? "no estimate yet" : "no estimate since the last report");
   if (silence_.clock_stands(steady_seconds(), simulated_seconds()))
     status.mergeSummary(DiagnosticStatus::WARN, "/clock stands still: replay is paused or over, silence is not judged");
 }

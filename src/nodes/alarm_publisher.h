@@ -1,5 +1,6 @@
-// Hosts the alarm stage of a rig: /RIG/estimate in; /RIG/alarms (latched) and /diagnostics out, at once when an alarm is raised, ends or
-// changes level, and once a second of wall time. Alarms follow from the estimates' stamps alone; see silence_watch.h for silence.
+// Hosts the alarm stage of a rig: /RIG/estimate in; /RIG/alarms (latched) and /diagnostics out, at once when an alarm
+// is raised, ends or changes level, and once a second of wall time. Alarms follow from the estimates' stamps alone; see
+// silence_watch.h for silence.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +17,8 @@
 
 namespace faultline {
 
-// What /diagnostics shows of a report: the rig's verdict first, at the worst level, then one status for each thing that has an alarm;
-// one that is over is OK. Pure, without stamp.
+// What /diagnostics shows of a report: the rig's verdict first, at the worst level, then one status for each thing that
+// has an alarm; one that is over is OK. Pure, without stamp.
 diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report);
 
 class AlarmPublisher {

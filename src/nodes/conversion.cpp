@@ -58,7 +58,8 @@ Alarm from_message(const faultline_msgs::Alarm& message) {
 
 ros::Time to_stamp(double seconds) {
   if (!(seconds >= 0) || seconds >= 4294967295.0)
-    throw InputError(fmt::format("time {} s does not fit a ROS stamp; 0 to 4294967294 s after the epoch is allowed", seconds));
+    throw InputError(
+        fmt::format("time {} s does not fit a ROS stamp; 0 to 4294967294 s after the epoch is allowed", seconds));
   double whole = std::floor(seconds);
   double nanoseconds = std::round((seconds - whole) * 1e9);
   if (nanoseconds >= 1e9) {
@@ -141,7 +142,8 @@ faultline_msgs::Estimate to_message(const Estimate& estimate, const EstimateName
   message.normalised_innovation = estimate.normalised_innovation;
   message.observed = static_cast<std::uint32_t>(estimate.observed);
   message.channel_status.reserve(estimate.channel_status.size());
-  for (const ChannelStatus status : estimate.channel_status) message.channel_status.push_back(static_cast<std::uint8_t>(status));
+  for (const ChannelStatus status : estimate.channel_status)
+    message.channel_status.push_back(static_cast<std::uint8_t>(status));
   message.quantities.resize(estimate.quantities.size());
   for (std::size_t i = 0; i < estimate.quantities.size(); ++i) {
     message.quantities[i].name = estimate.quantities[i].name;

@@ -1,9 +1,9 @@
 // Between the core's data and ROS messages: pure functions, no node, no clock.
 //
 // Time: a stamp holds whole nanoseconds, the core seconds as a double. to_stamp rounds to the nearest nanosecond and
-// to_seconds(to_stamp(t)) gives the same double on every further trip, so what a bag holds and what a live node saw are the
-// same numbers. At today's epoch seconds a double resolves 0.24 microseconds. Throws InputError for a time that a stamp
-// cannot hold: negative, not finite, or past the year 2106.
+// to_seconds(to_stamp(t)) gives the same double on every further trip, so what a bag holds and what a live node saw are
+// the same numbers. At today's epoch seconds a double resolves 0.24 microseconds. Throws InputError for a time that a
+// stamp cannot hold: negative, not finite, or past the year 2106.
 #pragma once
 
 #include <string>

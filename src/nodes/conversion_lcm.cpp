@@ -22,10 +22,13 @@ faultline_lcm::sample_t to_lcm(const Sample& sample) {
 Sample from_lcm(const faultline_lcm::sample_t& message) {
   constexpr std::int64_t kMicro = 1000000;
   if (message.timestamp_us < 0 || message.timestamp_us / kMicro >= INT64_C(4294967295))
-    throw InputError(fmt::format("LCM sample {}: timestamp {} us does not fit a ROS stamp", message.sequence, message.timestamp_us));
-  if (message.sequence < 0) throw InputError(fmt::format("LCM sample: sequence number {} is negative", message.sequence));
+    throw InputError(
+        fmt::format("LCM sample {}: timestamp {} us does not fit a ROS stamp", message.sequence, message.timestamp_us));
+  if (message.sequence < 0)
+    throw InputError(fmt::format("LCM sample: sequence number {} is negative", message.sequence));
   if (message.count < 0 || static_cast<std::size_t>(message.count) != message.values.size())
-    throw InputError(fmt::format("LCM sample {}: count {} but {} values", message.sequence, message.count, message.values.size()));
+    throw InputError(
+        fmt::format("LCM sample {}: count {} but {} values", message.sequence, message.count, message.values.size()));
   Sample sample;
   sample.time = ros::Time(static_cast<std::uint32_t>(message.timestamp_us / kMicro),
                           static_cast<std::uint32_t>(message.timestamp_us % kMicro * 1000))

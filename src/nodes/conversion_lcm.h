@@ -1,5 +1,5 @@
-// Between the core's data and LCM types. The DAQ's clock counts microseconds: exact in a stamp, and turned into seconds by
-// way of a stamp, so that a sample has the same time whether it is seen before or after it went through ROS.
+// Between the core's data and LCM types. The DAQ's clock counts microseconds: exact in a stamp, and turned into seconds
+// by way of a stamp, so that a sample has the same time whether it is seen before or after it went through ROS.
 #pragma once
 
 #include <string>

@@ -10,8 +10,9 @@ namespace faultline {
 
 std::vector<std::size_t> match_channels(const Datasheet& sheet, const Description& description) {
   if (description.rig != sheet.rig) {
-    throw InputError(fmt::format("these are samples of the rig '{}', not of '{}': start with that rig, or give the right recording",
-                                 description.rig, sheet.rig));
+    throw InputError(
+        fmt::format("these are samples of the rig '{}', not of '{}': start with that rig, or give the right recording",
+                    description.rig, sheet.rig));
   }
   if (description.units.size() != description.names.size()) {
     throw InputError(fmt::format("{}: the description names {} channels but {} units; mend what writes it", sheet.rig,
@@ -22,15 +23,15 @@ std::vector<std::size_t> match_channels(const Datasheet& sheet, const Descriptio
   for (const Channel& channel : sheet.channels) {
     const auto found = std::find(description.names.begin(), description.names.end(), channel.name);
     if (found == description.names.end()) {
-      throw InputError(fmt::format("{}: channel '{}' [{}] is missing from the samples; {} asks for it", sheet.rig, channel.name,
-                                   channel.unit, sheet.file));
+      throw InputError(fmt::format("{}: channel '{}' [{}] is missing from the samples; {} asks for it", sheet.rig,
+                                   channel.name, channel.unit, sheet.file));
     }
     if (std::find(found + 1, description.names.end(), channel.name) != description.names.end())
       throw InputError(fmt::format("{}: channel '{}' comes twice in the samples; keep one", sheet.rig, channel.name));
     const std::size_t place = static_cast<std::size_t>(found - description.names.begin());
     if (description.units[place] != channel.unit) {
-      throw InputError(fmt::format("{}: channel '{}' comes in '{}', {} says '{}'; convert it at the source", sheet.rig, channel.name,
-                                   description.units[place], sheet.file, channel.unit));
+      throw InputError(fmt::format("{}: channel '{}' comes in '{}', {} says '{}'; convert it at the source", sheet.rig,
+                                   channel.name, description.units[place], sheet.file, channel.unit));
     }
     places.push_back(place);
   }

@@ -19,8 +19,9 @@ struct Description {
   std::string made_by;
 };
 
-// For every channel of the datasheet its place among the described ones. Throws InputError that names the wrong rig, the missing
-// or doubled channel, or the unit that differs. Further channels are allowed and left out; the order may be any.
+// For every channel of the datasheet its place among the described ones. Throws InputError that names the wrong rig,
+// the missing or doubled channel, or the unit that differs. Further channels are allowed and left out; the order may be
+// any.
 std::vector<std::size_t> match_channels(const Datasheet& sheet, const Description& description);
 
 // Puts the values of `sample` into the datasheet's order, in place; false if there are not `described` of them.

@@ -21,7 +21,8 @@ const StageSpec& find_stage(const Datasheet& sheet, const std::string& name) {
     if (name.empty() || spec.name == name) return spec;
     known.push_back(spec.name);
   }
-  throw InputError(fmt::format("parameter ~stage: {} has no estimator '{}'; there are: {}", sheet.file, name, fmt::join(known, ", ")));
+  throw InputError(fmt::format("parameter ~stage: {} has no estimator '{}'; there are: {}", sheet.file, name,
+                               fmt::join(known, ", ")));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// Hosts one estimator stage of a rig: /RIG/sample in, /RIG/estimate out, the service ~reset. Only header stamps matter: the same
-// stage fed offline with the same samples gives the same estimates.
+// Hosts one estimator stage of a rig: /RIG/sample in, /RIG/estimate out, the service ~reset. Only header stamps matter:
+// the same stage fed offline with the same samples gives the same estimates.
 #pragma once
 
 #include <functional>

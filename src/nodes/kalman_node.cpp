@@ -1,4 +1,5 @@
-// kalman_node: samples -> estimates, by an estimator of the Kalman family. Parameters, topics and services: docs/nodes.md.
+// kalman_node: samples -> estimates, by an estimator of the Kalman family. Parameters, topics and services:
+// docs/nodes.md.
 #include <ros/ros.h>
 
 #include "nodes/estimator_host.h"

@@ -30,10 +30,12 @@ bool begins_like_a_log(const std::string& path) {
 
 LcmLog::LcmLog(const std::string& path) : path_(path) {
   std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) throw InputError(path + ": no such file; give an LCM log as lcm-logger writes it");
+  if (!std::filesystem::is_regular_file(path, error))
+    throw InputError(path + ": no such file; give an LCM log as lcm-logger writes it");
   size_ = std::filesystem::file_size(path, error);
   if (size_ == 0) throw InputError(path + ": empty; an LCM log holds at least one event");
-  if (!begins_like_a_log(path)) throw InputError(path + ": not readable or not an LCM log; give a file that lcm-logger wrote");
+  if (!begins_like_a_log(path))
+    throw InputError(path + ": not readable or not an LCM log; give a file that lcm-logger wrote");
   file_ = std::make_unique<lcm::LogFile>(path, "r");
   if (!file_->good()) throw InputError(path + ": cannot be opened for reading; check its permissions");
 }
@@ -57,9 +59,11 @@ bool LcmLog::next(LcmEvent& event) {
 
 std::string LcmLog::trouble() const {
   if (whole_ < size_)
-    return fmt::format("{}: cut off or damaged after event {}: {} of {} bytes could be read; all events before are used", path_, events_,
-                       whole_, size_);
-  if (skipped_ > 0) return fmt::format("{}: damaged inside: {} bytes belong to no event; the rest is used", path_, skipped_);
+    return fmt::format(
+        "{}: cut off or damaged after event {}: {} of {} bytes could be read; all events before are used", path_,
+        events_, whole_, size_);
+  if (skipped_ > 0)
+    return fmt::format("{}: damaged inside: {} bytes belong to no event; the rest is used", path_, skipped_);
   return "";
 }
 

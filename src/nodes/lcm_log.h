@@ -1,5 +1,6 @@
-// Reads an LCM log (lcm-logger's format) event by event and knows at the end whether it was whole. LCM's own reader gives the same
-// answer for the end of a log and for one that was cut off; here the place of the last whole event tells them apart.
+// Reads an LCM log (lcm-logger's format) event by event and knows at the end whether it was whole. LCM's own reader
+// gives the same answer for the end of a log and for one that was cut off; here the place of the last whole event tells
+// them apart.
 #pragma once
 
 #include <cstdint>

@@ -34,9 +34,10 @@ LcmSource::~LcmSource() {
 void LcmSource::listen(const std::string& url, const std::string& rig, Take take, Idle idle) {
   auto link = std::make_shared<lcm::LCM>(url);
   if (!link->good())
-    throw InputError(fmt::format("parameter ~lcm_url: LCM cannot open '{}'; udpm://ADDRESS:PORT?ttl=N, file://PATH or memq:// is "
-                                 "allowed, and udpm needs a multicast route",
-                                 url));
+    throw InputError(
+        fmt::format("parameter ~lcm_url: LCM cannot open '{}'; udpm://ADDRESS:PORT?ttl=N, file://PATH or memq:// is "
+                    "allowed, and udpm needs a multicast route",
+                    url));
   auto handler = std::make_shared<Handler>(Handler{std::move(take)});
   link->subscribe(rig + "\\..*", &Handler::handle, handler.get())->setQueueCapacity(static_cast<int>(kQueue));
   thread_ = std::thread([this, link, handler, idle = std::move(idle)] {
@@ -59,7 +60,8 @@ void LcmSource::play(const std::string& path, double rate, Take take, Idle idle)
     double log_time = 0, wall_time = 0, last = 0;
     bool running = false;
     while (!stop_ && log->next(event)) {
-      // The log's clock may have been set while it was written: it is followed forwards only, and never over more than a day.
+      // The log's clock may have been set while it was written: it is followed forwards only, and never over more than
+      // a day.
       if (!running || event.arrival < last || event.arrival > last + 86400) {
         running = true;
         log_time = event.arrival;

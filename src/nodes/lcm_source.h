@@ -15,7 +15,8 @@ class LcmSource {
 
   ~LcmSource();  // stops and joins
 
-  // Listens to RIG.* on an LCM network. Throws InputError if it cannot be opened. `idle` is called when nothing came for 0.1 s.
+  // Listens to RIG.* on an LCM network. Throws InputError if it cannot be opened. `idle` is called when nothing came
+  // for 0.1 s.
   void listen(const std::string& url, const std::string& rig, Take take, Idle idle);
   // Plays a log, `rate` times as fast as it was recorded. Throws InputError if it is not an LCM log.
   void play(const std::string& path, double rate, Take take, Idle idle);

@@ -1,6 +1,6 @@
-// The package's ROS messages, for C++ that also uses the core. ROS puts generated messages into a namespace called like the
-// package, which is the core's namespace too, and Sample, Estimate, Alarm and Quantity exist in both. So this one header
-// reads the generated headers under another namespace, faultline_msgs; type names and checksums on the wire stay
+// The package's ROS messages, for C++ that also uses the core. ROS puts generated messages into a namespace called like
+// the package, which is the core's namespace too, and Sample, Estimate, Alarm and Quantity exist in both. So this one
+// header reads the generated headers under another namespace, faultline_msgs; type names and checksums on the wire stay
 // faultline/Sample and so on. Never include faultline/Sample.h and its like anywhere else.
 #pragma once
 

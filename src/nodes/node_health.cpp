@@ -16,7 +16,8 @@ double RateMeter::rate(std::uint64_t count) {
 NodeHealth::NodeHealth(const std::string& rig, const std::string& task, Fill fill) {
   updater_.setHardwareID(rig);
   updater_.add(task, [fill](diagnostic_updater::DiagnosticStatusWrapper& status) { fill(status); });
-  timer_ = ros::NodeHandle().createWallTimer(ros::WallDuration(1), [this](const ros::WallTimerEvent&) { updater_.force_update(); });
+  timer_ = ros::NodeHandle().createWallTimer(ros::WallDuration(1),
+                                             [this](const ros::WallTimerEvent&) { updater_.force_update(); });
 }
 
 }  // namespace faultline

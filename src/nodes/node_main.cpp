@@ -41,7 +41,8 @@ int run_node(int argc, char** argv, const std::string& name, const std::function
       return 2;
     }
     if (!find_master()) {
-      std::cerr << name << ": no ROS master at " << ros::master::getURI() << "; start roscore or roslaunch, or set ROS_MASTER_URI\n";
+      std::cerr << name << ": no ROS master at " << ros::master::getURI()
+                << "; start roscore or roslaunch, or set ROS_MASTER_URI\n";
       return 1;
     }
     const ros::NodeHandle alive;  // ROS ends with the last handle; this one outlives the body's
@@ -61,7 +62,9 @@ Datasheet read_rig(Parameters& parameters) {
   if (folder.empty()) {
     const std::string package = ros::package::getPath("faultline");
     if (package.empty())
-      throw InputError("package faultline is not on ROS_PACKAGE_PATH; source setup.bash, or give the folder of datasheets as _config:=");
+      throw InputError(
+          "package faultline is not on ROS_PACKAGE_PATH; source setup.bash, or give the folder of datasheets as "
+          "_config:=");
     folder = package + "/config";
   }
   if (!parameters.has("rig"))

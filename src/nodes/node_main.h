@@ -1,5 +1,5 @@
-// What every node's main does, once: start ROS, look for the master, run, and turn what goes wrong into one line on stderr and
-// an exit code: 0 the job ran, 1 no master or an unforeseen failure, 2 bad parameters or bad input.
+// What every node's main does, once: start ROS, look for the master, run, and turn what goes wrong into one line on
+// stderr and an exit code: 0 the job ran, 1 no master or an unforeseen failure, 2 bad parameters or bad input.
 #pragma once
 
 #include <functional>
@@ -18,11 +18,13 @@ int run_node(int argc, char** argv, const std::string& name, const std::function
 // The datasheet of ~rig in ~config, by default the package's folder config.
 Datasheet read_rig(Parameters& parameters);
 
-// Holds the start back until `publisher` has `count` subscribers, or `seconds` of wall time are over: ROS drops what is published
-// before a subscriber is connected, and a recording's first samples should not be lost. False if the time ran out.
+// Holds the start back until `publisher` has `count` subscribers, or `seconds` of wall time are over: ROS drops what is
+// published before a subscriber is connected, and a recording's first samples should not be lost. False if the time ran
+// out.
 bool wait_for_subscribers(const ros::Publisher& publisher, int count, double seconds);
 
-// At the end of a node's job, a second: ROS sends from a thread of its own and drops what is still queued when the node ends.
+// At the end of a node's job, a second: ROS sends from a thread of its own and drops what is still queued when the node
+// ends.
 void linger();
 
 // Seconds on a clock that no one sets.

@@ -16,13 +16,20 @@ using XmlRpc::XmlRpcValue;
 
 std::string shown(XmlRpcValue value) {
   switch (value.getType()) {
-    case XmlRpcValue::TypeString: return fmt::format("'{}'", static_cast<std::string&>(value));
-    case XmlRpcValue::TypeInt: return fmt::format("{}", static_cast<int&>(value));
-    case XmlRpcValue::TypeDouble: return fmt::format("{}", static_cast<double&>(value));
-    case XmlRpcValue::TypeBoolean: return static_cast<bool&>(value) ? "true" : "false";
-    case XmlRpcValue::TypeArray: return "a list";
-    case XmlRpcValue::TypeStruct: return "a group of keys";
-    default: return "something else";
+    case XmlRpcValue::TypeString:
+      return fmt::format("'{}'", static_cast<std::string&>(value));
+    case XmlRpcValue::TypeInt:
+      return fmt::format("{}", static_cast<int&>(value));
+    case XmlRpcValue::TypeDouble:
+      return fmt::format("{}", static_cast<double&>(value));
+    case XmlRpcValue::TypeBoolean:
+      return static_cast<bool&>(value) ? "true" : "false";
+    case XmlRpcValue::TypeArray:
+      return "a list";
+    case XmlRpcValue::TypeStruct:
+      return "a group of keys";
+    default:
+      return "something else";
   }
 }
 
@@ -66,7 +73,8 @@ std::string Parameters::word(const std::string& key, const std::string& fallback
   return find(key) == nullptr ? fallback : word(key);
 }
 
-std::string Parameters::choice(const std::string& key, const std::string& fallback, const std::vector<std::string>& allowed) {
+std::string Parameters::choice(const std::string& key, const std::string& fallback,
+                               const std::vector<std::string>& allowed) {
   const std::string value = word(key, fallback);
   if (std::find(allowed.begin(), allowed.end(), value) == allowed.end())
     refuse(key, fmt::format("is '{}'; allowed: {}", value, fmt::join(allowed, ", ")));
@@ -84,18 +92,21 @@ double Parameters::number(const std::string& key, double fallback, double minimu
     result = static_cast<int&>(copy);
   else
     refuse(key, fmt::format("is {}; a number from {} to {} is allowed", shown(copy), minimum, maximum));
-  if (!(result >= minimum && result <= maximum)) refuse(key, fmt::format("is {}; {} to {} is allowed", result, minimum, maximum));
+  if (!(result >= minimum && result <= maximum))
+    refuse(key, fmt::format("is {}; {} to {} is allowed", result, minimum, maximum));
   return result;
 }
 
-std::int64_t Parameters::integer(const std::string& key, std::int64_t fallback, std::int64_t minimum, std::int64_t maximum) {
+std::int64_t Parameters::integer(const std::string& key, std::int64_t fallback, std::int64_t minimum,
+                                 std::int64_t maximum) {
   const XmlRpcValue* value = find(key);
   if (value == nullptr) return fallback;
   XmlRpcValue copy = *value;
   if (copy.getType() != XmlRpcValue::TypeInt)
     refuse(key, fmt::format("is {}; a whole number from {} to {} is allowed", shown(copy), minimum, maximum));
   const std::int64_t result = static_cast<int&>(copy);
-  if (result < minimum || result > maximum) refuse(key, fmt::format("is {}; {} to {} is allowed", result, minimum, maximum));
+  if (result < minimum || result > maximum)
+    refuse(key, fmt::format("is {}; {} to {} is allowed", result, minimum, maximum));
   return result;
 }
 
@@ -103,7 +114,8 @@ bool Parameters::flag(const std::string& key, bool fallback) {
   const XmlRpcValue* value = find(key);
   if (value == nullptr) return fallback;
   XmlRpcValue copy = *value;
-  if (copy.getType() != XmlRpcValue::TypeBoolean) refuse(key, fmt::format("is {}; true or false is allowed", shown(copy)));
+  if (copy.getType() != XmlRpcValue::TypeBoolean)
+    refuse(key, fmt::format("is {}; true or false is allowed", shown(copy)));
   return static_cast<bool&>(copy);
 }
 
@@ -135,7 +147,8 @@ void Parameters::check_used() const {
   std::vector<std::string> allowed(asked_.begin(), asked_.end());
   XmlRpcValue copy = values_;
   for (auto& entry : copy)
-    if (asked_.count(entry.first) == 0) refuse(entry.first, fmt::format("is unknown; allowed: {}", fmt::join(allowed, ", ")));
+    if (asked_.count(entry.first) == 0)
+      refuse(entry.first, fmt::format("is unknown; allowed: {}", fmt::join(allowed, ", ")));
 }
 
 }  // namespace faultline

@@ -1,5 +1,5 @@
-// Private parameters of a node, read strictly: a key that nobody asked for, a missing one, a wrong type or a value out of range is
-// an InputError of one line that names the key, the node and what is allowed. Nothing is repaired silently.
+// Private parameters of a node, read strictly: a key that nobody asked for, a missing one, a wrong type or a value out
+// of range is an InputError of one line that names the key, the node and what is allowed. Nothing is repaired silently.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace faultline {
 
 class Parameters {
  public:
-  Parameters();  // those of this process's node
+  Parameters();                                              // those of this process's node
   Parameters(std::string node, XmlRpc::XmlRpcValue values);  // for tests: a struct of values, or an empty value
 
   std::string word(const std::string& key);                               // must be given

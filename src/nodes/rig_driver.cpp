@@ -21,7 +21,8 @@ RigDriver::RigDriver(const Datasheet& sheet, const std::string& made_by)
     : sheet_(sheet),
       sample_channel_(lcm_channel(sheet.rig, "sample")),
       description_channel_(lcm_channel(sheet.rig, "description")),
-      gate_(sheet, kDescriptionWait, 2 * kQueue, [this](const Sample& sample, double arrival) { deliver(sample, arrival); }),
+      gate_(sheet, kDescriptionWait, 2 * kQueue,
+            [this](const Sample& sample, double arrival) { deliver(sample, arrival); }),
       monitor_(sequence_settings(sheet)) {
   description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
   samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue);
@@ -87,11 +88,14 @@ void RigDriver::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("undecodable", undecodable_);
   status.add("unfit", unfit_);
   if (undecodable_ > 0)
-    status.mergeSummary(DiagnosticStatus::WARN, "some LCM messages do not decode: does the DAQ use msg/lcm of this version?");
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        "some LCM messages do not decode: does the DAQ use msg/lcm of this version?");
   if (unfit_ > 0) status.mergeSummary(DiagnosticStatus::WARN, last_unfit_);
   if (!gate_.trouble().empty())
     status.mergeSummary(gate_.refusing() ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN, gate_.trouble());
-  if (silent) status.mergeSummary(DiagnosticStatus::WARN, counts.received == 0 ? "no sample yet" : "no sample since the last report");
+  if (silent)
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        counts.received == 0 ? "no sample yet" : "no sample since the last report");
 }
 
 }  // namespace faultline

@@ -1,6 +1,6 @@
-// From the DAQ's LCM messages to /RIG/sample. Stamps are the DAQ's own. Samples in the wrong order and repeats are counted and left
-// out, lost and late ones are counted; what does not decode or does not fit the datasheet is counted and never published.
-// `take` is called from the thread that reads LCM, `tell` from the one that spins ROS.
+// From the DAQ's LCM messages to /RIG/sample. Stamps are the DAQ's own. Samples in the wrong order and repeats are
+// counted and left out, lost and late ones are counted; what does not decode or does not fit the datasheet is counted
+// and never published. `take` is called from the thread that reads LCM, `tell` from the one that spins ROS.
 #pragma once
 
 #include <cstdint>

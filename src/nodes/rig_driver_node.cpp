@@ -22,8 +22,10 @@ int drive(Parameters& parameters) {
   parameters.check_used();
   if (!log.empty() && !url.empty()) throw InputError("parameters ~log and ~lcm_url exclude each other; give one");
 
-  RigDriver driver(sheet, "rig_driver_node: " + (log.empty() ? "LCM " + (url.empty() ? "default network" : url) : "LCM log " + log));
-  const NodeHealth health(sheet.rig, "driver", [&](diagnostic_updater::DiagnosticStatusWrapper& status) { driver.tell(status); });
+  RigDriver driver(
+      sheet, "rig_driver_node: " + (log.empty() ? "LCM " + (url.empty() ? "default network" : url) : "LCM log " + log));
+  const NodeHealth health(sheet.rig, "driver",
+                          [&](diagnostic_updater::DiagnosticStatusWrapper& status) { driver.tell(status); });
   const LcmSource::Take take = [&](const std::string& channel, const void* data, int size, double arrival) {
     driver.take(channel, data, size, arrival);
   };

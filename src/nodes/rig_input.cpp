@@ -19,7 +19,8 @@ SequenceSettings sequence_settings(const Datasheet& sheet) {
   return settings;
 }
 
-void tell_counts(const SequenceCounts& counts, SequenceCounts& told, diagnostic_updater::DiagnosticStatusWrapper& status) {
+void tell_counts(const SequenceCounts& counts, SequenceCounts& told,
+                 diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("received", counts.received);
   status.add("lost", counts.lost);
   status.add("duplicate", counts.duplicate);
@@ -53,9 +54,12 @@ void RigInput::start() {
       ros::VoidConstPtr(), fast);
   samples_ = node_.subscribe<faultline_msgs::Sample>(
       topic(sheet_.rig, "sample"), kQueue,
-      [this](const boost::shared_ptr<const faultline_msgs::Sample>& message) { gate_.push(from_message(*message), steady_seconds()); },
+      [this](const boost::shared_ptr<const faultline_msgs::Sample>& message) {
+        gate_.push(from_message(*message), steady_seconds());
+      },
       ros::VoidConstPtr(), fast);
-  timer_ = node_.createWallTimer(ros::WallDuration(0.1), [this](const ros::WallTimerEvent&) { gate_.tick(steady_seconds()); });
+  timer_ = node_.createWallTimer(ros::WallDuration(0.1),
+                                 [this](const ros::WallTimerEvent&) { gate_.tick(steady_seconds()); });
 }
 
 void RigInput::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
@@ -68,7 +72,8 @@ void RigInput::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   if (!gate_.trouble().empty())
     status.mergeSummary(gate_.refusing() ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN, gate_.trouble());
   if (counts.received == before)
-    status.mergeSummary(DiagnosticStatus::WARN, counts.received == 0 ? "no sample yet" : "no sample since the last report");
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        counts.received == 0 ? "no sample yet" : "no sample since the last report");
 }
 
 }  // namespace faultline

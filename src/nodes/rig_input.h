@@ -1,5 +1,6 @@
-// What a diagnosis node hears of its rig: samples in the datasheet's order, their stream watched for loss, and its state told.
-// Subscribes to /RIG/description and /RIG/sample when start() is called; `deliver` runs in ROS callbacks and must not block.
+// What a diagnosis node hears of its rig: samples in the datasheet's order, their stream watched for loss, and its
+// state told. Subscribes to /RIG/description and /RIG/sample when start() is called; `deliver` runs in ROS callbacks
+// and must not block.
 #pragma once
 
 #include <functional>
@@ -37,6 +38,7 @@ class RigInput {
 // The settings of a monitor of this rig's samples.
 SequenceSettings sequence_settings(const Datasheet& sheet);
 // Adds counts; warns if samples were lost since `told`.
-void tell_counts(const SequenceCounts& counts, SequenceCounts& told, diagnostic_updater::DiagnosticStatusWrapper& status);
+void tell_counts(const SequenceCounts& counts, SequenceCounts& told,
+                 diagnostic_updater::DiagnosticStatusWrapper& status);
 
 }  // namespace faultline

@@ -66,24 +66,27 @@ RigSimulator::RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& s
   if (settings_.over_lcm) {
     lcm_ = std::make_unique<lcm::LCM>(settings_.lcm_url);
     if (!lcm_->good())
-      throw InputError(fmt::format("parameter ~lcm_url: LCM cannot open '{}'; udpm://, file://PATH?mode=w or memq:// is allowed, and "
-                                   "udpm needs a multicast route",
-                                   settings_.lcm_url));
+      throw InputError(fmt::format(
+          "parameter ~lcm_url: LCM cannot open '{}'; udpm://, file://PATH?mode=w or memq:// is allowed, and "
+          "udpm needs a multicast route",
+          settings_.lcm_url));
   } else {
     description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
     samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue);
   }
-  health_ = std::make_unique<NodeHealth>(sheet.rig, "simulator", [this](diagnostic_updater::DiagnosticStatusWrapper& status) {
-    status.summary(DiagnosticStatus::OK, "samples are sent");
-    if (most_behind_ > kWorthTelling)
-      status.mergeSummaryf(DiagnosticStatus::WARN, "up to %.3f s behind the clock: the machine is too slow", most_behind_);
-    if (failed_ > 0) status.mergeSummary(DiagnosticStatus::ERROR, "LCM refused samples; check route and space");
-    status.add("samples per second", rate_.rate(sent_));
-    status.add("sent", sent_);
-    status.add("refused by LCM", failed_);
-    status.add("behind [s]", behind_);
-    most_behind_ = 0;
-  });
+  health_ =
+      std::make_unique<NodeHealth>(sheet.rig, "simulator", [this](diagnostic_updater::DiagnosticStatusWrapper& status) {
+        status.summary(DiagnosticStatus::OK, "samples are sent");
+        if (most_behind_ > kWorthTelling)
+          status.mergeSummaryf(DiagnosticStatus::WARN, "up to %.3f s behind the clock: the machine is too slow",
+                               most_behind_);
+        if (failed_ > 0) status.mergeSummary(DiagnosticStatus::ERROR, "LCM refused samples; check route and space");
+        status.add("samples per second", rate_.rate(sent_));
+        status.add("sent", sent_);
+        status.add("refused by LCM", failed_);
+        status.add("behind [s]", behind_);
+        most_behind_ = 0;
+      });
 }
 
 void RigSimulator::send_description() {
@@ -121,7 +124,8 @@ void RigSimulator::run() {
   for (std::uint64_t k = 0; k <= last && ros::ok();) {
     const double elapsed = steady_seconds() - begin;
     // After a hold-up the rest is sent in portions, so that ROS gets its turn.
-    for (int portion = 0; portion < 1000 && k <= last && static_cast<double>(k) * wall_period <= elapsed; ++portion, ++k) {
+    for (int portion = 0; portion < 1000 && k <= last && static_cast<double>(k) * wall_period <= elapsed;
+         ++portion, ++k) {
       if (lcm_ && k > 0 && k % second == 0) send_description();
       sample = simulator_.step();
       sample.time += settings_.start;
@@ -131,9 +135,10 @@ void RigSimulator::run() {
     ros::spinOnce();
     behind_ = steady_seconds() - begin - static_cast<double>(k) * wall_period;
     most_behind_ = std::max(most_behind_, behind_);
-    // Sleeps to the next sample, but not more than a thousand times a second (what is due then goes together), and not so long
-    // that ROS has to wait.
-    if (behind_ < 0) std::this_thread::sleep_for(std::chrono::duration<double>(std::clamp(-behind_, 1e-3 - wall_period, 0.1)));
+    // Sleeps to the next sample, but not more than a thousand times a second (what is due then goes together), and not
+    // so long that ROS has to wait.
+    if (behind_ < 0)
+      std::this_thread::sleep_for(std::chrono::duration<double>(std::clamp(-behind_, 1e-3 - wall_period, 0.1)));
   }
 }
 

@@ -1,14 +1,15 @@
-// The rig's stand-in on the network: runs the rig simulator at the pace of a steady clock and sends every sample as a DAQ would, over
-// LCM or straight to ROS. Stamps are `start` plus the simulator's time; numbers count from 0. The description goes first, and over
-// LCM again once a second. When the machine is too slow the samples come late, but all of them come.
+// The rig's stand-in on the network: runs the rig simulator at the pace of a steady clock and sends every sample as a
+// DAQ would, over LCM or straight to ROS. Stamps are `start` plus the simulator's time; numbers count from 0. The
+// description goes first, and over LCM again once a second. When the machine is too slow the samples come late, but all
+// of them come.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <string>
 
-#include <lcm/lcm-cpp.hpp>
 #include <ros/node_handle.h>
+#include <lcm/lcm-cpp.hpp>
 
 #include "faultline/rig/simulator.h"
 #include "nodes/node_health.h"

@@ -30,8 +30,12 @@ void SampleGate::describe(const Description& description) {
 void SampleGate::push(Sample sample, double now) {
   tick(now);
   switch (state_) {
-    case State::open: pass(sample, now); break;
-    case State::refusing: ++refused_; break;
+    case State::open:
+      pass(sample, now);
+      break;
+    case State::refusing:
+      ++refused_;
+      break;
     case State::waiting:
       if (held_.size() >= capacity_) {
         held_.pop_front();
@@ -47,7 +51,8 @@ void SampleGate::tick(double now) {
   described_ = sheet_.channels.size();
   places_.resize(described_);
   std::iota(places_.begin(), places_.end(), std::size_t{0});
-  trouble_ = fmt::format("no description came within {:g} s; the channels are taken to be in the order of {}", wait_, sheet_.file);
+  trouble_ = fmt::format("no description came within {:g} s; the channels are taken to be in the order of {}", wait_,
+                         sheet_.file);
   state_ = State::open;
   release();
 }
@@ -64,8 +69,8 @@ void SampleGate::pass(Sample& sample, double arrival) {
     return;
   }
   ++refused_;
-  trouble_ = fmt::format("a sample has {} values, its description names {} channels; mend what writes it", sample.values.size(),
-                         described_);
+  trouble_ = fmt::format("a sample has {} values, its description names {} channels; mend what writes it",
+                         sample.values.size(), described_);
 }
 
 }  // namespace faultline

@@ -1,7 +1,7 @@
-// Lets samples through once it is known what their values mean. Descriptions and samples travel on separate paths, so a sample may
-// come first: it is held until a description comes, at most `wait` seconds; then the datasheet's own order is taken for granted,
-// which is said in `trouble`. After a description that does not fit the datasheet no sample passes until one that does.
-// Time is an argument: any clock that runs evenly.
+// Lets samples through once it is known what their values mean. Descriptions and samples travel on separate paths, so a
+// sample may come first: it is held until a description comes, at most `wait` seconds; then the datasheet's own order
+// is taken for granted, which is said in `trouble`. After a description that does not fit the datasheet no sample
+// passes until one that does. Time is an argument: any clock that runs evenly.
 #pragma once
 
 #include <cstdint>

@@ -1,9 +1,11 @@
-// Says how far the samples' time must have gone on while none came, for AlarmStage::advance. Nothing here reads a clock.
+// Says how far the samples' time must have gone on while none came, for AlarmStage::advance. Nothing here reads a
+// clock.
 //
-// Live: the samples' time goes on with a steady clock. In simulated time (replay): with /clock, so that a pause is no silence; but
-// /clock and estimates travel on separate paths, so a gap between them counts only after `patience` seconds of steady time without
-// an estimate. The alarm stage dates a silence from the last sample, so the date is the same whenever it is noticed, and the same
-// offline. Fails: an estimate that is on its way for longer than `patience` makes a false alarm, which it takes back on arrival.
+// Live: the samples' time goes on with a steady clock. In simulated time (replay): with /clock, so that a pause is no
+// silence; but /clock and estimates travel on separate paths, so a gap between them counts only after `patience`
+// seconds of steady time without an estimate. The alarm stage dates a silence from the last sample, so the date is the
+// same whenever it is noticed, and the same offline. Fails: an estimate that is on its way for longer than `patience`
+// makes a false alarm, which it takes back on arrival.
 #pragma once
 
 namespace faultline {

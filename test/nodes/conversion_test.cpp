@@ -37,7 +37,8 @@ std::string message_of(const Datasheet& sheet, const faultline_msgs::RigDescript
 }
 
 TEST(Conversion, StampsRoundOnceAndThenStay) {
-  for (const double time : {0.0, 0.001, 0.3, 59.999, 1.0 / 3, 4.0e6 + 0.1234567891, 1.7e9 + 0.001, 1.7e9 + 123.456789}) {
+  for (const double time :
+       {0.0, 0.001, 0.3, 59.999, 1.0 / 3, 4.0e6 + 0.1234567891, 1.7e9 + 0.001, 1.7e9 + 123.456789}) {
     const double once = to_seconds(to_stamp(time));
     EXPECT_NEAR(once, time, 0.51e-9 + std::abs(time) * 2.3e-16);
     EXPECT_EQ(to_seconds(to_stamp(once)), once);

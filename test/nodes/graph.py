@@ -93,7 +93,6 @@ class Graph:
 
     @staticmethod
     def said(process):
-        process.output.flush()
         return pathlib.Path(process.output.name).read_text(errors="replace")
 
     @staticmethod

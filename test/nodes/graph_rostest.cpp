@@ -22,8 +22,7 @@ namespace faultline {
 namespace {
 
 constexpr double kStart = 1.7e9;
-constexpr double kLeakFrom = 25;  // s
-constexpr double kLeak = 1.5e-8;  // m^3/(s sqrt(Pa))
+constexpr double kLeakFrom = 25;  // s: a leak of 1.5e-8 m^3/(s sqrt(Pa))
 
 class Graph : public ::testing::Test {
  protected:
@@ -38,7 +37,8 @@ class Graph : public ::testing::Test {
     description_.publish(to_message(*sheet_, "a test"));
     estimates_ = node_.subscribe<faultline_msgs::Estimate>(
         "/servo_actuator/estimate", 2 * kQueue,
-        [this](const faultline_msgs::Estimate::ConstPtr& message) { heard_.push_back(from_message(*message)); }, {}, fast);
+        [this](const faultline_msgs::Estimate::ConstPtr& message) { heard_.push_back(from_message(*message)); }, {},
+        fast);
     alarms_ = node_.subscribe<faultline_msgs::AlarmArray>(
         "/servo_actuator/alarms", 1000,
         [this](const faultline_msgs::AlarmArray::ConstPtr& message) { report_ = from_message(*message); }, {}, fast);
@@ -69,15 +69,16 @@ class Graph : public ::testing::Test {
     SimulationSetup setup;
     setup.seed = seed;
     if (leak) {
-      setup.effects.push_back(parse_effect(
-          "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=" + std::to_string(static_cast<int>(kLeakFrom))));
+      setup.effects.push_back(parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=" +
+                                           std::to_string(static_cast<int>(kLeakFrom))));
     }
     return simulate(*sheet_, setup, duration);
   }
 
   // Sends with no more than 2000 samples on the way, and runs the same here.
-  void run(const Recording& recording, double start, std::uint64_t first_sequence,
-           const std::function<void(Sample&)>& spoil = [](Sample&) {}) {
+  void run(
+      const Recording& recording, double start, std::uint64_t first_sequence,
+      const std::function<void(Sample&)>& spoil = [](Sample&) {}) {
     const std::size_t before = heard_.size();
     for (std::size_t row = 0; row < recording.rows(); ++row) {
       Sample sample = recording.sample(row);
@@ -90,9 +91,12 @@ class Graph : public ::testing::Test {
         expected_.push_back(estimate);
         alarm_stage_.process(estimate);
       }
-      if (row % 500 == 0) ASSERT_TRUE(until([&] { return before + row < heard_.size() + 2000; }, 20)) << "at row " << row;
+      if (row % 500 == 0) {
+        ASSERT_TRUE(until([&] { return before + row < heard_.size() + 2000; }, 20)) << "at row " << row;
+      }
     }
-    ASSERT_TRUE(until([&] { return heard_.size() == expected_.size(); }, 20)) << heard_.size() << " of " << expected_.size();
+    ASSERT_TRUE(until([&] { return heard_.size() == expected_.size(); }, 20))
+        << heard_.size() << " of " << expected_.size();
     ASSERT_TRUE(until([&] { return report_.time == alarm_stage_.report().time; }, 5));
   }
 

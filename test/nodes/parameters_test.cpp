@@ -51,15 +51,18 @@ TEST(Parameters, ListsMayBeLists) {
   EXPECT_EQ(p.words("effects"), (std::vector<std::string>{"one", "two"}));
   values["effects"][2] = 4;
   Parameters q("/node", values);
-  EXPECT_EQ(said([&] { q.words("effects"); }), "/node: parameter ~effects holds 4 at place 3; a list of texts is allowed");
+  EXPECT_EQ(said([&] { q.words("effects"); }),
+            "/node: parameter ~effects holds 4 at place 3; a list of texts is allowed");
 }
 
 TEST(Parameters, SaysWhatIsWrong) {
   Parameters p("/node", some());
   EXPECT_EQ(said([&] { p.word("rig"); }), "/node: parameter ~rig is missing; it must be given");
   EXPECT_EQ(said([&] { p.number("rate", 1, 3, 4); }), "/node: parameter ~rate is 2; 3 to 4 is allowed");
-  EXPECT_EQ(said([&] { p.number("name", 1, 3, 4); }), "/node: parameter ~name is 'square'; a number from 3 to 4 is allowed");
-  EXPECT_EQ(said([&] { p.integer("gain", 1, 0, 4); }), "/node: parameter ~gain is 0.5; a whole number from 0 to 4 is allowed");
+  EXPECT_EQ(said([&] { p.number("name", 1, 3, 4); }),
+            "/node: parameter ~name is 'square'; a number from 3 to 4 is allowed");
+  EXPECT_EQ(said([&] { p.integer("gain", 1, 0, 4); }),
+            "/node: parameter ~gain is 0.5; a whole number from 0 to 4 is allowed");
   EXPECT_EQ(said([&] { p.choice("name", "a", {"a", "b"}); }), "/node: parameter ~name is 'square'; allowed: a, b");
   EXPECT_EQ(said([&] { p.flag("rate", false); }), "/node: parameter ~rate is 2; true or false is allowed");
 }

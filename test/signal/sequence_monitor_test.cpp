@@ -26,7 +26,8 @@ TEST(SequenceMonitor, CountsNothingOnAQuietLine) {
   EXPECT_EQ(m.observe(7, stamp(7)), Arrival::first);
   for (std::uint64_t s = 8; s < 5000; ++s) EXPECT_EQ(m.observe(s, stamp(s)), Arrival::in_order);
   EXPECT_EQ(m.counts().received, 4993u);
-  EXPECT_EQ(m.counts().lost + m.counts().duplicate + m.counts().out_of_order + m.counts().late + m.counts().restarts, 0u);
+  EXPECT_EQ(m.counts().lost + m.counts().duplicate + m.counts().out_of_order + m.counts().late + m.counts().restarts,
+            0u);
 }
 
 TEST(SequenceMonitor, CountsLostDuplicateAndOutOfOrder) {
@@ -69,7 +70,7 @@ TEST(SequenceMonitor, KnowsARestartByAStampTheOldNumberingDoesNotExplain) {
   for (std::uint64_t s = 0; s <= 50; ++s) m.observe(s, stamp(s));
   EXPECT_EQ(m.observe(0, stamp(51)), Arrival::restart);  // the clock went on, the numbers began anew
   EXPECT_EQ(m.observe(1, stamp(52)), Arrival::in_order);
-  EXPECT_EQ(m.observe(2, stamp(3)), Arrival::restart);  // the number went on, the clock fell back
+  EXPECT_EQ(m.observe(2, stamp(3)), Arrival::restart);       // the number went on, the clock fell back
   EXPECT_EQ(m.observe(900000, stamp(4)), Arrival::restart);  // numbers from somewhere else, no time passed
   EXPECT_EQ(m.counts().restarts, 3u);
   EXPECT_EQ(m.counts().lost, 0u);
@@ -95,7 +96,8 @@ TEST(SequenceMonitor, OldNumbersDoNotShineThroughAfterALoss) {
 
 TEST(SequenceMonitor, LateIsBehindThePace) {
   SequenceMonitor m = monitor();
-  for (std::uint64_t s = 0; s < 1000; ++s) m.observe(s, stamp(s), 100 + kPeriod * static_cast<double>(s) + (s % 2 ? 0.004 : 0));
+  for (std::uint64_t s = 0; s < 1000; ++s)
+    m.observe(s, stamp(s), 100 + kPeriod * static_cast<double>(s) + (s % 2 ? 0.004 : 0));
   EXPECT_EQ(m.counts().late, 0u);
   // A hold-up of 80 ms: 30 samples come more than 50 ms behind their time.
   for (std::uint64_t s = 1000; s < 1080; ++s) m.observe(s, stamp(s), 100 + kPeriod * 1080);

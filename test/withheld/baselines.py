@@ -65,8 +65,9 @@ class Regression:
         def smoothed(y):
             return smooth(np.asarray(y, dtype=float))
 
-        x, v, pa, pb, pl = (run[c] for c in ("position", "velocity", "chamber_a_pressure", "chamber_b_pressure", "load_pressure"))
-        xv, ps, load, t = run["spool_position"], run["supply_pressure"], run["load_force"], run["t"]
+        x, v, pl = run["position"], run["velocity"], run["load_pressure"]
+        pa, pb = run["chamber_a_pressure"], run["chamber_b_pressure"]
+        xv, load, t = run["spool_position"], run["load_force"], run["t"]
         i = run["valve_command"]
         half = 0.5 * (i + np.concatenate([i[:1], i[:-1]]))  # a held command around a sample is half old, half new
         base = {c: savgol_filter(run[c], WINDOW, 3) for c in run if c != "t"}
@@ -85,6 +86,7 @@ class Regression:
         for target, source in ((dv, v), (dpa, pa), (dpb, pb), (dpl, pl), (dxv, xv), (di, half)):
             target[:] = savgol_filter(source, WINDOW, 3, deriv=1, delta=h)
         ddv = savgol_filter(v, WINDOW, 3, deriv=2, delta=h)
+        ddpl = savgol_filter(pl, WINDOW, 3, deriv=2, delta=h)
         tau = p["spool_time_constant"]
         rows = [smooth(x, 1) - smoothed(v),
                 smoothed(p["moving_mass"] * dv - area * pl + p["viscous_damping"] * v + friction + load),
@@ -101,12 +103,18 @@ class Regression:
         tone = _tone(rows[2])
         c, a, b, s, m, r = "piston", "chamber_a", "chamber_b", "spool", "kinematics", "redundancy"
         parameters = {
-            "moving_mass": {c: -dv}, "viscous_damping": {c: -v}, "coulomb_friction": {c: -side}, "static_excess": {c: -side * peak},
-            "ram_area": {c: pl, a: -v, b: v}, "compliance": {a: -ca * dpa, b: -cb * dpb}, "chamber_volume": {a: -x * dpa, b: x * dpb},
+            "moving_mass": {c: -dv},
+            "viscous_damping": {c: -v},
+            "coulomb_friction": {c: -side},
+            "static_excess": {c: -side * peak},
+            "ram_area": {c: pl, a: -v, b: v},
+            "compliance": {a: -ca * dpa, b: -cb * dpb},
+            "chamber_volume": {a: -x * dpa, b: x * dpb},
             "flow_coefficient": {a: qa, b: -qb}, "spool_time_constant": {s: -dxv}, "spool_gain": {s: half}}
         one = np.ones_like(x)
         effects = {
-            "deadband@command.valve_command": {s: -np.sign(half)}, "hysteresis@command.valve_command": {s: -np.tanh(di)},
+            "deadband@command.valve_command": {s: -np.sign(half)},
+            "hysteresis@command.valve_command": {s: -np.tanh(di)},
             "gain_curve@command.valve_command": {s: half * (np.abs(half) / 10 - 1)},
             "rate_limit@command.valve_command": {s: -np.sign(di) * np.maximum(0, np.abs(di) - fast)},
             "saturation@command.valve_command": {s: -np.sign(half) * np.maximum(0, np.abs(half) - top)},
@@ -117,30 +125,39 @@ class Regression:
             "stuck@sensor.position": {m: -v * late},
             "offset@sensor.velocity": {m: -one, c: p["viscous_damping"] * one, a: area * one, b: -area * one},
             "scale@sensor.velocity": {m: -v, c: p["viscous_damping"] * v, a: area * v, b: -area * v},
-            "lag@sensor.velocity": {m: dv, c: p["moving_mass"] * -ddv - p["viscous_damping"] * dv, a: -area * dv, b: area * dv},
-            "offset@sensor.load_pressure": {c: -area * one, r: one}, "scale@sensor.load_pressure": {c: -area * pl, r: pl},
-            "lag@sensor.load_pressure": {c: area * dpl, r: -dpl}, "stuck@sensor.load_pressure": {c: area * pl * late, r: -pl * late},
-            "offset@sensor.chamber_a_pressure": {a: ha, r: -one}, "scale@sensor.chamber_a_pressure": {a: ha * pa + ca * dpa, r: -pa},
+            "lag@sensor.velocity": {
+                m: dv, c: p["moving_mass"] * -ddv - p["viscous_damping"] * dv, a: -area * dv, b: area * dv},
+            "offset@sensor.load_pressure": {c: -area * one, r: one},
+            "scale@sensor.load_pressure": {c: -area * pl, r: pl},
+            "lag@sensor.load_pressure": {c: area * dpl, r: -dpl},
+            "stuck@sensor.load_pressure": {c: area * pl * late, r: -pl * late},
+            "offset@sensor.chamber_a_pressure": {a: ha, r: -one},
+            "scale@sensor.chamber_a_pressure": {a: ha * pa + ca * dpa, r: -pa},
             "offset@sensor.chamber_b_pressure": {b: hb, r: one},
-            "offset@sensor.spool_position": {s: one, a: -ga, b: gb}, "scale@sensor.spool_position": {s: xv + tau * dxv, a: -qa, b: qb},
+            "offset@sensor.spool_position": {s: one, a: -ga, b: gb},
+            "scale@sensor.spool_position": {s: xv + tau * dxv, a: -qa, b: qb},
             "coulomb_friction@force.piston": {c: -side}, "viscous_friction@force.piston": {c: -v},
             "stribeck_friction@force.piston": {c: -side * np.exp(-(vs / 0.03) ** 2)},
-            "asymmetric_friction@force.piston": {c: -0.5 * np.abs(side)}, "load_dependent_friction@force.piston": {c: -side * np.abs(pls)},
+            "asymmetric_friction@force.piston": {c: -0.5 * np.abs(side)},
+            "load_dependent_friction@force.piston": {c: -side * np.abs(pls)},
             "load_force@force.piston": {c: -one}, "added_mass@force.piston": {c: -dv},
             "end_stop@force.piston": {c: -np.maximum(0, x - reach)},
             "orifice_leakage@flow.chamber_a_chamber_b": {a: -root(pls), b: root(pls)},
             "laminar_leakage@flow.chamber_a_chamber_b": {a: -pl, b: pl},
-            "orifice_leakage@flow.chamber_a_tank": {a: -root(pas)}, "orifice_leakage@flow.chamber_b_tank": {b: -root(pbs)},
+            "orifice_leakage@flow.chamber_a_tank": {a: -root(pas)},
+            "orifice_leakage@flow.chamber_b_tank": {b: -root(pbs)},
             "entrained_air@compliance.chambers": {a: -dpa / (pas + 1e5) ** 2, b: -dpb / (pbs + 1e5) ** 2},
             "compliance_factor@compliance.chambers": {a: -ca * dpa, b: -cb * dpb},
-            "clogging@restriction.valve": {a: -qa, b: qb}, "area_curve@restriction.valve": {a: qa * log_opening, b: -qb * log_opening},
+            "clogging@restriction.valve": {a: -qa, b: qb},
+            "area_curve@restriction.valve": {a: qa * log_opening, b: -qb * log_opening},
             "deadband@restriction.valve": {a: -np.tanh(xvs / 0.05) * ga, b: np.tanh(xvs / 0.05) * gb},
             "droop@source.supply_pressure": {a: -fa * np.abs(qa), b: -fb * np.abs(qb)},
             "ripple@source.supply_pressure": {a: fa * np.sin(2 * np.pi * tone * t), b: fb * np.sin(2 * np.pi * tone * t)},
             "offset@source.supply_pressure": {a: fa, b: fb},
             "line_inertia@line.valve_cylinder": {a: -savgol_filter(qa, WINDOW, 3, deriv=2, delta=h),
                                                  b: savgol_filter(qb, WINDOW, 3, deriv=2, delta=h)},
-            "backlash@transmission.rod": {c: dv * after}, "elasticity@transmission.rod": {c: savgol_filter(pl, WINDOW, 3, deriv=2, delta=h)}}
+            "backlash@transmission.rod": {c: dv * after},
+            "elasticity@transmission.rod": {c: ddpl}}
         effects = {key: value for key, value in effects.items() if key in self.known}
         return (rows, {n: {e: smoothed(y) for e, y in d.items()} for n, d in parameters.items()},
                 {n: {e: smoothed(y) for e, y in d.items()} for n, d in effects.items()})

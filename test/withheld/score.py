@@ -61,7 +61,8 @@ def coverage(cases, answers):
             if key.split("@")[0] in sizes.NOT_COMPARABLE or key not in given.parameters or given.verdict != "named":
                 continue
             for parameter, value in truth.items():
-                if parameter != (sizes.main_parameter(key.split("@")[0]) or parameter) or parameter not in given.parameters[key]:
+                main = sizes.main_parameter(key.split("@")[0]) or parameter
+                if parameter != main or parameter not in given.parameters[key]:
                     continue
                 _, low, high = answer.interval(given.parameters[key][parameter])
                 if not math.isnan(low) and not math.isnan(high):
@@ -188,11 +189,13 @@ def markdown(labels, methods, heading):
         text.append(f"| {cls} | {'yes' if wanted else 'no'} | {v['top1'][1]} | " + " | ".join(
             f"{100 * v[k][0]:.0f} %" for k in ("top1", "top2", "set", "family", "place", "kind", "unknown", "missed")) + " |")
     for title, field in (("noise", "noise"), ("excitation of the first run", "excitations")):
-        text += ["", f"## {first} by {title} (identifiable, severity above 2)", "", f"| {title} | cases | top-1 | place |", "|---|---|---|---|"]
+        text += ["", f"## {first} by {title} (identifiable, severity above 2)", "",
+                 f"| {title} | cases | top-1 | place |", "|---|---|---|---|"]
         groups = {}
         for n, l in labels.items():
             if l["part"] == "closed" and l["identifiable"] and l["severity"] in ("2-5", "above 5"):
-                groups.setdefault(l[field] if field == "noise" else l[field][0], []).append(single(l, methods[first][2].get(n, MISSING)))
+                group = l[field] if field == "noise" else l[field][0]
+                groups.setdefault(group, []).append(single(l, methods[first][2].get(n, MISSING)))
         for g in sorted(groups):
             text.append(f"| {g} | {len(groups[g])} | {show(rate(s['top1'] for s in groups[g])).split(' (')[0]} | "
                         f"{show(rate(s['place'] for s in groups[g])).split(' (')[0]} |")
@@ -206,7 +209,8 @@ def markdown(labels, methods, heading):
                 said = a.effects[0] if a.effects else ""
                 wrong.append(f"| {n} | {key} | {l['lift_after_refit']:.1f} | {l['noise']} | {a.verdict} | {said} |")
     if wrong:
-        text += ["", f"## Where {first} is wrong", "", "| case | truth | severity | noise | verdict | first named |", "|---" * 6 + "|"] + wrong
+        text += ["", f"## Where {first} is wrong", "", "| case | truth | severity | noise | verdict | first named |",
+                 "|---" * 6 + "|"] + wrong
     return "\n".join(text) + "\n"
 
 

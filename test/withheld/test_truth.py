@@ -448,6 +448,18 @@ class Twins(unittest.TestCase):
         for key in known:
             self.assertIn(key.split("@")[0], twins.FAMILY)
 
+    def test_an_exact_twin_is_exact(self):
+        values = {"coulomb_friction@force.piston": {"force": 40.0}, "viscous_friction@force.piston": {"coefficient": 90.0},
+                  "added_mass@force.piston": {"mass": 0.5}, "compliance_factor@compliance.chambers": {"factor": 1 / 1.1},
+                  "clogging@restriction.valve": {"fraction": -0.1}, "scale@command.valve_command": {"factor": 1.1}}
+        noise = np.array([SHEET.noise[c] for c in OUTPUTS])
+        for key, effect in values.items():
+            name = twins.EXACT_TWIN[key][0]
+            self.assertAlmostEqual(twins.twin_tolerances(key, effect, P, SHEET.tolerance), 0.1 / SHEET.tolerance[name])
+            one = run(1.5, 0.1, {key: effect})["clean"]
+            other = run(1.5, 0.1, parameters={name: 1.1 * P[name]})["clean"]
+            self.assertLess(np.abs((one - other) / noise).max(), 0.05, key)
+
     def test_withheld_takes_the_effect_and_its_twins(self):
         out = twins.withheld("lag@command.valve_command", SHEET.bounds)
         self.assertIn("lag@command.valve_command", out)

@@ -212,7 +212,7 @@ class Truth:
     # ---- the right-hand side, with everything that is constant taken out of it
     def _build(self):
         p, ports, drive = self.p, self.ports, self.drive
-        exp, sqrt, cosh, sin, pi, tanh, log1p = math.exp, math.sqrt, math.cosh, math.sin, math.pi, math.tanh, math.log1p
+        exp, sqrt, cosh, sin, pi, tanh = math.exp, math.sqrt, math.cosh, math.sin, math.pi, math.tanh
         area, mass, volume = p["ram_area"], p["moving_mass"], p["chamber_volume"]
         viscous, coulomb = p["viscous_damping"], p["coulomb_friction"]
         excess, stribeck = p["static_excess"], p["stribeck_velocity"]
@@ -380,7 +380,8 @@ class Truth:
                     held = rod_k * stretch + rod_d * speed
                 r = vl / stribeck
                 dzl = vl - bristle * abs(vl) * zl / (share_f * (coulomb + excess * exp(-r * r)))
-                dvl = (held - outer - stop_force(xl, vl) - bristle * zl - BRISTLE_DAMPING * dzl - share_f * b * vl) / load_mass
+                rubbing = bristle * zl + BRISTLE_DAMPING * dzl + share_f * b * vl
+                dvl = (held - outer - stop_force(xl, vl) - rubbing) / load_mass
                 force -= held
                 tail = [vl, dvl, dzl]
             else:
@@ -390,7 +391,8 @@ class Truth:
             dps = (supply(t) - PUMP_RESISTANCE * max(drawn, 0.0) - ps) / PUMP_TIME
             if has_line:
                 node = 0.2 * volume
-                tail += [ca / node * (qa - in_a), (pva - pa) / inertance, cb / node * (-in_b - qb), (pb - pvb) / inertance]
+                tail += [ca / node * (qa - in_a), (pva - pa) / inertance,
+                         cb / node * (-in_b - qb), (pb - pvb) / inertance]
             return [v, dv, dpa, dpb, dxv, dps, dz] + tail
 
         self.rhs = rhs

@@ -19,6 +19,25 @@ PARAMETER_TWINS = {
     "added_mass@force.piston", "compliance_factor@compliance.chambers", "clogging@restriction.valve",
     "scale@command.valve_command",
 }
+# Parameter that does exactly what the effect does: effect -> (parameter, its relative shift from the effect and its value).
+EXACT_TWIN = {
+    "coulomb_friction@force.piston": ("coulomb_friction", lambda e, nominal: e["force"] / nominal),
+    "viscous_friction@force.piston": ("viscous_damping", lambda e, nominal: e["coefficient"] / nominal),
+    "added_mass@force.piston": ("moving_mass", lambda e, nominal: e["mass"] / nominal),
+    "compliance_factor@compliance.chambers": ("compliance", lambda e, nominal: 1 / e["factor"] - 1),
+    "clogging@restriction.valve": ("flow_coefficient", lambda e, nominal: -e["fraction"]),
+    "scale@command.valve_command": ("spool_gain", lambda e, nominal: e["factor"] - 1),
+}
+
+
+def twin_tolerances(key, values, parameters, tolerance):
+    """By how many tolerances a parameter would have to be off to pass for the effect exactly; infinite if none can."""
+    if key not in EXACT_TWIN:
+        return float("inf")
+    name, shift = EXACT_TWIN[key]
+    return abs(shift(values, parameters[name])) / tolerance[name]
+
+
 # Groups whose members one run may not tell apart (the datasheet's notes, cosine 0.93 and above, and their logic).
 _GROUPS = [
     ["lag@command.valve_command", "delay@command.valve_command"],

@@ -78,7 +78,6 @@ class GapWork {
   const std::vector<Candidate>& all() const { return all_; }
 
   void tell(double share, const std::string& text) const {
-    if (stop_asked()) throw Interrupted();
     if (progress_) progress_(share, text);
   }
 
@@ -122,7 +121,7 @@ class GapWork {
       for (const std::size_t run : every_) residuals.push_back(model_.residuals(model, run));
       points[i].loss = projected_loss(*linear_, residuals, z);
       const std::size_t now = ++done;
-      if (now % 16 == 0 && progress_) progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(points.size()), "trying effects");
+      if (progress_) progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(points.size()), "trying effects");
     });
     std::vector<Scored> result;
     for (std::size_t c = 0; c < all_.size(); ++c) {

@@ -23,10 +23,10 @@ struct GapSettings {
   int most_effects = 3;
 };
 
+// Called from several threads; what it throws ends the diagnosis and is thrown on.
 using GapProgress = std::function<void(double share, const std::string& text)>;
 
-// `runs` to learn from; `holdout` to score on (empty: the runs score each other; one run is cut in two). Throws InputError, or
-// Interrupted when ask_to_stop() was called.
+// `runs` to learn from; `holdout` to score on (empty: the runs score each other; one run is cut in two). Throws InputError.
 GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout, const GapSettings& settings,
                        const GapProgress& progress);
 

@@ -34,6 +34,8 @@ struct Region {
   std::string name;       // of the operating range, "velocity positive" and the like
   double enrichment = 1;  // mean squared residual there over its mean everywhere
   double share = 0;       // of the samples
+  double refit = 0;       // mean squared residual there, in noise variances, of the refitted model ...
+  double explained = 0;   // ... and with the effects added
 };
 
 struct PlaceScore {
@@ -68,6 +70,14 @@ struct NextRun {
   std::string between;     // which two it separates
 };
 
+// The deciding run and what the three levels make of it, at most 4000 rows: every n-th row as it is, so that columns may be subtracted.
+struct GapSeries {
+  std::size_t run = 0;                // position among the runs and then the held-out runs, as they were given
+  std::vector<std::string> channels;
+  std::vector<double> time;           // s from the start of that run
+  std::vector<double> values;         // per row and channel: measured, nominal, refit, explained
+};
+
 struct GapResult {
   std::string rig;
   std::vector<std::string> runs, holdout;
@@ -88,6 +98,7 @@ struct GapResult {
   Interval shrink_interval;   // 90 %, of shrink_refit
   double closable = 0;        // share of what a flexible closure wins that the named effects win
   std::vector<NextRun> next;
+  GapSeries series;
   double seconds = 0;
 };
 

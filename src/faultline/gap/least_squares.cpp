@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <csignal>
 #include <exception>
 #include <mutex>
 #include <thread>
@@ -17,8 +16,6 @@ namespace {
 constexpr double kBound = 3.5;        // tolerances a parameter may move
 constexpr double kStep = 0.1;         // tolerances, for differences
 constexpr double kEffectStep = 2e-3;  // of a coordinate, for differences
-
-volatile std::sig_atomic_t stop_flag = 0;
 
 std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at, const std::vector<std::size_t>& runs) {
   std::vector<Eigen::MatrixXf> result;
@@ -44,9 +41,6 @@ void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& fr
 
 }  // namespace
 
-void ask_to_stop() { stop_flag = 1; }
-bool stop_asked() { return stop_flag != 0; }
-
 void parallel(std::size_t count, int jobs, const std::function<void(std::size_t)>& work) {
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
@@ -54,7 +48,6 @@ void parallel(std::size_t count, int jobs, const std::function<void(std::size_t)
   const auto run = [&] {
     for (std::size_t i = next++; i < count; i = next++) {
       try {
-        if (stop_asked()) throw Interrupted();
         work(i);
       } catch (...) {
         const std::lock_guard<std::mutex> lock(guard);
@@ -123,7 +116,7 @@ std::vector<std::vector<double>> starting_points(const Candidate& candidate) {
     } else if (i > 0 || std::isnan(none)) {
       for (const double c : {0.15, 0.5, 0.85}) values.push_back(candidate.from_coordinate(i, c));
       if (i > 0 && !std::isnan(none)) values.push_back(std::clamp(none, b.minimum, b.maximum));
-    } else if (candidate.logarithmic(i)) {
+    } else if (candidate.logarithmic(i) || std::isinf(none)) {
       for (const double c : {0.1, 0.3, 0.5, 0.7, 0.9}) values.push_back(candidate.from_coordinate(i, c));
     } else {
       for (const double share : {0.06, 0.25, 0.7}) {
@@ -350,7 +343,6 @@ FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const s
   result.loss = loss_of(now, result.model.parameters);
   double damping = 0;
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    if (stop_asked()) throw Interrupted();
     std::vector<std::vector<Eigen::MatrixXf>> effect_columns(coordinates.size());
     for (std::size_t i = 0; i < coordinates.size(); ++i) {
       std::vector<Candidate> moved = result.effects;

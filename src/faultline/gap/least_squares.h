@@ -79,13 +79,9 @@ struct FitResult {
   Eigen::MatrixXd covariance;  // of the effects' coordinates, after parameters
 };
 
-// Runs `work(i)` for i in 0..count-1 on `jobs` threads; the order of results does not depend on them. Stops early, by throwing
-// Interrupted, when the user asked for it.
+// Runs `work(i)` for i in 0..count-1 on `jobs` threads; results do not depend on the order. The first exception ends it all and is
+// thrown on.
 void parallel(std::size_t count, int jobs, const std::function<void(std::size_t)>& work);
-
-struct Interrupted {};
-void ask_to_stop();  // safe in a signal handler
-bool stop_asked();
 
 // Refits the free parameters and the effects' parameters from where `start` and `effects` have them, in at most `iterations`
 // Gauss-Newton steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in each step.

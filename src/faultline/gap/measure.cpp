@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "faultline/gap/gap_series.h"
+
 namespace faultline {
 namespace {
 
@@ -38,8 +40,9 @@ GapLevel level(const ResidualModel& model, const std::string& name, const GapMod
   result.name = name;
   const std::size_t outputs = model.outputs().size();
   for (std::size_t o = 0; o < outputs; ++o) result.channels.push_back(channel_gap(model, o));
-  for (const std::size_t horizon : {std::size_t{1}, std::size_t{10}, std::size_t{100}, model.segment()}) {
-    const std::string key = horizon == model.segment() ? "segment" : std::to_string(horizon);
+  const std::pair<const char*, std::size_t> horizons[] = {{"1", 1}, {"10", 10}, {"100", 100}, {"segment", model.segment()}};
+  for (const auto& [name_of_horizon, horizon] : horizons) {
+    const std::string key = name_of_horizon;
     std::vector<double> squares(outputs, 0);
     double rows = 0;
     for (std::size_t r = 0; r < model.runs().size(); ++r) {
@@ -67,16 +70,33 @@ GapLevel level(const ResidualModel& model, const std::string& name, const GapMod
   return result;
 }
 
-void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>& residuals, GapResult& result) {
+// Energy between means over b and over 4 b samples, b = `narrow`.
+double band_energy(const std::vector<Eigen::MatrixXf>& residuals, Eigen::Index narrow) {
+  const Eigen::Index wide = 4 * narrow;
+  double energy = 0;
+  for (const auto& matrix : residuals)
+    for (Eigen::Index first = 0; first + wide <= matrix.rows(); first += wide) {
+      const Eigen::RowVectorXf whole = matrix.middleRows(first, wide).colwise().mean();
+      for (Eigen::Index i = 0; i < 4; ++i)
+        energy += static_cast<double>((matrix.middleRows(first + i * narrow, narrow).colwise().mean() - whole).squaredNorm()) *
+                  static_cast<double>(narrow);
+    }
+  return energy;
+}
+
+void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>& residuals,
+                  const std::vector<Eigen::MatrixXf>& explained, GapResult& result) {
   const Datasheet& sheet = model.sheet();
   double total = 0, rows = 0;
-  std::vector<Eigen::VectorXf> squares;
+  std::vector<Eigen::VectorXf> squares, squares_explained;
+  for (const auto& matrix : explained) squares_explained.push_back(matrix.rowwise().squaredNorm());
   for (const auto& matrix : residuals) {
     squares.push_back(matrix.rowwise().squaredNorm());
     total += static_cast<double>(squares.back().sum());
     rows += static_cast<double>(matrix.rows());
   }
   const double mean = total / rows;
+  const double outputs = static_cast<double>(model.outputs().size());
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     const Channel& channel = sheet.channels[c];
     if (channel.ground_truth || channel.role == Role::setpoint || channel.role == Role::input) continue;
@@ -89,17 +109,18 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
     const bool both_signs = low < 0 && high > 0;
     struct Part {
       std::string name;
-      double sum = 0, count = 0;
+      double sum = 0, count = 0, explained = 0;
     };
     std::vector<Part> parts = {{channel.name + " positive"}, {channel.name + " negative"}, {channel.name + " near zero"},
                                {channel.name + " among its highest tenth"}, {channel.name + " among its lowest tenth"}};
     for (std::size_t r = 0; r < residuals.size(); ++r)
       for (Eigen::Index k = 0; k < squares[r].size(); ++k) {
         const double v = model.runs()[r].recording.at(static_cast<std::size_t>(k), c);
-        const double s = static_cast<double>(squares[r][k]);
+        const double s = static_cast<double>(squares[r][k]), after = static_cast<double>(squares_explained[r][k]);
         const auto add = [&](std::size_t i, bool inside) {
           if (!inside) return;
           parts[i].sum += s;
+          parts[i].explained += after;
           parts[i].count += 1;
         };
         add(0, both_signs && v > kStandstill * span);
@@ -110,30 +131,20 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
       }
     for (const Part& part : parts)
       if (part.count > 0.01 * rows && part.sum / part.count > kNotable * mean)
-        result.regions.push_back({part.name, part.sum / part.count / mean, part.count / rows});
+        result.regions.push_back({part.name, part.sum / part.count / mean, part.count / rows, part.sum / part.count / outputs,
+                                  part.explained / part.count / outputs});
   }
   std::stable_sort(result.regions.begin(), result.regions.end(),
                    [](const Region& a, const Region& b) { return a.enrichment > b.enrichment; });
   if (result.regions.size() > kMostRegions) result.regions.resize(kMostRegions);
 
-  // Bands by block means: energy between means over b and over 4 b samples, against what white noise of the same power has.
-  double total_power = total;
-  for (std::size_t b = 1; b <= 64; b *= 4) {
-    double energy = 0;
-    for (const auto& matrix : residuals) {
-      const Eigen::Index wide = static_cast<Eigen::Index>(4 * b), narrow = static_cast<Eigen::Index>(b);
-      for (Eigen::Index first = 0; first + wide <= matrix.rows(); first += wide) {
-        const Eigen::RowVectorXf whole = matrix.middleRows(first, wide).colwise().mean();
-        for (Eigen::Index i = 0; i < 4; ++i)
-          energy += static_cast<double>((matrix.middleRows(first + i * narrow, narrow).colwise().mean() - whole).squaredNorm()) *
-                    static_cast<double>(narrow);
-      }
-    }
-    const double rate = 1 / sheet.sample_period;
-    const double white = 0.75 / static_cast<double>(b);
-    const double per_block = energy / std::max(total_power, 1e-300);
-    result.bands.push_back({fmt::format("{:.3g} to {:.3g} Hz", rate / static_cast<double>(8 * b), rate / static_cast<double>(2 * b)),
-                            per_block / white, per_block});
+  // Bands by block means: their energy, against what white noise of the same power has there.
+  const double values = rows * outputs;
+  for (Eigen::Index b = 1; b <= 64; b *= 4) {
+    const double rate = 1 / sheet.sample_period, width = static_cast<double>(b);
+    const double energy = band_energy(residuals, b), share = energy / std::max(total, 1e-300);
+    result.bands.push_back({fmt::format("{:.3g} to {:.3g} Hz", rate / (8 * width), rate / (2 * width)), share / (0.75 / width), share,
+                            energy / values, band_energy(explained, b) / values});
   }
 }
 
@@ -145,18 +156,22 @@ void measure_levels(const ResidualModel& model, const GapModel& nominal, const G
   best.effects.clear();
   for (const Candidate& candidate : explained.effects) best.effects.push_back(candidate.effect);
   result.gap = {level(model, "nominal", nominal), level(model, "refit", refitted), level(model, "explained", best)};
-  std::vector<Eigen::MatrixXf> residuals;
-  double most = -1;
+  std::vector<Eigen::MatrixXf> residuals, remaining;
+  std::size_t deciding = 0;
+  double most = 0;
   for (std::size_t r = 0; r < model.runs().size(); ++r) {
     residuals.push_back(model.residuals(refitted, r));
-    const double gain = static_cast<double>((residuals.back().squaredNorm() - model.residuals(best, r).squaredNorm())) /
+    remaining.push_back(model.residuals(best, r));
+    const double gain = static_cast<double>(residuals.back().squaredNorm() - remaining.back().squaredNorm()) /
                         static_cast<double>(residuals.back().size());
-    if (gain > most) {
+    if (r == 0 || gain > most) {
       most = gain;
-      result.deciding_run = model.runs()[r].name;
+      deciding = r;
     }
   }
-  find_regions(model, residuals, result);
+  result.deciding_run = model.runs()[deciding].name;
+  result.series = gap_series(model, deciding, nominal, refitted, best, result.runs.size() + result.holdout.size());
+  find_regions(model, residuals, remaining, result);
 }
 
 void describe(const Datasheet& sheet, GapResult& result) {

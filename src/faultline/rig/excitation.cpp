@@ -13,6 +13,8 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kHuge = 1e12;
+constexpr double kRepetition = 10;      // a multisine repeats after this many cycles of its lowest tone
+constexpr double kPointsPerCycle = 16;  // of its highest tone, at which its peak is looked for: right within 2 %
 
 class Constant : public Excitation {
  public:
@@ -100,14 +102,17 @@ class Multisine : public Excitation {
     const double highest = s.number("highest", lowest, kHuge);
     const double amplitude = s.number("amplitude", 0, kHuge);
     Random random(seed);
-    // Geometric spacing; amplitudes fall with frequency, so that the speed stays within what the rig can do.
+    // Geometric spacing; amplitudes fall with frequency, so that the speed stays within what the rig can do. Every frequency is a
+    // multiple of one, so that the signal repeats and its peak can be looked for over one repetition.
+    const double base = lowest / kRepetition;
     double peak = 0;
     for (int k = 0; k < count; ++k) {
       const double share = count > 1 ? static_cast<double>(k) / (count - 1) : 0;
-      const double f = lowest * std::pow(highest / lowest, share);
+      const double f = base * std::round(lowest * std::pow(highest / lowest, share) / base);
       sines_.push_back({f, std::sqrt(lowest / f) / (1 + f), random.uniform(0, 2 * kPi)});
     }
-    for (int i = 0; i < 4000; ++i) peak = std::max(peak, std::abs(sum_of(sines_, i * 2.0 / (lowest * 4000))));
+    const int points = static_cast<int>(std::min(1e6, kPointsPerCycle * highest / base));
+    for (int i = 0; i < points; ++i) peak = std::max(peak, std::abs(sum_of(sines_, i / (base * points))));
     for (Sine& sine : sines_) sine.amplitude *= amplitude / std::max(peak, 1e-300);
   }
   double value(double time) override {
@@ -127,6 +132,7 @@ class Held : public Excitation {
     if (time < last_time_) {
       random_ = Random(seed_);
       until_ = 0;
+      start_over();
     }
     last_time_ = time;
     while (time >= until_ - 1e-9) until_ += draw(random_, level_);
@@ -135,6 +141,7 @@ class Held : public Excitation {
 
  protected:
   virtual double draw(Random& random, double& level) = 0;  // sets the level, returns for how long [s]
+  virtual void start_over() {}
 
  private:
   std::uint64_t seed_;
@@ -175,6 +182,7 @@ class RandomBinary : public Held {
     level = mean_ + sign_ * random.uniform(low_, high_);
     return clock_ * (1 + std::floor(random.uniform(0, longest_)));
   }
+  void start_over() override { sign_ = -1; }
   double low_, high_, clock_, longest_, mean_;
   double sign_ = -1;
 };

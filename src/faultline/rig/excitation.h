@@ -5,7 +5,7 @@
 //   triangle    amplitude, mean [0], period
 //   sines       count, base, span, amplitude, roll_off, spread [0.03], fade [1]: sum of sines at f_k = base + span k/count Hz
 //               (each off by +-spread), amplitude exp(-(f/roll_off)^2), random phases
-//   multisine   count, lowest, highest [Hz], amplitude [peak], mean [0]: equal power, random phases
+//   multisine   count, lowest, highest [Hz], amplitude [peak], mean [0]: random phases; repeats after 10/lowest s
 //   steps       low, high, shortest, longest: random levels held for random times
 //   prbs        low, high (magnitude), clock, longest: random sign and magnitude, held for 1..longest clocks
 //   cycle       low, high, move, dwell: machine cycle, ramps with rests between

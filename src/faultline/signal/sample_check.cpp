@@ -57,7 +57,7 @@ std::vector<std::string> describe(const SampleFindings& f, double period, double
   if (f.duplicates > 0) lines.push_back(fmt::format("{} sample{} with the time of the one before", f.duplicates, plural(f.duplicates)));
   if (f.missing > 0) lines.push_back(fmt::format("{} number{} missing (nan)", f.missing, plural(f.missing)));
   if (!period_fits(f, period))
-    lines.push_back(fmt::format("samples come every {:.6g} s, the rig's datasheet says {:.6g} s", f.period, period));
+    lines.push_back(fmt::format("samples come every {:.4g} s, the rig's datasheet says {:.4g} s", f.period, period));
   return lines;
 }
 

@@ -1,0 +1,186 @@
+// `faultline gap`: where model and rig part, which effect causes it, and how far the gap shrinks once that effect is added. The JSON
+// form is a contract: docs/gap.schema.json.
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include <unistd.h>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "cli/adopt.h"
+#include "cli/interrupt.h"
+#include "cli/load_recording.h"
+#include "cli/output_file.h"
+#include "cli/subcommand.h"
+#include "faultline/gap/diagnose_gap.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  std::vector<std::string> runs, holdout, without;
+  std::string rig, config, json, adopt;
+  int jobs = 0;
+  std::uint64_t seed = 1;
+};
+
+Json interval_json(const Interval& interval) { return Json::array({interval.low, interval.high}); }
+
+Json effect_json(const NamedEffect& e) {
+  Json parameters = Json::object(), intervals = Json::object();
+  for (const auto& [name, value] : e.parameters) parameters[name] = value;
+  for (const auto& [name, interval] : e.intervals) intervals[name] = interval_json(interval);
+  return {{"effect", e.effect}, {"port", e.port}, {"family", e.family}, {"parameters", parameters}, {"intervals", intervals},
+          {"probability", e.probability}};
+}
+
+Json regions_json(const std::vector<Region>& regions) {
+  Json list = Json::array();
+  for (const Region& r : regions) list.push_back({{"name", r.name}, {"enrichment", r.enrichment}, {"share", r.share}});
+  return list;
+}
+
+Json result_json(const GapResult& result) {
+  Json json = {{"rig", result.rig}, {"runs", result.runs}, {"holdout", result.holdout}, {"deciding_run", result.deciding_run}};
+  for (const GapLevel& level : result.gap) {
+    Json channels = Json::object();
+    for (const ChannelGap& c : level.channels) {
+      Json entry = {{"unit", c.unit}, {"noise_floor", c.noise_std}, {"excess", c.excess}};
+      for (const auto& [horizon, value] : c.rms) entry["rms"][horizon] = value;
+      for (const auto& [horizon, value] : c.nrmse) entry["nrmse"][horizon] = value;
+      for (const auto& [horizon, value] : c.fit) entry["fit"][horizon] = value;
+      channels[c.channel] = entry;
+    }
+    Json parameters = Json::object();
+    for (const auto& [name, factor] : level.parameters) parameters[name] = factor;
+    json["gap"][level.name] = {{"excess", level.excess}, {"parameter_factors", parameters}, {"channels", channels}};
+  }
+  Json ranked = Json::array();
+  for (const PlaceScore& place : result.places)
+    ranked.push_back({{"port", place.port}, {"component", place.component}, {"kind", place.kind}, {"score", place.score},
+                      {"share", place.share}, {"inseparable", place.inseparable}});
+  json["where"] = {{"kind", result.where_kind}, {"ranked", ranked}, {"regions", regions_json(result.regions)},
+                   {"bands", regions_json(result.bands)}};
+  Json effects = Json::array(), equivalent = Json::array(), causes = Json::array();
+  for (const NamedEffect& e : result.effects) effects.push_back(effect_json(e));
+  for (const NamedEffect& e : result.equivalent) equivalent.push_back(effect_json(e));
+  for (const RankedCause& cause : result.ranked) {
+    Json entry = effect_json(cause.effect);
+    entry["gain"] = cause.gain;
+    entry["behind"] = cause.behind;
+    entry["standard_error"] = cause.standard_error;
+    causes.push_back(entry);
+  }
+  json["cause"] = {{"verdict", result.verdict}, {"sentence", result.sentence}, {"effects", effects}, {"equivalent", equivalent},
+                   {"why_equivalent", result.why_equivalent}, {"ranked", causes}};
+  json["shrink"] = {{"heldout", result.shrink_refit}, {"against_nominal", result.shrink_nominal},
+                    {"interval", interval_json(result.shrink_interval)}, {"closable", result.closable}};
+  Json next = Json::array();
+  for (const NextRun& run : result.next)
+    next.push_back({{"excitation", run.excitation}, {"duration", run.duration}, {"gain", run.gain}, {"between", run.between}});
+  json["next"] = next;
+  json["seconds"] = result.seconds;
+  return json;
+}
+
+void print_result(const GapResult& result) {
+  fmt::print("{}: {}\n{}\n", result.rig, result.verdict, result.sentence);
+  fmt::print("\n{:<22} {:>12} {:>12} {:>12} {:>12}\n", "rms over a segment", "noise", "nominal", "refit", "explained");
+  for (std::size_t c = 0; c < result.gap.front().channels.size(); ++c) {
+    const ChannelGap& gap = result.gap[0].channels[c];
+    fmt::print("{:<22} {:>12.4g} {:>12.4g} {:>12.4g} {:>12.4g} {}\n", gap.channel, gap.noise_std, gap.rms.at("segment"),
+               result.gap[1].channels[c].rms.at("segment"), result.gap[2].channels[c].rms.at("segment"), gap.unit);
+  }
+  if (result.verdict == "named" || result.verdict == "unknown") {
+    fmt::print("\nwhere: {} ({})", result.places.front().port, result.places.front().component);
+    for (const std::string& other : result.places.front().inseparable) fmt::print(", or {}", other);
+    fmt::print("\n");
+    for (const Region& region : result.regions) fmt::print("  {:.1f} times the mean where {}\n", region.enrichment, region.name);
+    fmt::print("\n{:>6} {:>10}  cause\n", "p", "gain");
+    for (std::size_t i = 0; i < std::min<std::size_t>(result.ranked.size(), 5); ++i) {
+      const RankedCause& cause = result.ranked[i];
+      std::string parameters;
+      for (const auto& [name, value] : cause.effect.parameters) parameters += fmt::format("{}{}={:.4g}", parameters.empty() ? "" : ",", name, value);
+      fmt::print("{:>6.2f} {:>10.0f}  {}@{}:{}\n", cause.effect.probability, cause.gain, cause.effect.effect, cause.effect.port, parameters);
+    }
+    fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n", 100 * result.shrink_refit,
+               100 * result.shrink_interval.low, 100 * result.shrink_interval.high, 100 * result.shrink_nominal);
+  }
+  for (const NextRun& run : result.next)
+    fmt::print("next: record {} for {:g} s; it tells {} apart (predicted log likelihood {:.0f})\n", run.excitation, run.duration, run.between, run.gain);
+}
+
+void run(const Options& options) {
+  std::vector<GapRun> runs, holdout;
+  Datasheet sheet;
+  bool have_sheet = false;
+  const auto load = [&](const std::vector<std::string>& files, std::vector<GapRun>& list) {
+    for (const std::string& file : files) {
+      LoadedRecording loaded = load_recording(file, options.rig, options.config);
+      if (have_sheet && loaded.sheet.rig != sheet.rig)
+        throw InputError(fmt::format("{}: is of {}, the runs before it of {}; give runs of one rig", file, loaded.sheet.rig, sheet.rig));
+      sheet = loaded.sheet;
+      have_sheet = true;
+      print_remarks("gap", loaded.remarks);
+      list.push_back(prepare_run(sheet, file, std::move(loaded.recording), gap_segment(sheet)));
+    }
+  };
+  load(options.runs, runs);
+  load(options.holdout, holdout);
+  for (const std::string& text : options.without) {
+    const std::string effect = text.substr(0, text.find('@'));
+    if (!find_effect_type(effect)) throw InputError(fmt::format("--without {}: there is no effect '{}'; `faultline rigs {}` lists them", text, effect, sheet.rig));
+    if (effect.size() < text.size()) sheet.port(text.substr(effect.size() + 1));
+  }
+
+  GapSettings settings;
+  settings.without = options.without;
+  settings.jobs = options.jobs > 0 ? options.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  settings.seed = options.seed;
+  const bool show = isatty(STDERR_FILENO) != 0;
+  std::mutex guard;
+  int shown = -1;
+  const GapResult result = diagnose_gap(sheet, std::move(runs), std::move(holdout), settings, [&](double share, const std::string& text) {
+    check_interrupt();
+    const std::lock_guard<std::mutex> lock(guard);
+    const int percent = static_cast<int>(100 * share);
+    if (!show || percent == shown) return;
+    shown = percent;
+    fmt::print(stderr, "\r{:>3} % {:<28}", percent, text);
+  });
+  if (show) fmt::print(stderr, "\r{:<40}\r", "");
+
+  if (!options.json.empty()) write_text(options.json, result_json(result).dump(2) + "\n");
+  if (options.json != "-") print_result(result);
+  if (!options.adopt.empty()) {
+    adopt(sheet, result, options.adopt);
+    fmt::print(stderr, "adopted into {}\n", options.adopt);
+  }
+}
+
+void add(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  app.add_option("RUN", options->runs, "recordings to learn from: .bag, or .csv with --rig")->required();
+  app.add_option("--holdout", options->holdout, "recordings to score on; without it the runs score each other");
+  app.add_option("--rig", options->rig, "the rig; needed for a .csv");
+  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
+  app.add_option("--without", options->without, "leave out EFFECT or EFFECT@PORT");
+  app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(CLI::Range(1, 256));
+  app.add_option("--seed", options->seed, "of the bootstrap");
+  app.add_option("--json", options->json, "write the answer as JSON to this file; - is standard output");
+  app.add_option("--adopt", options->adopt, "write a datasheet with the refitted parameters and the named effects to this file");
+  app.callback([options] { run(*options); });
+}
+
+FAULTLINE_SUBCOMMAND(gap, {"gap", "say where model and rig part, which effect causes it, how far adding it closes the gap",
+                           "faultline gap run1.bag run2.bag --json gap.json", add});
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,115 @@
+"""The launch files as a user starts them: a live leak, a recording of it, and its replay, held against the offline program."""
+
+import glob
+import json
+import os
+import pathlib
+import subprocess
+import unittest
+
+import yaml
+
+from graph import ROOT, Graph, devel_space
+
+RIG = "servo_actuator"
+LISTEN = str(pathlib.Path(__file__).resolve().parent / "listen.py")
+NANO = 1_000_000_000
+
+
+def read_lines(path):
+    return [json.loads(line) for line in pathlib.Path(path).read_text().splitlines()]
+
+
+def last_alarms(entries):
+    return [entry for entry in entries if entry["topic"] == "alarms"][-1]
+
+
+class LaunchFiles(unittest.TestCase):
+    def setUp(self):
+        self.graph = Graph().__enter__()
+        self.addCleanup(self.graph.__exit__)
+
+    def listen(self, *topics):
+        path = self.graph.path / f"heard{len(self.graph.processes)}"
+        return path, self.graph.start(["python3", LISTEN, RIG, "60", str(path), *topics])
+
+    def launch(self, *arguments):
+        return self.graph.start(["roslaunch", "--wait", "faultline", *arguments])
+
+    def program(self, *arguments):
+        ran = subprocess.run([str(devel_space() / "lib/faultline/faultline"), *map(str, arguments)], env=self.graph.environment,
+                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=60)
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+
+    def test_a_live_leak_is_found_and_recorded(self):
+        bag = self.graph.path / "session.bag"
+        heard, listener = self.listen("alarms")
+        recorder = self.launch("record.launch", f"bag:={bag}", "compression:=lz4")
+        code, said = self.graph.wait(self.launch(
+            "servo_actuator.launch", "rate:=6", "duration:=50", "seed:=3",
+            "effects:=orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=25"), 60)
+        self.assertEqual(code, 0, said)
+        for process in (recorder, listener):
+            self.graph.end(process)
+        alarms = last_alarms(read_lines(heard))
+        faults = [alarm for alarm in alarms["alarms"] if alarm["kind"] == "fault"]
+        self.assertEqual([alarm["effect"] for alarm in faults], ["orifice_leakage"], alarms)
+        self.assertTrue(faults[0]["active"])
+        self.assertTrue(bag.exists(), os.listdir(self.graph.path))
+
+        info = yaml.safe_load(subprocess.run(["rosbag", "info", "--yaml", str(bag)], env=self.graph.environment, check=True,
+                                             stdout=subprocess.PIPE).stdout)
+        count = {topic["topic"]: topic["messages"] for topic in info["topics"]}
+        self.assertEqual(info["compression"], "lz4")
+        # The recorder may connect a little later than the estimator.
+        self.assertGreater(count[f"/{RIG}/sample"], 49000)
+        self.assertEqual(count[f"/{RIG}/description"], 1)
+        self.assertGreater(count[f"/{RIG}/estimate"], 49000)
+
+    def replay(self, bag, rate, *options):
+        heard, listener = self.listen("alarms", "estimate", "diagnostics")
+        code, said = self.graph.wait(self.launch("replay.launch", f"bag:={bag}", f"rate:={rate}", *options), 90)
+        self.graph.end(listener)
+        self.assertEqual(code, 0, said)
+        return read_lines(heard)
+
+    def compare(self, bag, rate):
+        answer = self.graph.path / "offline.json"
+        self.program("diagnose", bag, "--json", answer)
+        offline = json.loads(answer.read_text())
+        entries = self.replay(bag, rate)
+        first = min(entry["time"] for entry in entries if entry["topic"] == "estimate")
+        live = last_alarms(entries)["alarms"]
+        self.assertEqual(len(live), len(offline["alarms"]), (live, offline["alarms"]))
+        for told, same in zip(live, offline["alarms"]):
+            for key in ("kind", "effect", "port", "active"):
+                self.assertEqual(told[key] or "", same[key] or "")
+            # While an alarm is active, `until` is the last sample, and the last report comes a little before the bag's end.
+            for key in ("since", "raised") if told["active"] else ("since", "raised", "until"):
+                self.assertAlmostEqual((told[key] - first) / NANO, same[key], delta=2e-6)  # stamps as doubles: 0.24 us
+        return entries, offline
+
+    def test_replay_says_the_same_as_offline(self):
+        bag = self.graph.path / "leak.bag"
+        self.program("simulate", RIG, "--duration", 45, "--seed", 3, "--effect",
+                     "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=25", "-o", bag)
+        entries, offline = self.compare(bag, 8)
+        self.assertIn("orifice_leakage", [alarm["effect"] for alarm in offline["alarms"]])
+        estimates = [entry for entry in entries if entry["topic"] == "estimate"]
+        self.assertEqual([entry["sequence"] for entry in estimates], list(range(len(estimates))))
+        self.assertGreaterEqual(len(estimates), 45000)
+
+    def test_shipped_bags_say_the_same_as_offline(self):
+        index = yaml.safe_load((ROOT / "bags/index.yaml").read_text())
+        entries = index["bags"] if isinstance(index, dict) else index
+        self.assertEqual(sorted(entry["file"] for entry in entries),
+                         sorted(os.path.basename(bag) for bag in glob.glob(f"{ROOT}/bags/*.bag")))
+        self.assertGreaterEqual(len(entries), 1)
+        for entry in entries:
+            if entry["rig"] == RIG:
+                with self.subTest(bag=entry["file"]):
+                    self.compare(ROOT / "bags" / entry["file"], 8)
+
+
+if __name__ == "__main__":
+    unittest.main()

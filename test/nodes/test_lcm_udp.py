@@ -1,0 +1,66 @@
+"""Simulator -> UDP multicast -> driver -> ROS, in a network namespace of its own, so that no packet leaves the machine.
+
+The test starts itself again inside `unshare`; there it sets the loopback up and adds the multicast route.
+"""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import unittest
+
+from graph import BUILD, Graph
+
+RIG = "servo_actuator"
+URL = "udpm://239.255.76.67:7667?ttl=0"
+HERE = pathlib.Path(__file__).resolve()
+SECONDS = 6
+
+
+def inside():
+    """In the namespace: runs the chain and prints one line of JSON."""
+    for command in (["ip", "link", "set", "lo", "up"], ["ip", "route", "add", "224.0.0.0/4", "dev", "lo"]):
+        subprocess.run(command, check=True)
+    with Graph() as graph:
+        heard = graph.path / "heard"
+        listener = graph.start(["python3", str(HERE.parent / "listen.py"), RIG, "30", str(heard), "sample", "diagnostics"])
+        driver = graph.node("rig_driver_node", "driver", rig=RIG, lcm_url=URL, wait_for=1)
+        simulator = graph.node("rig_simulator_node", "simulator", rig=RIG, output="lcm", lcm_url=URL, start=2000.0, duration=SECONDS)
+        # LCM keeps nothing for a listener that comes late: the driver must be there first.
+        code, said = graph.wait(simulator, SECONDS + 20)
+        for process in (driver, listener):
+            graph.end(process)
+        entries = [json.loads(line) for line in heard.read_text().splitlines()]
+        samples = [entry for entry in entries if entry["topic"] == "sample"]
+        status = [status for entry in entries if entry["topic"] == "diagnostics" for status in entry["status"]
+                  if status["name"] == "driver: driver"]
+        print(json.dumps({"code": code, "said": said, "driver": driver.returncode, "driver_said": graph.said(driver),
+                          "sequence": [sample["sequence"] for sample in samples], "time": [sample["time"] for sample in samples],
+                          "status": status[-1] if status else None}))
+
+
+class Udp(unittest.TestCase):
+    def test_a_second_process_hears_every_sample(self):
+        unshare = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
+        environment = dict(os.environ, FAULTLINE_BUILD=str(BUILD))
+        ran = subprocess.run([*unshare, sys.executable, str(HERE), "inside"], env=environment, stdout=subprocess.PIPE,
+                             stderr=subprocess.PIPE, text=True, timeout=90)
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+        answer = json.loads(ran.stdout.splitlines()[-1])
+        self.assertEqual(answer["code"], 0, answer["said"])
+        self.assertEqual(answer["driver"], 0, answer["driver_said"])
+        first = answer["sequence"][0]
+        # Whatever was sent while the driver still started is not lost but unheard.
+        self.assertLess(first, 2000)
+        self.assertEqual(answer["sequence"], list(range(first, 1000 * SECONDS + 1)))
+        self.assertEqual(answer["time"], [2_000_000_000_000 + 1_000_000 * k for k in answer["sequence"]])
+        values = answer["status"]["values"]
+        self.assertEqual((values["lost"], values["duplicate"], values["out of order"]), ("0", "0", "0"))
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["inside"]:
+        inside()
+    else:
+        unittest.main()
