@@ -20,9 +20,12 @@ constexpr char kDescriptionType[] = "faultline/RigDescription";
 
 rosbag::CompressionType of(BagCompression compression) {
   switch (compression) {
-    case BagCompression::none: return rosbag::compression::Uncompressed;
-    case BagCompression::lz4: return rosbag::compression::LZ4;
-    case BagCompression::bz2: break;
+    case BagCompression::none:
+      return rosbag::compression::Uncompressed;
+    case BagCompression::lz4:
+      return rosbag::compression::LZ4;
+    case BagCompression::bz2:
+      break;
   }
   return rosbag::compression::BZ2;
 }
@@ -54,8 +57,9 @@ std::string joined_names(const std::set<std::string>& names) {
 template <class Message>
 void check_checksum(const std::string& file, const BagConnection& connection) {
   if (connection.checksum != ros::message_traits::MD5Sum<Message>::value())
-    throw InputError(fmt::format("{}: topic {} was recorded with another version of {}; record it again or use `rosbag fix`", file,
-                                 connection.topic, connection.type));
+    throw InputError(
+        fmt::format("{}: topic {} was recorded with another version of {}; record it again or use `rosbag fix`", file,
+                    connection.topic, connection.type));
 }
 
 template <class Message>
@@ -64,7 +68,8 @@ void deserialise(const std::string& file, const BagMessage& from, Message& to) {
     ros::serialization::IStream stream(from.data, from.size);
     ros::serialization::deserialize(stream, to);
   } catch (const ros::Exception& error) {
-    throw InputError(fmt::format("{}: a message on {} cannot be read ({})", file, from.connection->topic, error.what()));
+    throw InputError(
+        fmt::format("{}: a message on {} cannot be read ({})", file, from.connection->topic, error.what()));
   }
 }
 
@@ -89,12 +94,13 @@ struct BagWriter::Parts {
   // A bag that failed once must not be closed again: its destructor would throw. What it holds is lost with the program.
   [[noreturn]] void fail(const std::string& why) {
     static_cast<void>(bag.release());
-    throw InputError(fmt::format("{}: writing failed ({}); nothing is kept; make room or choose another place", shown, why));
+    throw InputError(
+        fmt::format("{}: writing failed ({}); nothing is kept; make room or choose another place", shown, why));
   }
 };
 
-BagWriter::BagWriter(const std::string& file, const std::string& shown, const Datasheet& sheet, const std::string& made_by,
-                     double first_time, BagCompression compression)
+BagWriter::BagWriter(const std::string& file, const std::string& shown, const Datasheet& sheet,
+                     const std::string& made_by, double first_time, BagCompression compression)
     : parts_(std::make_unique<Parts>()) {
   parts_->shown = shown;
   parts_->rig = sheet.rig;
@@ -179,8 +185,8 @@ BagContent read_bag(const std::string& file, const std::string& rig) {
     deserialise(file, message, sample);
     if (content.time.empty()) content.width = sample.values.size();
     if (sample.values.size() != content.width)
-      throw InputError(fmt::format("{}: sample {} on {} has {} values, those before it have {}", file, content.time.size(),
-                                   connection.topic, sample.values.size(), content.width));
+      throw InputError(fmt::format("{}: sample {} on {} has {} values, those before it have {}", file,
+                                   content.time.size(), connection.topic, sample.values.size(), content.width));
     if (!received.empty() && message.received < received.back()) sorted = false;
     received.push_back(message.received);
     content.time.push_back(to_seconds(sample.header.stamp));
@@ -195,12 +201,14 @@ BagContent read_bag(const std::string& file, const std::string& rig) {
                                  topics.empty() ? std::string() : "; it holds " + joined_names(topics)));
   }
   if (content.time.empty() || (rig.empty() && rigs.size() > 1))
-    throw InputError(fmt::format("{}: the bag holds samples of {}; choose one of them with --rig", file, joined_names(rigs)));
+    throw InputError(
+        fmt::format("{}: the bag holds samples of {}; choose one of them with --rig", file, joined_names(rigs)));
   if (!sorted) {
     // As replay does it: by receive time.
     std::vector<std::size_t> order(received.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return received[a] < received[b]; });
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return received[a] < received[b]; });
     BagContent arranged = content;
     for (std::size_t i = 0; i < order.size(); ++i) {
       arranged.time[i] = content.time[order[i]];

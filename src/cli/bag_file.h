@@ -26,8 +26,8 @@ BagCompression bag_compression(const std::string& name);  // InputError that lis
 class BagWriter {
  public:
   // Writes to `file`, which need not be the final name; messages name `shown`.
-  BagWriter(const std::string& file, const std::string& shown, const Datasheet& sheet, const std::string& made_by, double first_time,
-            BagCompression compression);
+  BagWriter(const std::string& file, const std::string& shown, const Datasheet& sheet, const std::string& made_by,
+            double first_time, BagCompression compression);
   ~BagWriter();
   void write(const Sample& sample);  // its time counts from kBagEpoch
   void close();
@@ -42,9 +42,9 @@ struct BagContent {
   std::string rig;
   bool described = false;
   Description description;
-  std::size_t width = 0;  // values per sample
-  std::vector<double> time;           // s since 1970, as a double: what the diagnosis sees
-  std::vector<std::int64_t> stamp;    // ns since 1970, exact
+  std::size_t width = 0;            // values per sample
+  std::vector<double> time;         // s since 1970, as a double: what the diagnosis sees
+  std::vector<std::int64_t> stamp;  // ns since 1970, exact
   std::vector<std::uint64_t> sequence;
   std::vector<double> values;
 };

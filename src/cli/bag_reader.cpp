@@ -91,24 +91,26 @@ class Reader {
 
   void run() {
     std::error_code error;
-    if (std::filesystem::is_directory(file_, error)) throw InputError(fmt::format("{}: this is a folder, not a bag", file_));
+    if (std::filesystem::is_directory(file_, error))
+      throw InputError(fmt::format("{}: this is a folder, not a bag", file_));
     stream_.reset(std::fopen(file_.c_str(), "rb"));
     if (!stream_) throw InputError(fmt::format("{}: the bag cannot be read ({})", file_, std::strerror(errno)));
     size_ = std::filesystem::file_size(file_, error);
     if (error) throw InputError(fmt::format("{}: the bag cannot be read ({})", file_, error.message()));
     if (size_ == 0) throw InputError(fmt::format("{}: the file is empty", file_));
     char version[sizeof kVersion - 1];
-    if (std::fread(version, 1, sizeof version, stream_.get()) != sizeof version || std::memcmp(version, kVersion, sizeof version) != 0)
+    if (std::fread(version, 1, sizeof version, stream_.get()) != sizeof version ||
+        std::memcmp(version, kVersion, sizeof version) != 0)
       throw InputError(fmt::format("{}: this is not a ROS bag of format 2.0; `rosbag check` tells more", file_));
     at_ = sizeof version;
     try {
       read_records();
     } catch (const CutOff&) {
-      throw InputError(fmt::format("{}: the bag is cut off or damaged near byte {}; run `rosbag reindex {}` and try again", file_, at_,
-                                   file_));
+      throw InputError(fmt::format(
+          "{}: the bag is cut off or damaged near byte {}; run `rosbag reindex {}` and try again", file_, at_, file_));
     } catch (const rosbag::BagException& damaged) {
-      throw InputError(fmt::format("{}: the bag is damaged near byte {} ({}); run `rosbag reindex {}` and try again", file_, at_,
-                                   damaged.what(), file_));
+      throw InputError(fmt::format("{}: the bag is damaged near byte {} ({}); run `rosbag reindex {}` and try again",
+                                   file_, at_, damaged.what(), file_));
     }
   }
 
@@ -139,7 +141,8 @@ class Reader {
     Fields fields;
     Bytes data;
     if (!next(fields, data) || fields.op != kBagHeader) throw CutOff();
-    if (!fields.encryptor.empty()) throw InputError(fmt::format("{}: the bag is encrypted; decrypt it with `rosbag decrypt`", file_));
+    if (!fields.encryptor.empty())
+      throw InputError(fmt::format("{}: the bag is encrypted; decrypt it with `rosbag decrypt`", file_));
     // The index stands behind the last chunk; its place is written when a recording is closed.
     if (fields.index_position == 0 || fields.index_position > size_) throw CutOff();
     if (fields.index_position == size_ && fields.connections > 0) throw CutOff();
@@ -161,11 +164,12 @@ class Reader {
     }
     const bool bz2 = chunk.compression == "bz2";
     if (!bz2 && chunk.compression != "lz4")
-      throw InputError(fmt::format("{}: the compression '{}' is not known; none, bz2 and lz4 are", file_, chunk.compression));
+      throw InputError(
+          fmt::format("{}: the compression '{}' is not known; none, bz2 and lz4 are", file_, chunk.compression));
     if (chunk.size > kLargestChunk || data.left() == 0) throw CutOff();
     chunk_.resize(chunk.size);
-    decompressor_.decompress(bz2 ? rosbag::compression::BZ2 : rosbag::compression::LZ4, chunk_.data(), chunk.size, data.at,
-                             static_cast<unsigned int>(data.left()));
+    decompressor_.decompress(bz2 ? rosbag::compression::BZ2 : rosbag::compression::LZ4, chunk_.data(), chunk.size,
+                             data.at, static_cast<unsigned int>(data.left()));
     read_messages({chunk_.data(), chunk_.data() + chunk_.size()});
   }
 
@@ -210,6 +214,8 @@ class Reader {
 
 }  // namespace
 
-void read_bag_messages(const std::string& file, const std::function<void(const BagMessage&)>& take) { Reader(file, take).run(); }
+void read_bag_messages(const std::string& file, const std::function<void(const BagMessage&)>& take) {
+  Reader(file, take).run();
+}
 
 }  // namespace faultline

@@ -32,10 +32,14 @@ Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(); 
 
 const char* level_name(AlarmLevel level) {
   switch (level) {
-    case AlarmLevel::ok: return "ok";
-    case AlarmLevel::warning: return "warning";
-    case AlarmLevel::error: return "error";
-    case AlarmLevel::stale: break;
+    case AlarmLevel::ok:
+      return "ok";
+    case AlarmLevel::warning:
+      return "warning";
+    case AlarmLevel::error:
+      return "error";
+    case AlarmLevel::stale:
+      break;
   }
   return "stale";
 }
@@ -95,8 +99,8 @@ void print_report(const LoadedRecording& loaded, const Diagnosis& diagnosis, con
                                    alarm.active ? "end" : fmt::format("{:.2f}", alarm.until - loaded.start),
                                    alarm.raised - loaded.start, alarm.kind, place);
     if (alarm.has_size)
-      line += fmt::format("{}{}={:.3g} {} (90 %: {:.3g} to {:.3g})", place.empty() ? "" : " ", alarm.size_name, alarm.size,
-                          alarm.size_unit, alarm.low, alarm.high);
+      line += fmt::format("{}{}={:.3g} {} (90 %: {:.3g} to {:.3g})", place.empty() ? "" : " ", alarm.size_name,
+                          alarm.size, alarm.size_unit, alarm.low, alarm.high);
     fmt::print("{}{}{}\n", line, place.empty() && !alarm.has_size ? "" : ": ", alarm.text);
   }
 }
@@ -123,7 +127,8 @@ void run(const Options& options) {
   if (!options.json.empty()) write_text(options.json, report_json(loaded, diagnosis, verdict).dump(2) + "\n");
   std::vector<std::string> remarks = loaded.remarks;
   if (loaded.findings.backward > 0)
-    remarks.push_back(options.input + ": after a jump back in time the diagnosis starts over; only what follows the last jump is told");
+    remarks.push_back(options.input +
+                      ": after a jump back in time the diagnosis starts over; only what follows the last jump is told");
   print_remarks("diagnose", remarks);
   if (options.json != "-" && options.series != "-") print_report(loaded, diagnosis, verdict);
 }
@@ -134,7 +139,8 @@ void add(CLI::App& app) {
   app.add_option("--rig", options->rig, "the rig; needed for a .csv, and where a bag holds several");
   app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
   app.add_option("--json", options->json, "write the report as JSON to this file; - is standard output");
-  app.add_option("--series", options->series, "write signals, estimates and innovations as CSV, at most 4000 rows; - is standard output");
+  app.add_option("--series", options->series,
+                 "write signals, estimates and innovations as CSV, at most 4000 rows; - is standard output");
   app.callback([options] { run(*options); });
 }
 

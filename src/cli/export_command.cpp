@@ -13,14 +13,16 @@
 namespace faultline {
 namespace {
 
-constexpr double kEpochSpan = 3e7;  // s; bags that begin this soon after kBagEpoch count from it, all others from their first sample
+constexpr double kEpochSpan =
+    3e7;  // s; bags that begin this soon after kBagEpoch count from it, all others from their first sample
 
 struct Options {
   std::string input, output, rig, config;
 };
 
 void run(const Options& options) {
-  if (!ends_with(options.output, ".csv")) throw InputError(fmt::format("{}: export writes CSV; give a name ending in .csv", options.output));
+  if (!ends_with(options.output, ".csv"))
+    throw InputError(fmt::format("{}: export writes CSV; give a name ending in .csv", options.output));
   const LoadedRecording loaded = load_recording(options.input, options.rig, options.config);
   const Recording& recording = loaded.recording;
   const bool from_epoch = loaded.start >= kBagEpoch && loaded.start < kBagEpoch + kEpochSpan;
@@ -37,7 +39,8 @@ void run(const Options& options) {
   }
   writer->commit();
   print_remarks("export", loaded.remarks);
-  fmt::print("{}: {} samples, {:.6g} s of {}\n", options.output, recording.rows(), loaded.end - loaded.start, loaded.sheet.rig);
+  fmt::print("{}: {} samples, {:.6g} s of {}\n", options.output, recording.rows(), loaded.end - loaded.start,
+             loaded.sheet.rig);
 }
 
 void add(CLI::App& app) {

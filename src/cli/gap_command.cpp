@@ -2,6 +2,7 @@
 // form is a contract: docs/gap.schema.json.
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -12,6 +13,8 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/adopt.h"
+#include "cli/effect_unit.h"
+#include "cli/gap_report.h"
 #include "cli/interrupt.h"
 #include "cli/load_recording.h"
 #include "cli/output_file.h"
@@ -26,28 +29,29 @@ using Json = nlohmann::ordered_json;
 
 struct Options {
   std::vector<std::string> runs, holdout, without;
-  std::string rig, config, json, adopt;
+  std::string rig, config, json, series, report, adopt;
   int jobs = 0;
   std::uint64_t seed = 1;
 };
 
 Json interval_json(const Interval& interval) { return Json::array({interval.low, interval.high}); }
 
-Json effect_json(const NamedEffect& e) {
-  Json parameters = Json::object(), intervals = Json::object();
+Json effect_json(const Datasheet& sheet, const NamedEffect& e) {
+  Json parameters = Json::object(), units = Json::object(), intervals = Json::object();
   for (const auto& [name, value] : e.parameters) parameters[name] = value;
+  for (const EffectParameter& p : find_effect_type(e.effect)->parameters) units[p.name] = effect_unit(sheet, sheet.port(e.port), p.unit);
   for (const auto& [name, interval] : e.intervals) intervals[name] = interval_json(interval);
-  return {{"effect", e.effect}, {"port", e.port}, {"family", e.family}, {"parameters", parameters}, {"intervals", intervals},
-          {"probability", e.probability}};
+  return {{"effect", e.effect}, {"port", e.port}, {"family", e.family}, {"parameters", parameters}, {"units", units},
+          {"intervals", intervals}, {"probability", e.probability}};
 }
 
 Json regions_json(const std::vector<Region>& regions) {
   Json list = Json::array();
-  for (const Region& r : regions) list.push_back({{"name", r.name}, {"enrichment", r.enrichment}, {"share", r.share}});
+  for (const Region& r : regions) list.push_back({{"name", r.name}, {"enrichment", r.enrichment}, {"share", r.share}, {"refit", r.refit}, {"explained", r.explained}});
   return list;
 }
 
-Json result_json(const GapResult& result) {
+Json result_json(const Datasheet& sheet, const GapResult& result) {
   Json json = {{"rig", result.rig}, {"runs", result.runs}, {"holdout", result.holdout}, {"deciding_run", result.deciding_run}};
   for (const GapLevel& level : result.gap) {
     Json channels = Json::object();
@@ -69,10 +73,10 @@ Json result_json(const GapResult& result) {
   json["where"] = {{"kind", result.where_kind}, {"ranked", ranked}, {"regions", regions_json(result.regions)},
                    {"bands", regions_json(result.bands)}};
   Json effects = Json::array(), equivalent = Json::array(), causes = Json::array();
-  for (const NamedEffect& e : result.effects) effects.push_back(effect_json(e));
-  for (const NamedEffect& e : result.equivalent) equivalent.push_back(effect_json(e));
+  for (const NamedEffect& e : result.effects) effects.push_back(effect_json(sheet, e));
+  for (const NamedEffect& e : result.equivalent) equivalent.push_back(effect_json(sheet, e));
   for (const RankedCause& cause : result.ranked) {
-    Json entry = effect_json(cause.effect);
+    Json entry = effect_json(sheet, cause.effect);
     entry["gain"] = cause.gain;
     entry["behind"] = cause.behind;
     entry["standard_error"] = cause.standard_error;
@@ -88,6 +92,46 @@ Json result_json(const GapResult& result) {
   json["next"] = next;
   json["seconds"] = result.seconds;
   return json;
+}
+
+std::string series_csv(const GapSeries& series) {
+  std::string text = "t,run";
+  for (const std::string& name : series.channels) text += fmt::format(",y:{0},nominal:{0},refit:{0},explained:{0}", name);
+  const std::size_t width = 4 * series.channels.size();
+  for (std::size_t k = 0; k < series.time.size(); ++k) {
+    fmt::format_to(std::back_inserter(text), "\n{:.6f},{}", series.time[k], series.run);
+    for (std::size_t i = 0; i < width; ++i) fmt::format_to(std::back_inserter(text), ",{:.7g}", series.values[k * width + i]);
+  }
+  return text + "\n";
+}
+
+// As it could be typed again; words with spaces in quotes.
+std::string command_text(const Options& options) {
+  std::string text = "faultline gap";
+  const auto add_word = [&](const std::string& word) {
+    text += word.find_first_of(" \t'\"$") == std::string::npos ? " " + word : " \"" + word + "\"";
+  };
+  const auto add_option = [&](const char* name, const std::string& value) {
+    if (value.empty()) return;
+    add_word(name);
+    add_word(value);
+  };
+  for (const std::string& run : options.runs) add_word(run);
+  for (const std::string& run : options.holdout) add_option("--holdout", run);
+  add_option("--rig", options.rig);
+  add_option("--config", options.config);
+  for (const std::string& effect : options.without) add_option("--without", effect);
+  add_option("--seed", std::to_string(options.seed));
+  return text;
+}
+
+// What cannot be written is told before the diagnosis, not after it.
+void check_outputs(const Options& options) {
+  for (const std::string& file : {options.json, options.series, options.report, options.adopt})
+    if (!file.empty() && file != "-") OutputFile probe(file);
+  if (options.json == "-" && options.series == "-") throw InputError("--json - and --series -: standard output takes one of them");
+  if (options.report == "-") throw InputError("--report -: a report is written to a file; name one");
+  if (!options.report.empty()) check_gap_report();
 }
 
 void print_result(const GapResult& result) {
@@ -121,6 +165,7 @@ void run(const Options& options) {
   std::vector<GapRun> runs, holdout;
   Datasheet sheet;
   bool have_sheet = false;
+  check_outputs(options);
   const auto load = [&](const std::vector<std::string>& files, std::vector<GapRun>& list) {
     for (const std::string& file : files) {
       LoadedRecording loaded = load_recording(file, options.rig, options.config);
@@ -157,11 +202,20 @@ void run(const Options& options) {
   });
   if (show) fmt::print(stderr, "\r{:<40}\r", "");
 
-  if (!options.json.empty()) write_text(options.json, result_json(result).dump(2) + "\n");
-  if (options.json != "-") print_result(result);
+  // A file name may hold bytes that are no text.
+  const std::string answer = result_json(sheet, result).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  if (!options.json.empty()) write_text(options.json, answer);
+  if (!options.series.empty()) write_text(options.series, series_csv(result.series));
+  if (options.json != "-" && options.series != "-") print_result(result);
+  if (!options.report.empty()) {
+    GapReportInput input{answer, series_csv(result.series), sheet.file, command_text(options), options.runs};
+    input.recordings.insert(input.recordings.end(), options.holdout.begin(), options.holdout.end());
+    write_gap_report(input, options.report);
+    fmt::print(stderr, "faultline gap: report written to {}\n", options.report);
+  }
   if (!options.adopt.empty()) {
     adopt(sheet, result, options.adopt);
-    fmt::print(stderr, "adopted into {}\n", options.adopt);
+    fmt::print(stderr, "faultline gap: adopted into {}\n", options.adopt);
   }
 }
 
@@ -175,6 +229,8 @@ void add(CLI::App& app) {
   app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(CLI::Range(1, 256));
   app.add_option("--seed", options->seed, "of the bootstrap");
   app.add_option("--json", options->json, "write the answer as JSON to this file; - is standard output");
+  app.add_option("--series", options->series, "write the deciding run as CSV, measured and as the three levels have it; - is standard output");
+  app.add_option("--report", options->report, "write the answer as one HTML file that needs nothing else");
   app.add_option("--adopt", options->adopt, "write a datasheet with the refitted parameters and the named effects to this file");
   app.callback([options] { run(*options); });
 }

@@ -20,7 +20,8 @@ struct Options {
 };
 
 void run(const Options& options) {
-  if (!ends_with(options.output, ".bag")) throw InputError(fmt::format("{}: import writes a bag; give a name ending in .bag", options.output));
+  if (!ends_with(options.output, ".bag"))
+    throw InputError(fmt::format("{}: import writes a bag; give a name ending in .bag", options.output));
   const Datasheet sheet = load_datasheet(options.rig, options.config);
   const CsvContent content = read_csv(read_text(options.input), options.input, sheet.rig, sheet.channels);
   const Recording& recording = content.recording;
@@ -28,8 +29,9 @@ void run(const Options& options) {
   for (std::size_t row = 0; row < recording.rows(); ++row) check.add(recording.sample(row));
   const SampleFindings findings = check.findings();
   if (!period_fits(findings, sheet.sample_period))
-    throw InputError(fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; resample the file, or give the unit of t as in t[ms]",
-                                 options.input, findings.period, sheet.file, sheet.sample_period));
+    throw InputError(fmt::format(
+        "{}: samples come every {:.4g} s, {} says {:.4g} s; resample the file, or give the unit of t as in t[ms]",
+        options.input, findings.period, sheet.file, sheet.sample_period));
 
   const auto writer = make_sample_writer(options.output, sheet, "faultline import", recording.time.front(),
                                          bag_compression(options.compression), true);
@@ -40,11 +42,15 @@ void run(const Options& options) {
   writer->commit();
 
   std::vector<std::string> remarks;
-  for (const std::string& name : content.filled) remarks.push_back(fmt::format("no column '{}'; it is written as 0", name));
-  for (const std::string& name : content.converted) remarks.push_back(fmt::format("column '{}' is converted to SI", name));
-  for (const std::string& line : describe(findings, sheet.sample_period, recording.time.front())) remarks.push_back(line);
+  for (const std::string& name : content.filled)
+    remarks.push_back(fmt::format("no column '{}'; it is written as 0", name));
+  for (const std::string& name : content.converted)
+    remarks.push_back(fmt::format("column '{}' is converted to SI", name));
+  for (const std::string& line : describe(findings, sheet.sample_period, recording.time.front()))
+    remarks.push_back(line);
   print_remarks("import", remarks);
-  fmt::print("{}: {} samples, {:.6g} s of {}\n", options.output, recording.rows(), recording.time.back() - recording.time.front(), sheet.rig);
+  fmt::print("{}: {} samples, {:.6g} s of {}\n", options.output, recording.rows(),
+             recording.time.back() - recording.time.front(), sheet.rig);
 }
 
 void add(CLI::App& app) {
@@ -57,7 +63,8 @@ void add(CLI::App& app) {
   app.callback([options] { run(*options); });
 }
 
-FAULTLINE_SUBCOMMAND(import_csv, {"import", "make a bag of a CSV file", "faultline import run7.csv --rig servo_actuator -o run7.bag", add});
+FAULTLINE_SUBCOMMAND(import_csv, {"import", "make a bag of a CSV file",
+                                  "faultline import run7.csv --rig servo_actuator -o run7.bag", add});
 
 }  // namespace
 }  // namespace faultline

@@ -28,11 +28,12 @@ void take_bag(const std::string& file, const std::string& rig, const std::string
   const std::size_t width = loaded.sheet.channels.size();
   if (!content.described) {
     if (content.width != width)
-      throw InputError(fmt::format("{}: samples have {} values, {} has {} channels, and the bag holds no /{}/description that would "
-                                   "tell which is which",
-                                   file, content.width, loaded.sheet.rig, width, loaded.sheet.rig));
-    loaded.remarks.push_back(fmt::format("{}: no /{}/description in the bag; channels are taken in the datasheet's order", file,
-                                         loaded.sheet.rig));
+      throw InputError(
+          fmt::format("{}: samples have {} values, {} has {} channels, and the bag holds no /{}/description that would "
+                      "tell which is which",
+                      file, content.width, loaded.sheet.rig, width, loaded.sheet.rig));
+    loaded.remarks.push_back(fmt::format(
+        "{}: no /{}/description in the bag; channels are taken in the datasheet's order", file, loaded.sheet.rig));
     loaded.recording.values = std::move(content.values);
     return;
   }
@@ -54,11 +55,13 @@ void take_bag(const std::string& file, const std::string& rig, const std::string
   }
   loaded.recording.values.reserve(loaded.recording.time.size() * width);
   for (std::size_t row = 0; row < loaded.recording.time.size(); ++row)
-    for (const std::size_t place : places) loaded.recording.values.push_back(content.values[row * content.width + place]);
+    for (const std::size_t place : places)
+      loaded.recording.values.push_back(content.values[row * content.width + place]);
 }
 
 void take_csv(const std::string& file, const std::string& rig, const std::string& config, LoadedRecording& loaded) {
-  if (rig.empty() && config.empty()) throw InputError(fmt::format("{}: a CSV file does not say its rig; name it with --rig", file));
+  if (rig.empty() && config.empty())
+    throw InputError(fmt::format("{}: a CSV file does not say its rig; name it with --rig", file));
   loaded.sheet = load_datasheet(rig, config);
   CsvContent content = read_csv(read_text(file), file, loaded.sheet.rig, loaded.sheet.channels);
   loaded.recording = std::move(content.recording);
@@ -67,7 +70,8 @@ void take_csv(const std::string& file, const std::string& rig, const std::string
     loaded.stamp.push_back(stamp_in_bag(time));
     time = time_in_bag(time);
   }
-  for (const std::string& name : content.filled) loaded.remarks.push_back(fmt::format("{}: no column '{}'; it is taken as 0", file, name));
+  for (const std::string& name : content.filled)
+    loaded.remarks.push_back(fmt::format("{}: no column '{}'; it is taken as 0", file, name));
 }
 
 }  // namespace
@@ -76,7 +80,8 @@ Datasheet load_datasheet(const std::string& rig, const std::string& config) {
   if (config.empty()) return find_datasheet(share_folder() + "/config", rig);
   Datasheet sheet = read_datasheet(config);
   if (!rig.empty() && sheet.rig != rig)
-    throw InputError(fmt::format("{}: the datasheet is of the rig '{}', the recording of '{}'; give the right one", config, sheet.rig, rig));
+    throw InputError(fmt::format("{}: the datasheet is of the rig '{}', the recording of '{}'; give the right one",
+                                 config, sheet.rig, rig));
   return sheet;
 }
 
@@ -104,16 +109,18 @@ LoadedRecording load_recording(const std::string& file, const std::string& rig, 
   loaded.start = recording.time.front();
   loaded.end = *std::max_element(recording.time.begin(), recording.time.end());
   if (!period_fits(loaded.findings, loaded.sheet.sample_period))
-    throw InputError(fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; resample the recording or give the right "
-                                 "datasheet with --config",
-                                 file, loaded.findings.period, loaded.sheet.file, loaded.sheet.sample_period));
+    throw InputError(
+        fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; resample the recording or give the right "
+                    "datasheet with --config",
+                    file, loaded.findings.period, loaded.sheet.file, loaded.sheet.sample_period));
   for (const std::string& line : describe(loaded.findings, loaded.sheet.sample_period, loaded.start))
     loaded.remarks.push_back(file + ": " + line);
   return loaded;
 }
 
 void print_remarks(const std::string& subcommand, const std::vector<std::string>& remarks) {
-  for (const std::string& remark : remarks) std::fprintf(stderr, "faultline %s: note: %s\n", subcommand.c_str(), remark.c_str());
+  for (const std::string& remark : remarks)
+    std::fprintf(stderr, "faultline %s: note: %s\n", subcommand.c_str(), remark.c_str());
 }
 
 }  // namespace faultline

@@ -14,10 +14,10 @@ namespace faultline {
 
 struct LoadedRecording {
   Datasheet sheet;
-  Recording recording;  // in the datasheet's order of channels; times as a live node would see them
+  Recording recording;              // in the datasheet's order of channels; times as a live node would see them
   std::vector<std::int64_t> stamp;  // ns since 1970, one per row: the times without rounding
-  double start = 0;     // s, time of the first sample
-  double end = 0;       // s, the latest time
+  double start = 0;                 // s, time of the first sample
+  double end = 0;                   // s, the latest time
   SampleFindings findings;
   std::vector<std::string> remarks;  // what a user should know, one line each
   std::string made_by;               // from the bag's description

@@ -35,10 +35,12 @@ int main(int count, char** arguments) {
   }
 
   const std::string first = count > 1 ? arguments[1] : "";
-  const bool is_known = std::any_of(subcommands().begin(), subcommands().end(), [&](const Subcommand& s) { return s.name == first; });
+  const bool is_known =
+      std::any_of(subcommands().begin(), subcommands().end(), [&](const Subcommand& s) { return s.name == first; });
   const std::string name = is_known ? first : "";
   if (first.empty()) return complain("", "a subcommand is missing; there are " + known + "; see faultline --help", 2);
-  if (!is_known && first[0] != '-') return complain("", "there is no subcommand '" + first + "'; there are " + known, 2);
+  if (!is_known && first[0] != '-')
+    return complain("", "there is no subcommand '" + first + "'; there are " + known, 2);
   try {
     app.parse(count, arguments);
     if (std::fflush(stdout) != 0) return complain(name, "standard output cannot be written", 2);
@@ -46,7 +48,8 @@ int main(int count, char** arguments) {
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
-    return complain(name, std::string(error.what()) + "; see faultline " + (name.empty() ? "" : name + " ") + "--help", 2);
+    return complain(name, std::string(error.what()) + "; see faultline " + (name.empty() ? "" : name + " ") + "--help",
+                    2);
   } catch (const InputError& error) {
     return complain(name, error.what(), 2);
   } catch (const Interrupted& interrupted) {

@@ -28,8 +28,8 @@ OutputFile::OutputFile(const std::string& file) : file_(file), target_(file) {
   part_ = direct_ ? target_ : target_ + ".part";
   std::FILE* probe = std::fopen(part_.c_str(), direct_ ? "r+b" : "wb");
   if (!probe)
-    throw InputError(fmt::format("{}: the file cannot be written ({}); choose another place with -o or mend its rights", file,
-                                 std::strerror(errno)));
+    throw InputError(fmt::format("{}: the file cannot be written ({}); choose another place with -o or mend its rights",
+                                 file, std::strerror(errno)));
   std::fclose(probe);
 }
 

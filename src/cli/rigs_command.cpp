@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cli/effect_unit.h"
 #include "cli/load_recording.h"
 #include "cli/output_file.h"
 #include "cli/share_folder.h"
@@ -23,13 +24,6 @@ Json number(double value) {
   return std::isfinite(value) ? Json(value) : std::isnan(value) ? Json() : Json(value > 0 ? "inf" : "-inf");
 }
 
-// Units of effects speak of the port where they depend on it; on a channel's port that is the channel's unit.
-std::string unit_at(const Datasheet& sheet, const Port& port, const std::string& unit) {
-  const int channel = port.channel.empty() ? -1 : find_channel(sheet.channels, port.channel);
-  if (channel < 0 || unit.compare(0, 4, "port") != 0) return unit;
-  return sheet.channels[static_cast<std::size_t>(channel)].unit + unit.substr(4);
-}
-
 // Bounds of one parameter of an effect at a port: what the port says, else what physics allows.
 Json effect_json(const Datasheet& sheet, const Port& port, const FittingEffect& fitting) {
   Json effect = {{"effect", fitting.effect}, {"meaning", ""}, {"parameters", Json::array()}};
@@ -44,7 +38,7 @@ Json effect_json(const Datasheet& sheet, const Port& port, const FittingEffect& 
     const auto bounds = fitting.bounds.find(parameter.name);
     effect["parameters"].push_back(
         {{"name", parameter.name},
-         {"unit", unit_at(sheet, port, parameter.unit)},
+         {"unit", effect_unit(sheet, port, parameter.unit)},
          {"none", number(parameter.none)},
          {"minimum", number(bounds == fitting.bounds.end() ? parameter.minimum : bounds->second.minimum)},
          {"maximum", number(bounds == fitting.bounds.end() ? parameter.maximum : bounds->second.maximum)}});
@@ -76,7 +70,8 @@ Json rig_json(const Datasheet& sheet) {
                                {"resolution", c.resolution},
                                {"ground_truth", c.ground_truth},
                                {"meaning", c.meaning}});
-  for (const State& s : sheet.states) rig["states"].push_back({{"name", s.name}, {"symbol", s.symbol}, {"unit", s.unit}});
+  for (const State& s : sheet.states)
+    rig["states"].push_back({{"name", s.name}, {"symbol", s.symbol}, {"unit", s.unit}});
   for (const Parameter& p : sheet.parameters)
     rig["parameters"].push_back({{"name", p.name},
                                  {"symbol", p.symbol},
@@ -86,12 +81,17 @@ Json rig_json(const Datasheet& sheet) {
                                  {"identify", p.identify},
                                  {"from", p.from}});
   for (const Port& p : sheet.ports) {
-    Json port = {{"name", p.name}, {"kind", to_string(p.kind)}, {"component", p.component}, {"meaning", p.meaning}, {"effects", Json::array()}};
+    Json port = {{"name", p.name},
+                 {"kind", to_string(p.kind)},
+                 {"component", p.component},
+                 {"meaning", p.meaning},
+                 {"effects", Json::array()}};
     for (const FittingEffect& fitting : p.effects) port["effects"].push_back(effect_json(sheet, p, fitting));
     rig["ports"].push_back(port);
   }
   for (const Profile& p : sheet.profiles)
-    rig["profiles"].push_back({{"name", p.name}, {"controller", p.controller}, {"duration", p.duration}, {"meaning", p.meaning}});
+    rig["profiles"].push_back(
+        {{"name", p.name}, {"controller", p.controller}, {"duration", p.duration}, {"meaning", p.meaning}});
   for (const Fault& f : sheet.faults)
     rig["faults"].push_back({{"name", f.name}, {"effects", f.effects}, {"profile", f.profile}, {"meaning", f.meaning}});
   return rig;
@@ -106,8 +106,8 @@ std::string status_of(const Datasheet& sheet) {
 void print_list(const std::vector<Datasheet>& sheets) {
   fmt::print("{:<18} {:>8} {:>10} {:>5}  {}\n", "rig", "channels", "parameters", "ports", "");
   for (const Datasheet& sheet : sheets) {
-    fmt::print("{:<18} {:>8} {:>10} {:>5}  {}\n", sheet.rig, sheet.channels.size(), sheet.parameters.size(), sheet.ports.size(),
-               status_of(sheet));
+    fmt::print("{:<18} {:>8} {:>10} {:>5}  {}\n", sheet.rig, sheet.channels.size(), sheet.parameters.size(),
+               sheet.ports.size(), status_of(sheet));
     fmt::print("    {}\n", sheet.title);
   }
   fmt::print("More on one of them: faultline rigs RIG\n");
@@ -132,7 +132,8 @@ void print_rig(const Datasheet& sheet) {
       std::string bounds;
       for (const auto& entry : fitting.bounds) {
         const int index = type ? type->parameter_index(entry.first) : -1;
-        const std::string unit = index >= 0 ? unit_at(sheet, port, type->parameters[static_cast<std::size_t>(index)].unit) : "s";
+        const std::string unit =
+            index >= 0 ? effect_unit(sheet, port, type->parameters[static_cast<std::size_t>(index)].unit) : "s";
         bounds += fmt::format("  {} {:g}..{:g} [{}]", entry.first, entry.second.minimum, entry.second.maximum, unit);
       }
       fmt::print("    {:<24}{}{}\n", fitting.effect, bounds, type ? "" : "  (not in this build)");

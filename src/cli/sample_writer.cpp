@@ -29,7 +29,8 @@ class BagSampleWriter : public SampleWriter {
 
 class CsvSampleWriter : public SampleWriter {
  public:
-  CsvSampleWriter(const std::string& file, const Datasheet& sheet, bool with_sequence) : output_(file), with_sequence_(with_sequence) {
+  CsvSampleWriter(const std::string& file, const Datasheet& sheet, bool with_sequence)
+      : output_(file), with_sequence_(with_sequence) {
     text_ = csv_header(sheet.channels, with_sequence);
   }
   void write(const Sample& sample) override {
@@ -54,8 +55,9 @@ class CsvSampleWriter : public SampleWriter {
 
 }  // namespace
 
-std::unique_ptr<SampleWriter> make_sample_writer(const std::string& file, const Datasheet& sheet, const std::string& made_by,
-                                                 double first_time, BagCompression compression, bool with_sequence) {
+std::unique_ptr<SampleWriter> make_sample_writer(const std::string& file, const Datasheet& sheet,
+                                                 const std::string& made_by, double first_time,
+                                                 BagCompression compression, bool with_sequence) {
   if (ends_with(file, ".bag")) return std::make_unique<BagSampleWriter>(file, sheet, made_by, first_time, compression);
   if (ends_with(file, ".csv")) return std::make_unique<CsvSampleWriter>(file, sheet, with_sequence);
   throw InputError(fmt::format("{}: the name must end in .bag or .csv", file));

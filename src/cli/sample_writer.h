@@ -18,7 +18,8 @@ class SampleWriter {
 };
 
 // By the ending of `file`; InputError if it is neither. `with_sequence`: a column for it in a CSV file.
-std::unique_ptr<SampleWriter> make_sample_writer(const std::string& file, const Datasheet& sheet, const std::string& made_by,
-                                                 double first_time, BagCompression compression, bool with_sequence);
+std::unique_ptr<SampleWriter> make_sample_writer(const std::string& file, const Datasheet& sheet,
+                                                 const std::string& made_by, double first_time,
+                                                 BagCompression compression, bool with_sequence);
 
 }  // namespace faultline

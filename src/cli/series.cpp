@@ -20,7 +20,8 @@ Series::Series(const Datasheet& sheet, const EstimatorStage& estimator, std::siz
     : stretch_(rows <= kRows ? 1 : (rows + kRows / 2 - 1) / (kRows / 2)) {
   for (const Channel& channel : sheet.channels) channels_.push_back(channel.name);
   for (const State& state : estimator.model().states()) states_.push_back(state.name);
-  for (const int channel : estimator.model().measured_channels()) measured_.push_back(channels_[static_cast<std::size_t>(channel)]);
+  for (const int channel : estimator.model().measured_channels())
+    measured_.push_back(channels_[static_cast<std::size_t>(channel)]);
 }
 
 void Series::name_columns(const Estimate& estimate) {

@@ -19,8 +19,8 @@
 namespace faultline {
 namespace {
 
-constexpr double kLongest = 1e6;         // s
-constexpr std::uint64_t kEvery = 1000;   // samples between looks at Ctrl-C and the progress line
+constexpr double kLongest = 1e6;        // s
+constexpr std::uint64_t kEvery = 1000;  // samples between looks at Ctrl-C and the progress line
 
 struct Options {
   std::string rig, config, profile, fault, output, compression = "bz2";
@@ -34,7 +34,8 @@ double read_number(const std::string& text, const std::string& whole) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   if (text.empty() || *end != '\0' || !std::isfinite(value))
-    throw InputError(fmt::format("--command '{}': '{}' is not a number; write CHANNEL:time=value,time=value", whole, text));
+    throw InputError(
+        fmt::format("--command '{}': '{}' is not a number; write CHANNEL:time=value,time=value", whole, text));
   return value;
 }
 
@@ -52,12 +53,14 @@ CommandTable read_table(const Datasheet& sheet, const std::string& text) {
     const auto comma = std::min(text.find(',', begin), text.size());
     const std::string item = text.substr(begin, comma - begin);
     const auto equals = item.find('=');
-    if (equals == std::string::npos) throw InputError(fmt::format("--command '{}': '{}' has no '='; write time=value", text, item));
+    if (equals == std::string::npos)
+      throw InputError(fmt::format("--command '{}': '{}' has no '='; write time=value", text, item));
     const double time = read_number(item.substr(0, equals), text), value = read_number(item.substr(equals + 1), text);
     if (!table.time.empty() && time <= table.time.back())
       throw InputError(fmt::format("--command '{}': times must rise, {} does not", text, time));
     if (value < channel.minimum || value > channel.maximum)
-      throw InputError(fmt::format("--command '{}': {} is outside {}..{} {}", text, value, channel.minimum, channel.maximum, channel.unit));
+      throw InputError(fmt::format("--command '{}': {} is outside {}..{} {}", text, value, channel.minimum,
+                                   channel.maximum, channel.unit));
     table.time.push_back(time);
     table.value.push_back(value);
     begin = comma + 1;
@@ -73,7 +76,8 @@ void add_effect(const Datasheet& sheet, const std::string& text, SimulationSetup
 
 // How the run could be made again, for the bag's description.
 std::string made_by(const Options& options, const std::string& profile, double duration) {
-  std::string text = fmt::format("faultline simulate {} --profile {} --duration {} --seed {}", options.rig, profile, duration, options.seed);
+  std::string text = fmt::format("faultline simulate {} --profile {} --duration {} --seed {}", options.rig, profile,
+                                 duration, options.seed);
   if (!options.fault.empty()) text += " --fault " + options.fault;
   for (const std::string& effect : options.effects) text += " --effect " + effect;
   for (const std::string& command : options.commands) text += " --command " + command;
@@ -102,52 +106,61 @@ void run(const Options& options) {
     const CommandTable table = read_table(sheet, command);
     for (const CommandTable& other : setup.commands)
       if (other.channel == table.channel)
-        throw InputError(fmt::format("--command '{}': {} already has a table, from another --command or from --fault", command, table.channel));
+        throw InputError(fmt::format("--command '{}': {} already has a table, from another --command or from --fault",
+                                     command, table.channel));
     setup.commands.push_back(table);
   }
   if (options.off_nominal) setup.parameters = draw_parameters(sheet, options.seed);
-  if (setup.profile.empty() && sheet.profiles.empty()) throw InputError(fmt::format("{}: the datasheet has no profiles", sheet.file));
+  if (setup.profile.empty() && sheet.profiles.empty())
+    throw InputError(fmt::format("{}: the datasheet has no profiles", sheet.file));
   const Profile& profile = setup.profile.empty() ? sheet.profiles.front() : sheet.profile(setup.profile);
   const double duration = options.duration > 0 ? options.duration : profile.duration;
   if (!(duration > 0 && duration <= kLongest))
     throw InputError(fmt::format("--duration {}: give 0 to {:g} s", duration, kLongest));
 
   Simulator simulator(sheet, setup);
-  const auto writer =
-      make_sample_writer(options.output, sheet, made_by(options, profile.name, duration), 0, bag_compression(options.compression), false);
+  const auto writer = make_sample_writer(options.output, sheet, made_by(options, profile.name, duration), 0,
+                                         bag_compression(options.compression), false);
   const auto rows = static_cast<std::uint64_t>(std::llround(duration / sheet.sample_period)) + 1;
   const bool progress = !options.quiet && isatty(fileno(stderr)) != 0;
   for (std::uint64_t row = 0; row < rows; ++row) {
     if (row % kEvery == 0) {
       check_interrupt();
-      if (progress) std::fprintf(stderr, "\rsimulated %.0f of %.0f s", static_cast<double>(row) * sheet.sample_period, duration);
+      if (progress)
+        std::fprintf(stderr, "\rsimulated %.0f of %.0f s", static_cast<double>(row) * sheet.sample_period, duration);
     }
     const Sample& sample = simulator.step();
     for (const double value : sample.values)
       if (!std::isfinite(value))
-        throw InputError(fmt::format("the simulation of {} became unbounded at {:.3f} s; make the effects smaller or --substep finer",
-                                     sheet.rig, sample.time));
+        throw InputError(fmt::format(
+            "the simulation of {} became unbounded at {:.3f} s; make the effects smaller or --substep finer", sheet.rig,
+            sample.time));
     writer->write(sample);
   }
   writer->commit();
   if (progress) std::fprintf(stderr, "\r\033[K");
-  if (!options.quiet) fmt::print("{}: {} samples, {:g} s of {}, profile {}\n", options.output, rows, duration, sheet.rig, profile.name);
+  if (!options.quiet)
+    fmt::print("{}: {} samples, {:g} s of {}, profile {}\n", options.output, rows, duration, sheet.rig, profile.name);
 }
 
 void add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   app.add_option("RIG", options->rig, "the rig, as `faultline rigs` lists it")->required();
   app.add_option("-o,--output", options->output, "NAME.bag or NAME.csv")->required();
-  app.add_option("--profile", options->profile, "set points of the run, as in the datasheet; default: the fault's, else the first");
+  app.add_option("--profile", options->profile,
+                 "set points of the run, as in the datasheet; default: the fault's, else the first");
   app.add_option("--duration", options->duration, "s; default: the profile's")->check(CLI::Range(1e-6, kLongest));
   app.add_option("--seed", options->seed, "of noise, random set points and --off-nominal; default 1");
-  app.add_option("--effect", options->effects, "EFFECT@PORT:name=value,...[,from=S][,to=S]; may be given often")->allow_extra_args(false);
+  app.add_option("--effect", options->effects, "EFFECT@PORT:name=value,...[,from=S][,to=S]; may be given often")
+      ->allow_extra_args(false);
   app.add_option("--fault", options->fault, "a named fault of the datasheet");
-  app.add_option("--command", options->commands, "CHANNEL:time=value,time=value,...: linear in between; may be given often")
+  app.add_option("--command", options->commands,
+                 "CHANNEL:time=value,time=value,...: linear in between; may be given often")
       ->allow_extra_args(false);
   app.add_flag("--off-nominal", options->off_nominal, "draw the rig's parameters within their tolerances");
   app.add_flag("--nuisance", options->nuisance, "add the small effects that every recording of the rig carries");
-  app.add_option("--substep", options->substep, "s, largest step of the integration; default: the rig's own")->check(CLI::Range(1e-7, 1.0));
+  app.add_option("--substep", options->substep, "s, largest step of the integration; default: the rig's own")
+      ->check(CLI::Range(1e-7, 1.0));
   app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
   app.add_option("--compression", options->compression, "of a bag: bz2 (default, smallest), lz4 or none");
   app.add_flag("--quiet", options->quiet, "say nothing but errors");

@@ -22,4 +22,5 @@ bool register_subcommand(Subcommand subcommand);
 
 }  // namespace faultline
 
-#define FAULTLINE_SUBCOMMAND(name, ...) const bool registered_subcommand_##name = ::faultline::register_subcommand(__VA_ARGS__)
+#define FAULTLINE_SUBCOMMAND(name, ...) \
+  const bool registered_subcommand_##name = ::faultline::register_subcommand(__VA_ARGS__)

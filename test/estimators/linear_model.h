@@ -118,7 +118,7 @@ class SquareModel : public ProcessModel {
   std::vector<int> driving_channels() const override { return {}; }
   std::vector<double> process_noise() const override { return {1e-6}; }
   std::vector<double> measurement_noise() const override { return {1e-4}; }
-  void initial(const double*, double* state, double* diagonal) const override { state[0] = 0.5, diagonal[0] = 0.25; }
+  void initial(const double*, double* state, double* diagonal) const override { state[0] = 1, diagonal[0] = 0.09; }
   void take_inputs(const double*) override {}
   void measurement(const double* channels, double* y) const override { y[0] = channels[0]; }
   void predict(const double* x, double, double* next) const override { next[0] = x[0]; }

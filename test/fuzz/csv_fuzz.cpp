@@ -21,7 +21,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return result;
   }();
   try {
-    const CsvContent content = read_csv(std::string(reinterpret_cast<const char*>(data), size), "fuzz.csv", "toy", channels);
+    const CsvContent content =
+        read_csv(std::string(reinterpret_cast<const char*>(data), size), "fuzz.csv", "toy", channels);
     const Recording& recording = content.recording;
     if (recording.rows() == 0 || recording.values.size() != recording.rows() * channels.size()) std::abort();
     for (std::size_t row = 1; row < recording.rows(); ++row)

@@ -34,7 +34,7 @@ class LaunchFiles(unittest.TestCase):
         return path, self.graph.start(["python3", LISTEN, RIG, "60", str(path), *topics])
 
     def launch(self, *arguments):
-        return self.graph.start(["roslaunch", "--wait", "faultline", *arguments])
+        return self.graph.start(["roslaunch", "faultline", *arguments])
 
     def program(self, *arguments):
         ran = subprocess.run([str(devel_space() / "lib/faultline/faultline"), *map(str, arguments)], env=self.graph.environment,

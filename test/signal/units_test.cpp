@@ -58,7 +58,8 @@ TEST(Units, ConvertsWhatTestStandsUse) {
   for (const Case& c : cases) {
     const double result = conversion(c.from, c.to)(c.value);
     EXPECT_NEAR(result, c.expected, 1e-12 * std::max(1.0, std::abs(c.expected))) << c.from << " -> " << c.to;
-    EXPECT_NEAR(conversion(c.to, c.from)(result), c.value, 1e-9 * std::max(1.0, std::abs(c.value))) << c.to << " -> " << c.from;
+    EXPECT_NEAR(conversion(c.to, c.from)(result), c.value, 1e-9 * std::max(1.0, std::abs(c.value)))
+        << c.to << " -> " << c.from;
   }
 }
 
@@ -70,7 +71,8 @@ TEST(Units, SameTextIsExact) {
 }
 
 TEST(Units, DifferentThingsDoNotConvert) {
-  const char* pairs[][2] = {{"bar", "m"}, {"Hz", "rad/s"}, {"rpm", "Hz"}, {"kg", "N"}, {"l", "l/s"}, {"1", "V"}, {"mA", "V"}};
+  const char* pairs[][2] = {{"bar", "m"}, {"Hz", "rad/s"}, {"rpm", "Hz"}, {"kg", "N"},
+                            {"l", "l/s"}, {"1", "V"},      {"mA", "V"}};
   for (const auto& pair : pairs) {
     try {
       conversion(pair[0], pair[1]);
@@ -85,8 +87,8 @@ TEST(Units, DifferentThingsDoNotConvert) {
 }
 
 TEST(Units, NonsenseIsRefused) {
-  for (const char* text : {"", " ", "furlong", "m//s", "m^", "m^x", "m^99", "(m", "m)", "^2", "/s", "degC/s", "m degC", "degC^2",
-                           "kmin", "((((((((((((((((((((((((m"}) {
+  for (const char* text : {"", " ", "furlong", "m//s", "m^", "m^x", "m^99", "(m", "m)", "^2", "/s", "degC/s", "m degC",
+                           "degC^2", "kmin", "((((((((((((((((((((((((m"}) {
     EXPECT_THROW(parse_unit(text), InputError) << "'" << text << "'";
   }
 }

@@ -12,8 +12,9 @@ namespace {
 
 const StageSpec& first_estimator(const Datasheet& sheet) {
   if (sheet.estimators.empty())
-    throw InputError(fmt::format("{}: the datasheet names no estimator, so {} cannot be diagnosed; add one under estimators",
-                                 sheet.file, sheet.rig));
+    throw InputError(
+        fmt::format("{}: the datasheet names no estimator, so {} cannot be diagnosed; add one under estimators",
+                    sheet.file, sheet.rig));
   return sheet.estimators.front();
 }
 

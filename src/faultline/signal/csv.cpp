@@ -99,8 +99,10 @@ class Reader {
       }
       at = stop + 1;
     }
-    if (!header_seen) throw InputError(fmt::format("{}: the file is empty; the first line must be t,channel,...", file_));
-    if (content_.recording.rows() == 0) throw InputError(fmt::format("{}: there is a header but no sample below it", file_));
+    if (!header_seen)
+      throw InputError(fmt::format("{}: the file is empty; the first line must be t,channel,...", file_));
+    if (content_.recording.rows() == 0)
+      throw InputError(fmt::format("{}: there is a header but no sample below it", file_));
     return std::move(content_);
   }
 
@@ -120,7 +122,8 @@ class Reader {
       std::string name = cell.text(), unit;
       const auto bracket = name.find('[');
       if (bracket != std::string::npos) {
-        if (name.back() != ']') fail(fmt::format("column '{}': write the unit in brackets behind the name, as in position[mm]", column.name));
+        if (name.back() != ']')
+          fail(fmt::format("column '{}': write the unit in brackets behind the name, as in position[mm]", column.name));
         unit = name.substr(bracket + 1, name.size() - bracket - 2);
         name = trimmed(name.data(), name.data() + bracket).text();
       }
@@ -138,8 +141,8 @@ class Reader {
       } else {
         const int channel = find_channel(channels_, name);
         if (channel < 0)
-          fail(fmt::format("column '{}' is not a channel of {}; rename or remove it; the channels are {}", column.name, rig_,
-                           channel_names()));
+          fail(fmt::format("column '{}' is not a channel of {}; rename or remove it; the channels are {}", column.name,
+                           rig_, channel_names()));
         column.channel = static_cast<std::size_t>(channel);
         if (seen[column.channel]) fail(fmt::format("there are two columns '{}'", name));
         seen[column.channel] = true;
@@ -185,10 +188,12 @@ class Reader {
         sample_.values[column.channel] = value;
       } else if (column.kind == Kind::time) {
         if (!(std::abs(value) <= kLargestTime))
-          fail(fmt::format("column '{}': '{}' is not a time; it must be a number within +-1e9 s", column.name, shown(cells_[i])));
+          fail(fmt::format("column '{}': '{}' is not a time; it must be a number within +-1e9 s", column.name,
+                           shown(cells_[i])));
         if (recording.rows() > 0 && !(value > recording.time.back()))
-          fail(fmt::format("time runs backwards or stands still: {:.9g} s after {:.9g} s; sort the samples and remove duplicates",
-                           value, recording.time.back()));
+          fail(fmt::format(
+              "time runs backwards or stands still: {:.9g} s after {:.9g} s; sort the samples and remove duplicates",
+              value, recording.time.back()));
         sample_.time = value;
       } else {
         if (!(value >= 0 && value < 9007199254740992.0) || value != std::floor(value))

@@ -48,13 +48,14 @@ std::vector<std::string> describe(const SampleFindings& f, double period, double
   std::vector<std::string> lines;
   const auto plural = [](std::uint64_t n) { return n == 1 ? "" : "s"; };
   if (f.gaps > 0)
-    lines.push_back(fmt::format("{} gap{} in time, the first after {:.3f} s, the longest {:.3g} s", f.gaps, plural(f.gaps),
-                                f.first_gap - start, f.longest_gap));
+    lines.push_back(fmt::format("{} gap{} in time, the first after {:.3f} s, the longest {:.3g} s", f.gaps,
+                                plural(f.gaps), f.first_gap - start, f.longest_gap));
   if (f.lost > 0) lines.push_back(fmt::format("{} sample{} lost by the DAQ's count", f.lost, plural(f.lost)));
   if (f.backward > 0)
     lines.push_back(fmt::format("time runs backwards {} time{}, first to {:.3f} s", f.backward, plural(f.backward),
                                 f.first_backward - start));
-  if (f.duplicates > 0) lines.push_back(fmt::format("{} sample{} with the time of the one before", f.duplicates, plural(f.duplicates)));
+  if (f.duplicates > 0)
+    lines.push_back(fmt::format("{} sample{} with the time of the one before", f.duplicates, plural(f.duplicates)));
   if (f.missing > 0) lines.push_back(fmt::format("{} number{} missing (nan)", f.missing, plural(f.missing)));
   if (!period_fits(f, period))
     lines.push_back(fmt::format("samples come every {:.4g} s, the rig's datasheet says {:.4g} s", f.period, period));

@@ -15,14 +15,14 @@ namespace faultline {
 struct SampleFindings {
   std::uint64_t samples = 0;
   std::uint64_t gaps = 0;
-  double longest_gap = 0;        // s
-  double first_gap = 0;          // s, time of the sample before it
-  std::uint64_t lost = 0;        // by the sequence numbers
+  double longest_gap = 0;  // s
+  double first_gap = 0;    // s, time of the sample before it
+  std::uint64_t lost = 0;  // by the sequence numbers
   std::uint64_t duplicates = 0;
   std::uint64_t backward = 0;
-  double first_backward = 0;     // s, time of the sample that came too late
-  std::uint64_t missing = 0;     // numbers that are NaN or infinite
-  double period = 0;             // s; 0 if there are fewer than two samples
+  double first_backward = 0;  // s, time of the sample that came too late
+  std::uint64_t missing = 0;  // numbers that are NaN or infinite
+  double period = 0;          // s; 0 if there are fewer than two samples
 };
 
 class SampleCheck {

@@ -61,8 +61,9 @@ const std::map<std::string, Symbol>& symbols() {
 }
 
 const std::map<std::string, double>& prefixes() {
-  static const std::map<std::string, double> table = {{"n", 1e-9}, {"u", 1e-6}, {"\xC2\xB5", 1e-6}, {"m", 1e-3}, {"c", 1e-2},
-                                                      {"d", 1e-1}, {"h", 1e2},  {"k", 1e3},         {"M", 1e6},  {"G", 1e9}};
+  static const std::map<std::string, double> table = {{"n", 1e-9}, {"u", 1e-6}, {"\xC2\xB5", 1e-6}, {"m", 1e-3},
+                                                      {"c", 1e-2}, {"d", 1e-1}, {"h", 1e2},         {"k", 1e3},
+                                                      {"M", 1e6},  {"G", 1e9}};
   return table;
 }
 
@@ -134,7 +135,10 @@ class Parser {
     if (name.empty()) fail("a symbol is missing");
     if (name == "1" || name == "-") return Unit();
     if (name == "\xC2\xB0") name = "deg";
-    if (name == "\xC2\xB0""C") name = "degC";
+    if (name ==
+        "\xC2\xB0"
+        "C")
+      name = "degC";
     const auto found = symbols().find(name);
     if (found != symbols().end()) return found->second.unit;
     for (const auto& prefix : prefixes()) {
@@ -152,7 +156,8 @@ class Parser {
 
   static Unit times(const Unit& a, const Unit& b, int exponent) {
     Unit result;
-    for (std::size_t i = 0; i < a.dimension.size(); ++i) result.dimension[i] = a.dimension[i] + exponent * b.dimension[i];
+    for (std::size_t i = 0; i < a.dimension.size(); ++i)
+      result.dimension[i] = a.dimension[i] + exponent * b.dimension[i];
     if (exponent == 1 || exponent == -1) {
       result.scale = exponent == 1 ? a.scale * b.scale : a.scale / b.scale;
       if (exponent == 1 && a.scale == 1) result.offset = b.offset;

@@ -1,0 +1,29 @@
+// Estimates made by hand: a rig on which nothing is the matter, and one on which everything is.
+#pragma once
+
+#include "faultline/detectors/detector.h"
+#include "servo_runs.h"
+
+namespace faultline {
+
+inline Estimate quiet(double time) {
+  Estimate estimate;
+  estimate.time = time;
+  estimate.observed = 4;
+  estimate.normalised_innovation = 0.2;
+  estimate.quantities = {{"leak_coefficient", "m^3/(s sqrt(Pa))", 0, 1e-9}, {"leak_flow", "m^3/s", 0, 0},
+                         {"friction_force", "N", 0, 0},                     {"pressure_parity", "Pa", 0, 0},
+                         {"pressure_sum", "Pa", 0, 0},                      {"leak_drive", "sqrt(Pa)", 800, 0}};
+  return estimate;
+}
+
+inline Estimate loud(double time) {
+  Estimate estimate = quiet(time);
+  estimate.normalised_innovation = 40;
+  estimate.quantities[0].value = 2e-8;
+  estimate.quantities[3].value = 1e5;
+  estimate.quantities[4].value = -2e6;
+  return estimate;
+}
+
+}  // namespace faultline
