@@ -9,6 +9,7 @@ import struct
 import subprocess
 import tempfile
 import time
+import uuid
 import xmlrpc.client
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -61,6 +62,7 @@ class Graph:
                     raise
                 time.sleep(0.05)
         self.master = master
+        self.set("/run_id", str(uuid.uuid1()))  # else several roslaunch quarrel about it
         return self
 
     def __exit__(self, *problem):

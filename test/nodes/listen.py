@@ -3,8 +3,10 @@
 listen.py RIG QUIET FILE TOPIC..."""
 
 import json
+import os
 import signal
 import sys
+import threading
 import time
 
 import rospy
@@ -14,11 +16,13 @@ from faultline.msg import AlarmArray, Estimate, Sample
 rig, quiet, file_name, topics = sys.argv[1], float(sys.argv[2]), sys.argv[3], sys.argv[4:]
 file = open(file_name, "w")
 last = [time.monotonic() + 20]
+lock = threading.Lock()  # rospy calls back from a thread per publisher
 
 
 def write(entry):
     last[0] = time.monotonic()
-    file.write(json.dumps(entry) + "\n")
+    with lock:
+        file.write(json.dumps(entry) + "\n")
 
 
 def sample(message):
@@ -38,9 +42,11 @@ def alarms(message):
 
 
 def diagnostics(message):
-    file.write(json.dumps({"topic": "diagnostics", "status": [
+    entry = {"topic": "diagnostics", "status": [
         {"name": status.name, "level": status.level, "message": status.message,
-         "values": {value.key: value.value for value in status.values}} for status in message.status]}) + "\n")
+         "values": {value.key: value.value for value in status.values}} for status in message.status]}
+    with lock:
+        file.write(json.dumps(entry) + "\n")
 
 
 rospy.init_node("listener", disable_signals=True)
@@ -54,4 +60,6 @@ for topic in topics:
         rospy.Subscriber(f"/{rig}/{topic}", kinds[topic][0], kinds[topic][1], queue_size=20000, tcp_nodelay=True)
 while not stopped and time.monotonic() < last[0] + quiet:
     time.sleep(0.02)
-file.close()
+with lock:
+    file.flush()
+os._exit(0)  # callbacks may still run
