@@ -84,6 +84,8 @@ def check_schema(value, schema, place="$"):
                 wrong += check_schema(item, schema["properties"][key], f"{place}.{key}")
             elif schema.get("additionalProperties") is False:
                 wrong.append(f"{place}: {key} is not expected")
+            elif isinstance(schema.get("additionalProperties"), dict):
+                wrong += check_schema(item, schema["additionalProperties"], f"{place}.{key}")
     if isinstance(value, list) and "items" in schema:
         for i, item in enumerate(value):
             wrong += check_schema(item, schema["items"], f"{place}[{i}]")

@@ -20,7 +20,7 @@ class LinearModel : public ProcessModel {
     Random random(seed);
     a = Eigen::MatrixXd::Identity(states, states);
     for (int i = 0; i < states; ++i)
-      for (int j = 0; j < states; ++j) a(i, j) = (i == j ? 0.9 : 0) + 0.08 * random.uniform(-1, 1);
+      for (int j = 0; j < states; ++j) a(i, j) = (i == j ? 0.9 : 0) + 0.4 / states * random.uniform(-1, 1);
     c = Eigen::MatrixXd::Zero(outputs, states);
     for (int i = 0; i < outputs; ++i)
       for (int j = 0; j < states; ++j) c(i, j) = selecting ? (i == j ? 1.0 : 0.0) : random.uniform(-1, 1);

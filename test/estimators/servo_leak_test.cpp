@@ -115,7 +115,8 @@ struct PlainFilter {
     const Eigen::MatrixXd noise = Eigen::Map<const Eigen::VectorXd>(r.data(), rows).cwiseSqrt().asDiagonal();
     wide_y.rightCols(rows) = noise;
     const Eigen::MatrixXd s = triangle(wide_y);
-    const Eigen::MatrixXd gain = root * wide_y.leftCols(n).transpose() * (s * s.transpose()).inverse();
+    const Eigen::MatrixXd half = s.triangularView<Eigen::Lower>().solve(wide_y.leftCols(n) * root.transpose());
+    const Eigen::MatrixXd gain = s.transpose().triangularView<Eigen::Upper>().solve(half).transpose();
     x += gain * (y - expected);
     Eigen::MatrixXd after(n, 2 * n + rows);
     after << root - gain * wide_y.leftCols(n), gain * noise, gain * wide_y.middleCols(n, n);

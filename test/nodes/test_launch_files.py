@@ -5,6 +5,7 @@ import json
 import os
 import pathlib
 import subprocess
+import time
 import unittest
 
 import yaml
@@ -41,30 +42,46 @@ class LaunchFiles(unittest.TestCase):
                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=60)
         self.assertEqual(ran.returncode, 0, ran.stderr)
 
-    def test_a_live_leak_is_found_and_recorded(self):
-        bag = self.graph.path / "session.bag"
+    def test_a_live_leak_is_found(self):
         heard, listener = self.listen("alarms")
-        recorder = self.launch("record.launch", f"bag:={bag}", "compression:=lz4")
         code, said = self.graph.wait(self.launch(
             "servo_actuator.launch", "rate:=6", "duration:=50", "seed:=3",
             "effects:=orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=25"), 60)
         self.assertEqual(code, 0, said)
-        for process in (recorder, listener):
-            self.graph.end(process)
+        self.graph.end(listener)
         alarms = last_alarms(read_lines(heard))
         faults = [alarm for alarm in alarms["alarms"] if alarm["kind"] == "fault"]
         self.assertEqual([alarm["effect"] for alarm in faults], ["orifice_leakage"], alarms)
         self.assertTrue(faults[0]["active"])
-        self.assertTrue(bag.exists(), os.listdir(self.graph.path))
 
+    def test_a_session_is_recorded_whole(self):
+        # In real time: rosbag record itself queues 100 messages a topic, which is little at several kHz on a busy machine.
+        bag = self.graph.path / "session.bag"
+        recorder = self.launch("record.launch", f"bag:={bag}", "compression:=lz4")
+        limit = time.monotonic() + 20
+        while f"/{RIG}/sample" not in [topic for topic, _ in self.graph.master.getSystemState("/test")[2][1]]:
+            self.assertLess(time.monotonic(), limit, self.graph.said(recorder))
+            time.sleep(0.05)
+        code, said = self.graph.wait(self.launch("servo_actuator.launch", "duration:=6"), 40)
+        self.assertEqual(code, 0, said)
+        self.graph.end(recorder)
         info = yaml.safe_load(subprocess.run(["rosbag", "info", "--yaml", str(bag)], env=self.graph.environment, check=True,
                                              stdout=subprocess.PIPE).stdout)
         count = {topic["topic"]: topic["messages"] for topic in info["topics"]}
         self.assertEqual(info["compression"], "lz4")
-        # The recorder may connect a little later than the estimator.
-        self.assertGreater(count[f"/{RIG}/sample"], 49000)
         self.assertEqual(count[f"/{RIG}/description"], 1)
-        self.assertGreater(count[f"/{RIG}/estimate"], 49000)
+        self.assertGreaterEqual(count[f"/{RIG}/alarms"], 5)
+        # The recorder may connect a little later than the estimator; then it must hear everything to the end.
+        for name in ("sample", "estimate"):
+            numbers = self.sequence_numbers(bag, f"/{RIG}/{name}")
+            self.assertLess(numbers[0], 2000)
+            self.assertEqual(numbers, list(range(numbers[0], 6001)))
+
+    def sequence_numbers(self, bag, topic):
+        script = "import rosbag, sys; print(*[m.sequence for _, m, _ in rosbag.Bag(sys.argv[1]).read_messages(sys.argv[2])])"
+        said = subprocess.run(["python3", "-c", script, str(bag), topic], env=self.graph.environment, check=True,
+                              stdout=subprocess.PIPE, text=True).stdout
+        return [int(word) for word in said.split()]
 
     def replay(self, bag, rate, *options):
         heard, listener = self.listen("alarms", "estimate", "diagnostics")

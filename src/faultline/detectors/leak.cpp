@@ -48,7 +48,7 @@ class Leak : public Detector {
       persistence_.reset();
     }
     const Quantity& c = estimate.quantities[coefficient_at_];
-    const double dt = estimate.time - last_;
+    const double dt = std::max(estimate.time - last_, 0.0);
     last_ = estimate.time;
     if (estimate.time - begin_ >= settle_) {
       const double drive = estimate.quantities[drive_at_].value;
@@ -68,9 +68,11 @@ class Leak : public Detector {
     detection.active = persistence_.update(estimate.time, seen_ >= average_ && mean_ > level);
     detection.since = persistence_.since();
     detection.has_size = true;
-    detection.size = mean_ * drive_mean_ * kLitres;
-    detection.low = std::max(0.0, mean_ - kNinetyPercent * std) * drive_mean_ * kLitres;
-    detection.high = (mean_ + kNinetyPercent * std) * drive_mean_ * kLitres;
+    // No leak flows backwards: what is below zero is scatter.
+    const double to_flow = drive_mean_ * kLitres;
+    detection.size = std::max(0.0, mean_) * to_flow;
+    detection.low = std::max(0.0, mean_ - kNinetyPercent * std) * to_flow;
+    detection.high = std::max(0.0, mean_ + kNinetyPercent * std) * to_flow;
     detection.confidence = 0.5 * std::erfc(-(mean_ - 0.5 * threshold_) / (std * std::sqrt(2.0)));
   }
 

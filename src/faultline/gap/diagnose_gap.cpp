@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "faultline/gap/measure.h"
+#include "faultline/gap/next_run.h"
 #include "faultline/rig/random.h"
 #include "faultline/signal/error.h"
 
@@ -23,6 +24,8 @@ constexpr double kMaterialNext = 0.10;     // ... and a further one
 constexpr double kQuiet = 0.06;            // excess below which there is nothing left to explain
 constexpr double kRefitMatters = 0.05;     // excess that the refit must remove to speak of miscalibration
 constexpr double kEnough = 0.55;           // share of the excess that named effects must close, else "unknown"
+constexpr double kEnoughOfClosure = 0.6;   // share of what all effects at the place together win that the named ones must win
+constexpr double kNextDuration = 20;       // s
 constexpr double kRivalErrors = 2;         // standard errors within which a rival cannot be told apart
 constexpr double kRivalShare = 0.02;       // ... or this share of the gain
 constexpr double kSegmentsCorrelate = 2;   // neighbouring segments share errors: the standard error counts half of them
@@ -173,6 +176,26 @@ class GapWork {
       }
       structures[s].score = robust(structures[s].held_out, segment_values());
     }
+  }
+
+  // Everything smooth that the library has at a port, at once: what a flexible model of that place could win. Each effect starts as
+  // small as its range allows.
+  Scored closure(const FitResult& base, const std::string& port) const {
+    Scored all;
+    for (const Candidate& candidate : all_) {
+      if (candidate.effect.port != port || candidate.family == "stuck" || candidate.family == "resolution") continue;
+      Candidate start = candidate;
+      const EffectType* type = find_effect_type(candidate.effect.effect);
+      for (std::size_t p = 0; p < start.bounds.size(); ++p) {
+        const double none = type->parameters[p].none;
+        const Bounds& b = start.bounds[p];
+        start.effect.parameters[p] = std::isnan(none) ? start.from_coordinate(p, 0.5) : std::clamp(none, b.minimum, b.maximum);
+      }
+      for (const Candidate& known : base.effects)
+        if (known.effect.effect == start.effect.effect && known.effect.port == port) start = known;
+      all.effects.push_back(start);
+    }
+    return all;
   }
 
   // Losses per held-out segment of a model as it is.
@@ -341,6 +364,21 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     work.score(base, again, from + width, from + width);
     now_losses = sum(again.front().score) < sum(structures.front().score) ? again.front().held_out : structures.front().held_out;
   }
+  // What all the library's effects at the place could win together.
+  double closure_gain = 0, named_gain = 0;
+  const std::string place = base.effects.empty() ? (screened_first.empty() ? "" : screened_first.front().effects.back().effect.port)
+                                                 : base.effects.front().effect.port;
+  if (!place.empty() && refit_excess > kQuiet) {
+    std::vector<Scored> closure = {work.closure(base, place)};
+    for (const Candidate& known : base.effects)
+      if (known.effect.port != place) closure.front().effects.push_back(known);
+    if (closure.front().effects.size() > base.effects.size()) {
+      work.score(base, closure, 0.88, 0.93);
+      closure_gain = sum(robust(refit_losses, work.segment_values())) - sum(closure.front().score);
+    }
+    named_gain = sum(robust(refit_losses, work.segment_values())) - sum(robust(now_losses, work.segment_values()));
+    closure_gain = std::max(closure_gain, named_gain);
+  }
   work.tell(0.93, "measuring the gap");
 
   const double explained_excess = excess(now_losses);
@@ -423,15 +461,26 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     if (!result.equivalent.empty())
       result.why_equivalent = fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors", kRivalErrors);
   }
-  result.closable = found ? (refit_excess > 0 ? std::max(0.0, 1 - explained_excess / refit_excess) : 0) : 0;
+  result.closable = found && closure_gain > 0 ? std::clamp(named_gain / closure_gain, 0.0, 1.0) : 0;
   if (found)
-    result.verdict = result.shrink_refit >= kEnough ? "named" : "unknown";
+    result.verdict = result.shrink_refit >= kEnough && result.closable >= kEnoughOfClosure ? "named" : "unknown";
   else if (refit_excess > 4 * kQuiet && sum(refit_losses) > 0 && !first_ranked.empty() && refit_excess > 1)
     result.verdict = "unknown";
   else
     result.verdict = nominal_excess - refit_excess > kRefitMatters ? "miscalibrated" : "none";
   result.where_kind = result.verdict == "none" || result.verdict == "miscalibrated" || result.places.empty() ? "none" : result.places.front().kind;
 
+  if (result.verdict == "named" && !result.equivalent.empty()) {
+    work.tell(0.95, "looking for a run that separates");
+    const NamedEffect& rival = result.equivalent.front();
+    for (const Scored& s : first_ranked)
+      if (s.effects.back().effect.effect == rival.effect && s.effects.back().effect.port == rival.port)
+        result.next = separating_runs(sheet, GapWork::with({first_ranked.front().everywhere.effects.back()}, first_ranked.front().everywhere.model.parameters),
+                                      GapWork::with({s.everywhere.effects.back()}, s.everywhere.model.parameters),
+                                      first_ranked.front().effects.back().effect.effect + "@" + first_ranked.front().effects.back().effect.port + " and " +
+                                          rival.effect + "@" + rival.port,
+                                      gap_segment(sheet), kNextDuration, settings.jobs);
+  }
   measure_levels(work.model(), nominal, refitted, base, result);
   describe(sheet, result);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

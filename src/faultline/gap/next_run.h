@@ -1,0 +1,14 @@
+// Which excitation would tell two explanations apart: each profile of the datasheet is simulated with one of them, and the other,
+// with its parameters adjusted to first order, is held against that. The loss that remains is the predicted log likelihood between them.
+#pragma once
+
+#include "faultline/gap/gap_result.h"
+#include "faultline/gap/least_squares.h"
+
+namespace faultline {
+
+// Best first; only profiles that separate the two by more than chance. `duration` s each; `jobs` threads.
+std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second, const std::string& between,
+                                     std::size_t segment, double duration, int jobs);
+
+}  // namespace faultline

@@ -1,0 +1,283 @@
+// From recordings to alarms, on simulated runs of rigs that are off their datasheet and carry the small effects of every recording:
+// delay, place and size of a leak; no false alarm; data that are bad, silent or run backwards; what is unknown; who wins.
+#include "faultline/alarms/alarm_stage.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "detectors/estimates.h"
+#include "faultline/alarms/diagnosis.h"
+
+namespace faultline {
+namespace {
+
+AlarmReport diagnosed(const Recording& recording) {
+  Diagnosis diagnosis(servo());
+  for (std::size_t k = 0; k < recording.rows(); ++k) diagnosis.process(recording.sample(k));
+  return diagnosis.report();
+}
+
+const Alarm* find(const AlarmReport& report, const std::string& kind) {
+  for (const Alarm& alarm : report.alarms)
+    if (alarm.kind == kind) return &alarm;
+  return nullptr;
+}
+
+std::string told(const AlarmReport& report) {
+  std::string all;
+  for (const Alarm& a : report.alarms)
+    all += a.kind + " " + a.effect + "@" + a.port + " since " + std::to_string(a.since) + " size " + std::to_string(a.size) + ": " + a.text + "\n";
+  return all;
+}
+
+class LeakRun : public ::testing::TestWithParam<std::tuple<double, int>> {};
+
+TEST_P(LeakRun, IsFoundPlacedAndSized) {
+  const auto [volts, seed] = GetParam();
+  SimulationSetup setup = off_nominal("square", static_cast<std::uint64_t>(seed));
+  open_bypass(setup, 22, volts);
+  const Recording r = simulate(servo(), setup, 60);
+  const AlarmReport report = diagnosed(r);
+  ASSERT_EQ(report.alarms.size(), 1u) << told(report);
+  const Alarm& alarm = report.alarms.front();
+  EXPECT_EQ(alarm.kind, "fault");
+  EXPECT_EQ(alarm.effect, "orifice_leakage");
+  EXPECT_EQ(alarm.port, "flow.chamber_a_chamber_b");
+  EXPECT_EQ(alarm.level, AlarmLevel::error);
+  EXPECT_TRUE(alarm.active);
+  EXPECT_GT(alarm.raised, 22);
+  EXPECT_LT(alarm.raised, 28);
+  EXPECT_GE(alarm.since, 21.9);
+  EXPECT_LE(alarm.since, alarm.raised);
+  const double truth = 1e3 * mean_of(r, "leak_flow", 40, 60);
+  EXPECT_NEAR(alarm.size, truth, 0.2 * truth);
+  EXPECT_LE(alarm.low, truth);
+  EXPECT_GE(alarm.high, truth);
+  EXPECT_EQ(alarm.size_unit, "l/s");
+  EXPECT_GT(alarm.confidence, volts > 2 ? 0.99 : 0.8);
+  EXPECT_NE(report.verdict.find("Internal leak"), std::string::npos) << report.verdict;
+  EXPECT_NE(report.verdict.find("l/s"), std::string::npos) << report.verdict;
+}
+
+INSTANTIATE_TEST_SUITE_P(VoltsAndSeeds, LeakRun, ::testing::Combine(::testing::Values(1.0, 5.0), ::testing::Values(1, 2, 3, 4)));
+
+class HealthyRun : public ::testing::TestWithParam<std::tuple<const char*, int>> {};
+
+TEST_P(HealthyRun, RaisesNothing) {
+  const auto [profile, seed] = GetParam();
+  const AlarmReport report = diagnosed(simulate(servo(), off_nominal(profile, static_cast<std::uint64_t>(seed)), 40));
+  EXPECT_TRUE(report.alarms.empty()) << told(report);
+  EXPECT_EQ(report.verdict, "No fault found.");
+}
+
+INSTANTIATE_TEST_SUITE_P(ProfilesAndSeeds, HealthyRun,
+                         ::testing::Combine(::testing::Values("square", "random", "cycle", "standstill"), ::testing::Range(1, 7)));
+
+TEST(AlarmStage, LeakThatEndsIsEnded) {
+  SimulationSetup setup = off_nominal("square", 2);
+  setup.commands.push_back({"leak_valve_command", {20, 20.001, 45, 45.001}, {0, 5, 5, 0}});
+  const AlarmReport report = diagnosed(simulate(servo(), setup, 80));
+  ASSERT_EQ(report.alarms.size(), 1u) << told(report);
+  EXPECT_FALSE(report.alarms[0].active);
+  EXPECT_GT(report.alarms[0].until, 45);
+  EXPECT_LT(report.alarms[0].until, 75);
+  EXPECT_EQ(report.verdict, "No fault now; there were alarms before.");
+}
+
+TEST(AlarmStage, DifferentialTransducerThatDriftsOffIsASensorAlarm) {
+  SimulationSetup setup = off_nominal("square", 3);
+  setup.effects.push_back(parse_effect("offset@sensor.load_pressure:value=6e4,from=20"));
+  const AlarmReport report = diagnosed(simulate(servo(), setup, 40));
+  const Alarm* alarm = find(report, "sensor");
+  ASSERT_NE(alarm, nullptr) << told(report);
+  EXPECT_EQ(alarm->port, "sensor.load_pressure");
+  EXPECT_GT(alarm->raised, 20);
+  EXPECT_LT(alarm->raised, 23);
+  EXPECT_NEAR(alarm->size, 6e4, 3e3);
+}
+
+// Beyond the two questions the stages answer: the model must stop fitting, and say so, rather than name a leak.
+class StrangeRun : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(StrangeRun, IsUnknown) {
+  SimulationSetup setup = off_nominal("random", 2);
+  setup.effects.push_back(parse_effect(GetParam()));
+  const AlarmReport report = diagnosed(simulate(servo(), setup, 40));
+  EXPECT_NE(find(report, "unknown"), nullptr) << told(report);
+  EXPECT_EQ(find(report, "fault"), nullptr) << told(report);
+}
+
+INSTANTIATE_TEST_SUITE_P(Effects, StrangeRun,
+                         ::testing::Values("scale@sensor.velocity:factor=0.7,from=20", "offset@source.supply_pressure:value=-2e6,from=20",
+                                           "orifice_leakage@flow.chamber_a_tank:coefficient=1e-8,from=20",
+                                           "orifice_leakage@flow.chamber_b_tank:coefficient=1e-8,from=20",
+                                           "scale@sensor.spool_position:factor=0.7,from=20",
+                                           "offset@sensor.spool_position:value=0.5,from=20"));
+
+TEST(AlarmStage, MissingChannelIsADataAlarmThatEnds) {
+  const Recording r = simulate(servo(), off_nominal("square", 1), 8);
+  Diagnosis diagnosis(servo());
+  for (std::size_t k = 0; k < r.rows(); ++k) {
+    Sample sample = r.sample(k);
+    if (k >= 3000 && k < 3500) sample.values[column("velocity")] = std::nan("");
+    if (k >= 5000 && k < 5500) sample.values[column("load_pressure")] = 9e6;
+    diagnosis.process(sample);
+    const std::size_t active = static_cast<std::size_t>(std::count_if(
+        diagnosis.report().alarms.begin(), diagnosis.report().alarms.end(), [](const Alarm& a) { return a.active; }));
+    if (k % 500 == 250) ASSERT_EQ(active, (k > 3000 && k < 4500) || (k > 5000 && k < 6500) ? 1u : 0u) << k;
+    if (k == 3000) EXPECT_EQ(diagnosis.report().alarms.front().raised, sample.time);  // at once, with the first bad sample
+  }
+  const AlarmReport& report = diagnosis.report();
+  ASSERT_EQ(report.alarms.size(), 2u) << told(report);
+  EXPECT_EQ(report.alarms[0].kind, "data");
+  EXPECT_EQ(report.alarms[0].port, "sensor.velocity");
+  EXPECT_NE(report.alarms[0].text.find("velocity"), std::string::npos);
+  EXPECT_NEAR(report.alarms[0].until, 3.499, 1e-9);
+  EXPECT_EQ(report.alarms[1].port, "sensor.load_pressure");
+  EXPECT_NE(report.alarms[1].text.find("outside"), std::string::npos);
+}
+
+TEST(AlarmStage, ChannelsNoDiagnosisMayUseRaiseNothing) {
+  const Recording r = simulate(servo(), off_nominal("square", 1), 3);
+  Diagnosis diagnosis(servo());
+  for (std::size_t k = 0; k < r.rows(); ++k) {
+    Sample sample = r.sample(k);
+    for (std::size_t c = 0; c < r.columns(); ++c)
+      if (r.channels[c].ground_truth) sample.values[c] = std::nan("");
+    diagnosis.process(sample);
+  }
+  EXPECT_TRUE(diagnosis.report().alarms.empty()) << told(diagnosis.report());
+}
+
+TEST(AlarmStage, SilenceIsStaleAndWorstWins) {
+  AlarmStage stage(servo());
+  for (int k = 0; k < 5000; ++k) stage.process(quiet(k * 1e-3));
+  EXPECT_EQ(worst(stage.report()), AlarmLevel::ok);
+  const std::uint64_t before = stage.changes();
+  stage.advance(4.999 + 0.0999);
+  EXPECT_EQ(stage.changes(), before);
+  stage.advance(4.999 + 0.1001);
+  EXPECT_EQ(stage.changes(), before + 1);
+  EXPECT_EQ(worst(stage.report()), AlarmLevel::stale);
+  EXPECT_NE(stage.report().verdict.find("no sample"), std::string::npos);
+  stage.advance(9);
+  EXPECT_EQ(stage.changes(), before + 1);  // once is enough
+  stage.process(quiet(9));
+  EXPECT_EQ(worst(stage.report()), AlarmLevel::ok);
+  EXPECT_FALSE(stage.report().alarms[0].active);
+  EXPECT_NEAR(stage.report().alarms[0].since, 5.099, 1e-9);
+}
+
+TEST(AlarmStage, WorstWinsWhateverTheOrder) {
+  AlarmReport report;
+  EXPECT_EQ(worst(report), AlarmLevel::ok);
+  for (const AlarmLevel level : {AlarmLevel::error, AlarmLevel::warning, AlarmLevel::stale, AlarmLevel::warning}) {
+    Alarm alarm;
+    alarm.level = level;
+    alarm.active = true;
+    report.alarms.push_back(alarm);
+  }
+  EXPECT_EQ(worst(report), AlarmLevel::stale);
+  report.alarms[2].active = false;
+  EXPECT_EQ(worst(report), AlarmLevel::error);
+  report.alarms[0].active = false;
+  EXPECT_EQ(worst(report), AlarmLevel::warning);
+}
+
+TEST(AlarmStage, FaultsAreWithheldWhileTheModelDoesNotFit) {
+  AlarmStage stage(servo());
+  // The model stops fitting first; then the leak detector would speak.
+  for (int k = 0; k < 40000; ++k) {
+    Estimate estimate = k < 10000 ? quiet(k * 1e-3) : loud(k * 1e-3);
+    estimate.quantities[0].value = k < 14000 ? 0 : 2e-8;
+    estimate.quantities[3].value = 0;
+    stage.process(estimate);
+  }
+  EXPECT_EQ(find(stage.report(), "fault"), nullptr) << told(stage.report());
+  ASSERT_NE(find(stage.report(), "unknown"), nullptr);
+  EXPECT_EQ(find(stage.report(), "unknown")->level, AlarmLevel::warning);
+  EXPECT_EQ(worst(stage.report()), AlarmLevel::warning);
+}
+
+TEST(AlarmStage, VerdictNamesTheWorstAndCountsTheRest) {
+  AlarmStage stage(servo());
+  EXPECT_EQ(stage.report().verdict, "No fault found.");
+  for (int k = 0; k < 30000; ++k) {
+    Estimate estimate = quiet(k * 1e-3);
+    if (k > 10000) {
+      estimate.quantities[0].value = 2e-8;
+      estimate.quantities[3].value = 1e5;
+    }
+    stage.process(estimate);
+  }
+  const std::string verdict = stage.report().verdict;
+  ASSERT_EQ(stage.report().alarms.size(), 2u) << told(stage.report());
+  EXPECT_NE(verdict.find("1 more alarm."), std::string::npos) << verdict;
+  EXPECT_NE(verdict.find("90 %"), std::string::npos) << verdict;
+}
+
+TEST(AlarmStage, TimeJumpBackStartsOver) {
+  const Recording r = simulate(servo(), [] {
+    SimulationSetup setup = off_nominal("square", 1);
+    open_bypass(setup, 12, 5);
+    return setup;
+  }(), 30);
+  Diagnosis looped(servo()), once(servo());
+  for (int pass = 0; pass < 2; ++pass)
+    for (std::size_t k = 0; k < r.rows(); ++k) looped.process(r.sample(k));
+  for (std::size_t k = 0; k < r.rows(); ++k) once.process(r.sample(k));
+  const AlarmReport &a = looped.report(), &b = once.report();
+  ASSERT_EQ(a.alarms.size(), 1u) << told(a);
+  ASSERT_EQ(b.alarms.size(), 1u);
+  EXPECT_EQ(a.alarms[0].since, b.alarms[0].since);
+  EXPECT_EQ(a.alarms[0].raised, b.alarms[0].raised);
+  EXPECT_EQ(a.alarms[0].size, b.alarms[0].size);
+}
+
+TEST(AlarmStage, KeepsABoundedNumberOfAlarms) {
+  AlarmStage stage(servo());
+  double time = 0;
+  for (int k = 0; k < 1500; ++k) {
+    stage.process(quiet(time));
+    stage.advance(time + 1);
+    time += 1.5;
+  }
+  EXPECT_LE(stage.report().alarms.size(), 1000u);
+  stage.process(quiet(time));
+  EXPECT_EQ(worst(stage.report()), AlarmLevel::ok);
+}
+
+TEST(Verdict, CountsEndedAlarmsAndRanksKinds) {
+  AlarmReport report;
+  EXPECT_EQ(verdict_of(report, 0, 30).kind, "healthy");
+  Alarm alarm;
+  alarm.kind = "data";
+  alarm.text = "velocity: no number comes from this channel";
+  alarm.since = 103;
+  alarm.until = 105;
+  report.alarms.push_back(alarm);
+  EXPECT_EQ(verdict_of(report, 100, 130).kind, "data");
+  EXPECT_NE(verdict_of(report, 100, 130).sentence.find("since 3.0 s, until 5.0 s"), std::string::npos);
+  alarm.kind = "unknown";
+  report.alarms.push_back(alarm);
+  EXPECT_EQ(verdict_of(report, 100, 130).kind, "unknown");
+  alarm.kind = "sensor";
+  report.alarms.push_back(alarm);
+  EXPECT_EQ(verdict_of(report, 100, 130).kind, "sensor");
+  alarm.kind = "fault";
+  alarm.active = true;
+  alarm.has_size = true;
+  alarm.size = 0.0321;
+  alarm.low = 0.03;
+  alarm.high = 0.035;
+  alarm.size_unit = "l/s";
+  report.alarms.push_back(alarm);
+  const Verdict verdict = verdict_of(report, 100, 130);
+  EXPECT_EQ(verdict.kind, "fault");
+  EXPECT_NE(verdict.sentence.find("0.0321 l/s"), std::string::npos) << verdict.sentence;
+  EXPECT_NE(verdict.sentence.find("still there at the end"), std::string::npos) << verdict.sentence;
+}
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,219 @@
+// The fit of a gap: candidates and their coordinates, the linearisation against direct computation, and what a fit recovers.
+#include "faultline/gap/least_squares.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <stdexcept>
+
+#include <Eigen/Cholesky>
+
+#include "servo_runs.h"
+
+namespace faultline {
+namespace {
+
+GapModel nominal() {
+  GapModel model;
+  model.parameters = servo().nominal();
+  return model;
+}
+
+ResidualModel model_of(const SimulationSetup& setup, double duration, std::size_t segment) {
+  std::vector<GapRun> runs;
+  runs.push_back(prepare_run(servo(), "run", simulate(servo(), setup, duration), segment));
+  return ResidualModel(servo(), std::move(runs), segment);
+}
+
+std::size_t parameter(const std::string& name) { return static_cast<std::size_t>(servo().parameter(name)); }
+
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& residuals, const GapModel& model) { return {residuals.residuals(model, 0)}; }
+
+double total(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double v : values) sum += v;
+  return sum;
+}
+
+TEST(Candidates, AreEveryEffectAtEveryFittingPort) {
+  std::size_t expected = 0;
+  for (const Port& port : servo().ports) expected += port.effects.size();
+  const std::vector<Candidate> all = candidates(servo(), {});
+  EXPECT_EQ(all.size(), expected);
+  const auto without_effect = candidates(servo(), {"scale"});
+  const auto without_place = candidates(servo(), {"scale@sensor.velocity"});
+  EXPECT_LT(without_effect.size(), all.size() - 1);
+  EXPECT_EQ(without_place.size(), all.size() - 1);
+  for (const Candidate& candidate : without_effect) EXPECT_NE(candidate.effect.effect, "scale");
+}
+
+TEST(Candidates, CoordinatesGoThereAndBack) {
+  for (const Candidate& candidate : candidates(servo(), {}))
+    for (std::size_t i = 0; i < candidate.bounds.size(); ++i) {
+      const Bounds& b = candidate.bounds[i];
+      if (b.minimum >= b.maximum) continue;
+      const std::string what = candidate.effect.effect + "@" + candidate.effect.port;
+      double last = -std::numeric_limits<double>::infinity();
+      for (const double c : {0.0, 0.1, 0.37, 0.5, 0.93, 1.0}) {
+        const double value = candidate.from_coordinate(i, c);
+        EXPECT_GT(value, last) << what;
+        EXPECT_NEAR(candidate.to_coordinate(i, value), c, 1e-9) << what;
+        last = value;
+      }
+      EXPECT_DOUBLE_EQ(candidate.from_coordinate(i, 0), b.minimum) << what;
+      EXPECT_NEAR(candidate.from_coordinate(i, 1), b.maximum, 1e-9 * std::abs(b.maximum)) << what;
+      EXPECT_EQ(candidate.from_coordinate(i, 1.5), candidate.from_coordinate(i, 1)) << what;
+    }
+}
+
+TEST(Candidates, StartingPointsLieWithinTheirBounds) {
+  for (const Candidate& candidate : candidates(servo(), {})) {
+    const auto points = starting_points(candidate);
+    const std::string what = candidate.effect.effect + "@" + candidate.effect.port;
+    EXPECT_GE(points.size(), 3u) << what;
+    EXPECT_LE(points.size(), 60u) << what;
+    for (const auto& point : points) {
+      ASSERT_EQ(point.size(), candidate.bounds.size()) << what;
+      for (std::size_t i = 0; i < point.size(); ++i) {
+        EXPECT_GE(point[i], candidate.bounds[i].minimum) << what;
+        EXPECT_LE(point[i], candidate.bounds[i].maximum) << what;
+      }
+    }
+  }
+}
+
+TEST(Parallel, DoesEverythingOnceAndThrowsOn) {
+  for (const int jobs : {1, 3}) {
+    std::vector<std::atomic<int>> done(100);
+    parallel(done.size(), jobs, [&](std::size_t i) { ++done[i]; });
+    for (const auto& count : done) EXPECT_EQ(count, 1);
+    std::atomic<int> started{0};
+    EXPECT_THROW(parallel(10000, jobs,
+                          [&](std::size_t i) {
+                            ++started;
+                            if (i == 5) throw std::runtime_error("five");
+                          }),
+                 std::runtime_error);
+    EXPECT_LT(started, 10000);
+  }
+}
+
+TEST(Linearisation, SegmentLossIsTheMarginalLikelihoodOverTheStart) {
+  constexpr std::size_t kTiny = 40;
+  const ResidualModel residuals = model_of(servo_setup("prbs"), 0.12, kTiny);
+  const Linearisation linear(residuals, nominal(), {0}, 1);
+  const std::vector<Eigen::MatrixXf> r = residuals_of(residuals, nominal());
+  const std::vector<double> losses = linear.segment_losses(r);
+  const auto sensitivity = residuals.start_sensitivity(nominal(), 0);
+  ASSERT_EQ(losses.size(), 3u);
+  const auto n = static_cast<Eigen::Index>(kTiny), outputs = r[0].cols();
+  for (std::size_t g = 0; g < losses.size(); ++g) {
+    const auto first = static_cast<Eigen::Index>(g) * n;
+    const auto stacked = [&](const Eigen::MatrixXf& matrix) {
+      Eigen::VectorXd column(n * outputs);
+      for (Eigen::Index o = 0; o < outputs; ++o) column.segment(o * n, n) = matrix.col(o).segment(first, n).cast<double>();
+      return column;
+    };
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(n * outputs, n * outputs);
+    for (const Eigen::MatrixXf& s : sensitivity) covariance += stacked(s) * stacked(s).transpose();
+    const Eigen::VectorXd column = stacked(r[0]);
+    EXPECT_NEAR(losses[g], 0.5 * column.dot(covariance.llt().solve(column)), 1e-3 * losses[g]) << g;
+    EXPECT_LE(losses[g], 0.5 * column.squaredNorm());
+  }
+}
+
+TEST(Linearisation, GradientAgreesWithDifferences) {
+  SimulationSetup setup = servo_setup("multisine");
+  setup.parameters = draw_parameters(servo(), 4);
+  const ResidualModel residuals = model_of(setup, 3, 500);
+  const Linearisation linear(residuals, nominal(), {0}, 2);
+  const std::vector<Eigen::MatrixXf> r = residuals_of(residuals, nominal());
+  Eigen::VectorXd gradient;
+  const double square = linear.square(r, gradient);
+  double weighted = 0;
+  const std::vector<double> losses = linear.segment_losses(r);
+  for (std::size_t i = 0; i < losses.size(); ++i) weighted += 2 * linear.weight(i) * losses[i];
+  EXPECT_NEAR(square, weighted, 1e-4 * weighted);
+
+  // Of the loss along the columns: exact, the loss being quadratic in the residuals.
+  for (std::size_t j = 0; j < linear.free_parameters().size(); ++j) {
+    Eigen::VectorXd unused;
+    const Eigen::MatrixXf& column = linear.parameter_columns()[j][0];
+    const double size = std::max(1e-3, std::sqrt(linear.parameter_gram()(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(j))));
+    const auto h = static_cast<float>(10 / size);
+    const double up = linear.square({r[0] + h * column}, unused), down = linear.square({r[0] - h * column}, unused);
+    EXPECT_NEAR(gradient[static_cast<Eigen::Index>(j)] / size, (up - down) / (4 * static_cast<double>(h) * size),
+                1e-3 * std::sqrt(square) + 1e-3 * std::abs(gradient[static_cast<Eigen::Index>(j)] / size))
+        << servo().parameters[linear.free_parameters()[j]].name;
+  }
+
+  // Of the residuals in the parameters: with a smaller step from both sides.
+  for (const char* name : {"viscous_damping", "flow_coefficient", "moving_mass", "spool_time_constant"}) {
+    const Parameter& p = servo().parameters[parameter(name)];
+    GapModel plus = nominal(), minus = nominal();
+    plus.parameters[parameter(name)] *= 1 + 0.03 * p.tolerance;
+    minus.parameters[parameter(name)] *= 1 - 0.03 * p.tolerance;
+    const Eigen::MatrixXf direct = (residuals.residuals(plus, 0) - residuals.residuals(minus, 0)) / 0.06f;
+    const auto& free = linear.free_parameters();
+    const auto j = static_cast<std::size_t>(std::find(free.begin(), free.end(), parameter(name)) - free.begin());
+    const Eigen::MatrixXf& column = linear.parameter_columns()[j][0];
+    EXPECT_GT(direct.cwiseProduct(column).sum() / direct.norm() / column.norm(), 0.99f) << name;
+    EXPECT_NEAR(column.norm() / direct.norm(), 1, 0.05) << name;
+  }
+}
+
+TEST(Linearisation, ProjectedLossIsNoMoreThanTheLoss) {
+  SimulationSetup setup = servo_setup("multisine");
+  setup.parameters = draw_parameters(servo(), 9);
+  const ResidualModel residuals = model_of(setup, 3, 500);
+  const Linearisation linear(residuals, nominal(), {0}, 2);
+  const std::vector<Eigen::MatrixXf> r = residuals_of(residuals, nominal());
+  const Eigen::VectorXd z = deviations(servo(), linear.free_parameters(), nominal().parameters);
+  EXPECT_EQ(z.norm(), 0);
+  Eigen::VectorXd unused;
+  const double loss = 0.5 * linear.square(r, unused), projected = projected_loss(linear, r, z);
+  EXPECT_LT(projected, loss);
+  EXPECT_GT(projected, 0);
+  EXPECT_LT(projected, 0.7 * loss);  // the run is off by its parameters alone
+  EXPECT_NEAR(total(linear.subset({0}).segment_losses(r)), total(linear.segment_losses(r)), 1e-6 * loss);
+}
+
+TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
+  SimulationSetup setup = servo_setup("multisine");
+  setup.parameters = servo().nominal();
+  setup.parameters[parameter("viscous_damping")] *= 1.2;
+  setup.parameters[parameter("flow_coefficient")] *= 0.96;
+  const ResidualModel residuals = model_of(setup, 6, 500);
+  FitResult fit;
+  fit.model = nominal();
+  for (int round = 0; round < 2; ++round) {
+    const Linearisation linear(residuals, fit.model, {0}, 2);
+    const double before = total(linear.segment_losses(residuals_of(residuals, fit.model)));
+    fit = fit_gap(residuals, fit.model, {}, linear, 4);
+    EXPECT_LE(total(linear.segment_losses(residuals_of(residuals, fit.model))), before);
+  }
+  const Eigen::VectorXd z = deviations(servo(), {parameter("viscous_damping"), parameter("flow_coefficient"), parameter("ram_area")},
+                                       fit.model.parameters);
+  EXPECT_NEAR(z[0], 2, 0.4);
+  EXPECT_NEAR(z[1], -2, 0.4);
+  EXPECT_NEAR(z[2], 0, 1);
+}
+
+TEST(FitGap, FindsTheSizeOfAnEffect) {
+  SimulationSetup setup = servo_setup("multisine");
+  setup.effects.push_back(parse_effect("scale@sensor.velocity:factor=1.12"));
+  const ResidualModel residuals = model_of(setup, 4, 500);
+  std::vector<Candidate> effect;
+  for (const Candidate& candidate : candidates(servo(), {}))
+    if (candidate.effect.effect == "scale" && candidate.effect.port == "sensor.velocity") effect.push_back(candidate);
+  ASSERT_EQ(effect.size(), 1u);
+  effect.front().effect.parameters = {1.02};
+  const Linearisation linear(residuals, nominal(), {0}, 2);
+  const FitResult fit = fit_gap(residuals, nominal(), effect, linear, 8);
+  EXPECT_NEAR(fit.effects.front().effect.parameters.front(), 1.12, 0.01);
+  ASSERT_EQ(fit.model.effects.size(), 1u);
+  EXPECT_GT(fit.covariance(fit.covariance.rows() - 1, fit.covariance.cols() - 1), 0);
+}
+
+}  // namespace
+}  // namespace faultline

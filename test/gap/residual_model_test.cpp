@@ -1,0 +1,145 @@
+// Residuals of a gap: the noise they are measured in, what a run must be like, and the course that is written for plots.
+#include "faultline/gap/residual_model.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "faultline/gap/gap_series.h"
+#include "faultline/rig/random.h"
+#include "faultline/signal/error.h"
+#include "servo_runs.h"
+
+namespace faultline {
+namespace {
+
+constexpr std::size_t kSegment = 500;
+
+GapModel nominal() {
+  GapModel model;
+  model.parameters = servo().nominal();
+  return model;
+}
+
+std::string complaint(Recording recording, std::size_t segment = kSegment) {
+  try {
+    prepare_run(servo(), "a.bag", std::move(recording), segment);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(NoiseFloor, FindsWhiteNoiseUnderAMovingSignal) {
+  Recording recording;
+  recording.channels.resize(2);
+  Random random(5);
+  for (int k = 0; k < 20000; ++k) {
+    Sample sample;
+    sample.time = 1e-3 * k;
+    const double moving = 0.3 * std::sin(2 * 3.14159265358979 * 2 * sample.time);
+    sample.values = {moving + 0.01 * random.normal(), moving};
+    recording.append(sample);
+  }
+  EXPECT_NEAR(noise_floor(recording, 0), 0.01, 0.0004);
+  EXPECT_LT(noise_floor(recording, 1), 1e-6);
+}
+
+TEST(NoiseFloor, OfASimulatedRunIsWhatTheDatasheetSays) {
+  const Recording run = simulate(servo(), servo_setup("multisine"), 10);
+  for (const char* channel : {"velocity", "load_pressure", "chamber_a_pressure"}) {
+    const double says = servo().channels[column(channel)].noise_std;
+    EXPECT_NEAR(noise_floor(run, column(channel)), says, 0.08 * says) << channel;
+  }
+}
+
+TEST(PrepareRun, RefusesWhatCannotBeUsed) {
+  const Recording good = simulate(servo(), servo_setup("multisine"), 2);
+  EXPECT_EQ(complaint(good), "");
+
+  const std::string brief = complaint(simulate(servo(), servo_setup("multisine"), 0.5));
+  EXPECT_NE(brief.find("a.bag"), std::string::npos) << brief;
+  EXPECT_NE(brief.find("too few"), std::string::npos) << brief;
+
+  Recording uneven = good;
+  for (std::size_t k = 700; k < uneven.rows(); ++k) uneven.time[k] += 0.004;
+  const std::string says = complaint(uneven);
+  EXPECT_NE(says.find("0.005 s between the samples at 0.700 s"), std::string::npos) << says;
+
+  Recording missing = good;
+  missing.values[1200 * missing.columns() + column("velocity")] = std::numeric_limits<double>::quiet_NaN();
+  const std::string names = complaint(missing);
+  EXPECT_NE(names.find("velocity"), std::string::npos) << names;
+  EXPECT_NE(names.find("1.200 s"), std::string::npos) << names;
+}
+
+TEST(PrepareRun, HidesGroundTruthAndCutsSegments) {
+  SimulationSetup setup = servo_setup("multisine");
+  open_bypass(setup, 0.5, 3);
+  Recording recording = simulate(servo(), setup, 2);
+  ASSERT_GT(recording.at(1500, column("leak_valve_command")), 2.9);
+  // A number that is missing where nobody looks does no harm.
+  recording.values[100 * recording.columns() + column("leak_flow")] = std::numeric_limits<double>::quiet_NaN();
+  const GapRun run = prepare_run(servo(), "a.bag", std::move(recording), kSegment);
+  EXPECT_EQ(run.recording.at(1500, column("leak_valve_command")), 0);
+  EXPECT_EQ(run.recording.at(100, column("leak_flow")), 0);
+  EXPECT_EQ(run.segments(), 4u);
+  EXPECT_EQ(run.restarts[3], 1500u);
+}
+
+TEST(ResidualModel, IsNoiseWhereTheModelIsRightAndMoreWhereItIsNot) {
+  SimulationSetup other = servo_setup("multisine", 2);
+  other.effects.push_back(parse_effect("viscous_friction@force.piston:coefficient=800"));
+  std::vector<GapRun> runs;
+  runs.push_back(prepare_run(servo(), "right", simulate(servo(), servo_setup("multisine"), 3), kSegment));
+  runs.push_back(prepare_run(servo(), "wrong", simulate(servo(), other, 3), kSegment));
+  const ResidualModel model(servo(), std::move(runs), kSegment);
+  ASSERT_EQ(model.outputs().size(), 6u);
+  const auto mean_square = [&](std::size_t run, std::size_t horizon) {
+    const Eigen::MatrixXf r = model.residuals(nominal(), run, horizon);
+    return static_cast<double>(r.squaredNorm()) / static_cast<double>(r.size());
+  };
+  EXPECT_GT(mean_square(0, kSegment), 0.8);
+  EXPECT_LT(mean_square(0, kSegment), 4);  // start states are themselves measured
+  EXPECT_GT(mean_square(1, kSegment), 20);
+  EXPECT_LT(mean_square(1, 1), mean_square(1, kSegment));
+  EXPECT_EQ(model.start_sensitivity(nominal(), 0).size(), 5u);  // position, velocity, both chambers, spool
+}
+
+TEST(GapSeries, HoldsTheRecordingAndThreeCourses) {
+  SimulationSetup setup = servo_setup("multisine");
+  std::vector<GapRun> runs;
+  for (const char* name : {"a", "b"}) {
+    setup.seed += 1;
+    runs.push_back(prepare_run(servo(), name, simulate(servo(), setup, 6), kSegment));
+    for (double& time : runs.back().recording.time) time += 100;
+  }
+  const ResidualModel model(servo(), std::move(runs), kSegment);
+  GapModel wrong = nominal();
+  wrong.parameters[static_cast<std::size_t>(servo().parameter("viscous_damping"))] *= 1.5;
+  const GapSeries series = gap_series(model, 1, wrong, nominal(), nominal(), 2);
+  EXPECT_EQ(series.run, 1u);
+  ASSERT_EQ(series.time.size(), 3001u);  // every second of 6001
+  EXPECT_EQ(series.time.front(), 0);
+  EXPECT_NEAR(series.time.back(), 6, 1e-9);
+  ASSERT_EQ(series.channels.size(), 6u);
+  ASSERT_EQ(series.values.size(), series.time.size() * 24);
+  const Recording& recorded = model.runs()[1].recording;
+  double off[3] = {0, 0, 0};
+  for (std::size_t k = 0; k < series.time.size(); ++k)
+    for (std::size_t o = 0; o < 6; ++o) {
+      const double* values = series.values.data() + k * 24 + 4 * o;
+      ASSERT_EQ(values[0], recorded.at(2 * k, static_cast<std::size_t>(model.outputs()[o])));
+      for (int level = 0; level < 3; ++level) off[level] += std::pow((values[level + 1] - values[0]) / model.noise()[o], 2);
+    }
+  EXPECT_GT(off[0], 2 * off[1]);
+  EXPECT_EQ(off[1], off[2]);
+  EXPECT_LT(off[1] / static_cast<double>(6 * series.time.size()), 4);
+
+  // The second half of a run that was cut in two: one run, and time goes on.
+  const GapSeries half = gap_series(model, 1, wrong, nominal(), nominal(), 1);
+  EXPECT_EQ(half.run, 0u);
+}
+
+}  // namespace
+}  // namespace faultline
