@@ -105,6 +105,7 @@ TEST_P(EveryDetector, StaysFiniteOnExtremes) {
     for (int k = 0; k < 5000; ++k) {
       Estimate estimate = quiet(k * 1e-3);
       for (Quantity& q : estimate.quantities) q.value = value, q.std = std::abs(value);
+      estimate.quantities[5].value = std::abs(value);  // a square root
       estimate.normalised_innovation = std::abs(value);
       estimate.observed = k % 3;
       detector_->process(estimate, detection_);

@@ -5,7 +5,7 @@
 
 #include <limits>
 
-#include "estimators/allocations.h"
+#include "count_allocations.h"
 #include "faultline/signal/error.h"
 #include "servo_runs.h"
 

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "estimators/allocations.h"
+#include "allocations.h"
 #include "estimators/linear_model.h"
 #include "faultline/signal/error.h"
 

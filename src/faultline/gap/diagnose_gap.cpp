@@ -366,12 +366,12 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   }
   // What all the library's effects at the place could win together.
   double closure_gain = 0, named_gain = 0;
-  const std::string place = base.effects.empty() ? (screened_first.empty() ? "" : screened_first.front().effects.back().effect.port)
+  const std::string located = base.effects.empty() ? (screened_first.empty() ? "" : screened_first.front().effects.back().effect.port)
                                                  : base.effects.front().effect.port;
-  if (!place.empty() && refit_excess > kQuiet) {
-    std::vector<Scored> closure = {work.closure(base, place)};
+  if (!located.empty() && refit_excess > kQuiet) {
+    std::vector<Scored> closure = {work.closure(base, located)};
     for (const Candidate& known : base.effects)
-      if (known.effect.port != place) closure.front().effects.push_back(known);
+      if (known.effect.port != located) closure.front().effects.push_back(known);
     if (closure.front().effects.size() > base.effects.size()) {
       work.score(base, closure, 0.88, 0.93);
       closure_gain = sum(robust(refit_losses, work.segment_values())) - sum(closure.front().score);

@@ -1,4 +1,7 @@
-#include "estimators/allocations.h"
+// Replaces operator new by one that counts: for exactly one file of a program.
+#pragma once
+
+#include "allocations.h"
 
 #include <cstdlib>
 #include <new>

@@ -1,0 +1,223 @@
+"""gap: the JSON form keeps its contract, the effect that the runs carry is named first, what it writes can be used again, and bad
+input is told before the work begins. One diagnosis serves most tests: each takes many simulations."""
+import csv
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from program import ROOT, ProgramTest, check_schema, program  # noqa: E402
+
+SCHEMA = json.loads((ROOT / "docs/gap.schema.json").read_text())
+EFFECT, PORT, SIZE = "viscous_friction", "force.piston", 800.0
+DURATION = 5  # s
+
+
+def call(folder, *arguments, **options):
+    return subprocess.run([program(), *map(str, arguments)], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                          timeout=300, **options)
+
+
+class Diagnosed(unittest.TestCase):
+    """What one diagnosis of two runs says and writes."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="faultline_gap_test_"))
+        cls.addClassCleanup(shutil.rmtree, cls.folder, ignore_errors=True)
+        for seed, profile in ((1, "multisine"), (2, "steps")):
+            done = call(cls.folder, "simulate", "servo_actuator", "--profile", profile, "--duration", DURATION, "--seed", seed, "--effect",
+                        f"{EFFECT}@{PORT}:coefficient={SIZE:g}", "--quiet", "-o", profile + ".bag")
+            assert done.returncode == 0, done.stderr
+        cls.done = call(cls.folder, "gap", "multisine.bag", "steps.bag", "--json", "gap.json", "--series", "series.csv", "--report",
+                        "gap.html", "--adopt", "adopted.yaml")
+        assert cls.done.returncode == 0, cls.done.stderr
+        cls.answer = json.loads((cls.folder / "gap.json").read_text())
+
+    def test_keeps_the_contract(self):
+        self.assertEqual(check_schema(self.answer, SCHEMA), [])
+        self.assertEqual(self.answer["runs"], ["multisine.bag", "steps.bag"])
+        self.assertEqual(self.answer["holdout"], [])
+        self.assertIn(self.answer["deciding_run"], self.answer["runs"])
+        channels = ["position", "velocity", "load_pressure", "chamber_a_pressure", "chamber_b_pressure", "spool_position"]
+        for level in ("nominal", "refit", "explained"):
+            self.assertEqual(sorted(self.answer["gap"][level]["channels"]), sorted(channels))
+
+    def test_schema_can_fail(self):
+        broken = json.loads(json.dumps(self.answer))
+        broken["gap"]["refit"]["channels"]["velocity"].pop("noise_floor")
+        broken["cause"]["verdict"] = "maybe"
+        broken["cause"]["ranked"][0]["port"] = 3
+        self.assertEqual(len(check_schema(broken, SCHEMA)), 3)
+
+    def test_names_the_effect_first(self):
+        cause = self.answer["cause"]
+        self.assertEqual(cause["verdict"], "named")
+        self.assertEqual((cause["effects"][0]["effect"], cause["effects"][0]["port"]), (EFFECT, PORT))
+        self.assertEqual((cause["ranked"][0]["effect"], cause["ranked"][0]["port"]), (EFFECT, PORT))
+        self.assertIn(EFFECT, cause["sentence"])
+        first = cause["effects"][0]
+        # A damping is a parameter, too: the refit may take up to 3.5 tolerances of 10 % of 900 N s/m of it.
+        self.assertGreater(first["parameters"]["coefficient"], SIZE - 3.5 * 90)
+        self.assertLess(first["parameters"]["coefficient"], SIZE + 3.5 * 90)
+        self.assertEqual(first["units"], {"coefficient": "N s/m"})
+        low, high = first["intervals"]["coefficient"]
+        self.assertLess(low, first["parameters"]["coefficient"])
+        self.assertGreater(high, first["parameters"]["coefficient"])
+        self.assertAlmostEqual(sum(entry["probability"] for entry in cause["ranked"]), 1, places=6)
+        gains = [entry["behind"] for entry in cause["ranked"]]
+        self.assertEqual(gains, sorted(gains))
+
+    def test_says_where(self):
+        where = self.answer["where"]
+        self.assertEqual(where["kind"], "process")
+        self.assertEqual(where["ranked"][0]["port"], PORT)
+        shares = [place["share"] for place in where["ranked"]]
+        self.assertEqual(shares, sorted(shares, reverse=True))
+        self.assertEqual(len({place["port"] for place in where["ranked"]}), len(where["ranked"]))
+
+    def test_the_gap_shrinks(self):
+        gap, shrink = self.answer["gap"], self.answer["shrink"]
+        self.assertGreater(gap["nominal"]["excess"], gap["explained"]["excess"])
+        self.assertGreater(gap["refit"]["excess"], 5 * gap["explained"]["excess"])
+        self.assertGreater(shrink["heldout"], 0.8)
+        self.assertLessEqual(shrink["interval"][0], shrink["heldout"])
+        self.assertGreaterEqual(shrink["interval"][1], shrink["heldout"])
+        for region in self.answer["where"]["regions"]:
+            self.assertGreater(region["enrichment"], 1)
+            self.assertGreater(region["refit"], region["explained"], region["name"])
+
+    def test_series(self):
+        with open(self.folder / "series.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
+        self.assertTrue(2000 < len(rows) <= 4000, len(rows))
+        self.assertEqual(list(rows[0])[:6], ["t", "run", "y:position", "nominal:position", "refit:position", "explained:position"])
+        self.assertEqual({row["run"] for row in rows}, {str(self.answer["runs"].index(self.answer["deciding_run"]))})
+        times = [float(row["t"]) for row in rows]
+        self.assertEqual(times[0], 0)
+        self.assertAlmostEqual(times[-1], DURATION, delta=0.01)
+        off = {level: sum((float(row[level + ":velocity"]) - float(row["y:velocity"])) ** 2 for row in rows)
+               for level in ("nominal", "refit", "explained")}
+        self.assertGreater(off["nominal"], off["refit"])
+        self.assertGreater(off["refit"], off["explained"])
+        noise = self.answer["gap"]["explained"]["channels"]["velocity"]["noise_floor"]
+        self.assertLess((off["explained"] / len(rows)) ** 0.5, 2 * noise)
+
+    def test_report(self):
+        page = (self.folder / "gap.html").read_text()
+        self.assertIn("CAUSE FOUND", page)
+        self.assertIn("Viscous friction at the piston, rod and seals", page)
+        self.assertEqual(len(re.findall(r"<svg", page)), 3)
+        self.assertIn('class="box process found"', page)
+        self.assertNotIn('class="box sensor found"', page)
+        self.assertNotIn(str(self.folder), page)
+        self.assertEqual(re.findall(r'(?:src|href)="(?!#)[^"]*"', page), [])
+        self.assertIn("report written to gap.html", self.done.stderr)
+
+    def test_adopted_datasheet(self):
+        rig = json.loads(call(self.folder, "rigs", "--config", "adopted.yaml", "--json", "-").stdout)["rigs"][0]
+        text = (self.folder / "adopted.yaml").read_text()
+        self.assertEqual(len(re.findall(r"^nominal_effects:", text, re.M)), 1)
+        self.assertIn(f"{EFFECT}@{PORT}:coefficient=", text)
+        factors = self.answer["gap"]["explained"]["parameter_factors"]
+        original = json.loads(call(self.folder, "rigs", "servo_actuator", "--json", "-").stdout)["rigs"][0]
+        self.assertTrue(factors)
+        for before, after in zip(original["parameters"], rig["parameters"]):
+            self.assertAlmostEqual(after["nominal"] / before["nominal"], factors.get(before["name"], 1), places=5)
+        self.assertEqual([port["name"] for port in rig["ports"]], [port["name"] for port in original["ports"]])
+
+    def test_the_same_again(self):
+        """One thread instead of all: the same to the last digit, but for the seconds."""
+        done = call(self.folder, "gap", "multisine.bag", "steps.bag", "--json", "-", "--jobs", 1)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        again = json.loads(done.stdout)
+        again.pop("seconds")
+        self.assertEqual(again, {key: value for key, value in self.answer.items() if key != "seconds"})
+
+    def test_without(self):
+        done = call(self.folder, "gap", "multisine.bag", "steps.bag", "--without", EFFECT, "--json", "-")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        answer = json.loads(done.stdout)
+        self.assertEqual(check_schema(answer, SCHEMA), [])
+        names = [entry["effect"] for part in ("effects", "equivalent", "ranked") for entry in answer["cause"][part]]
+        self.assertNotIn(EFFECT, names)
+        self.assertNotEqual(answer["cause"]["verdict"], "none")
+        self.assertNotEqual(answer["cause"]["sentence"], self.answer["cause"]["sentence"])
+
+    def test_interrupted(self):
+        for number, wait in ((signal.SIGINT, 1.5), (signal.SIGTERM, 0.5)):
+            with self.subTest(signal=number):
+                before = sorted(os.listdir(self.folder))
+                running = subprocess.Popen([program(), "gap", "multisine.bag", "steps.bag", "--json", "late.json", "--adopt", "late.yaml"],
+                                           cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+                time.sleep(wait)
+                running.send_signal(number)
+                _, said = running.communicate(timeout=60)
+                self.assertEqual(running.returncode, 128 + number, said)
+                self.assertIn("interrupted", said)
+                self.assertEqual(sorted(os.listdir(self.folder)), before)
+
+
+class BadInput(ProgramTest):
+    def test_recordings(self):
+        brief = self.simulate("brief.bag", duration=0.8)
+        self.complains(["gap", brief], "gap", "brief.bag", "too few")
+        alone = self.simulate("alone.bag", duration=1.5)
+        self.complains(["gap", alone], "alone.bag", "at least 2 s")
+        self.complains(["gap", "none.bag"], "none.bag")
+        self.complains(["gap"], "RUN")
+
+    def test_missing_numbers(self):
+        lines = self.simulate("a.csv", duration=2).read_text().splitlines()
+        column = lines[0].split(",").index("velocity")
+        cells = lines[701].split(",")
+        cells[column] = "nan"
+        lines[701] = ",".join(cells)
+        (self.folder / "b.csv").write_text("\n".join(lines) + "\n")
+        done = self.run_program("gap", "b.csv", "--rig", "servo_actuator", check=2)
+        self.assertIn("b.csv: channel velocity is not a number at 0.700 s", done.stderr.splitlines()[-1])
+
+    def test_two_rigs(self):
+        run = self.simulate("a.bag")
+        sheet = (ROOT / "config/servo_actuator.yaml").read_text().replace("rig: servo_actuator", "rig: other_actuator", 1)
+        (self.folder / "other_actuator.yaml").write_text(sheet)
+        self.complains(["gap", run, "--config", "other_actuator.yaml"], "servo_actuator")
+
+    def test_options(self):
+        run = self.simulate("a.bag")
+        self.complains(["gap", run, run, "--without", "gremlins"], "--without gremlins", "faultline rigs")
+        self.complains(["gap", run, run, "--without", "scale@sensor.gremlins"], "sensor.gremlins")
+        for option in ("--json", "--series", "--report", "--adopt"):
+            self.complains(["gap", run, run, option, "nowhere/out"], "nowhere/out")
+        self.complains(["gap", run, run, "--json", "-", "--series", "-"], "standard output")
+        self.complains(["gap", run, run, "--jobs", "0"], "--jobs")
+
+    def test_no_python_for_the_report(self):
+        """Told before the diagnosis begins."""
+        run = self.simulate("a.bag")
+        for python, says in (("/none/python3", "cannot be run"), (self.without_matplotlib(), "matplotlib")):
+            done = self.run_program("gap", run, run, "--report", "out.html", check=2, env=dict(os.environ, FAULTLINE_PYTHON=str(python)))
+            self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
+            self.assertIn("--report", done.stderr)
+            self.assertIn(says, done.stderr)
+        self.assertNotIn("out.html", self.files())
+
+    def without_matplotlib(self):
+        (self.folder / "missing").mkdir(exist_ok=True)
+        (self.folder / "missing/matplotlib.py").write_text("raise ImportError(\"No module named 'matplotlib'\")\n")
+        path = self.folder / "python3"
+        path.write_text(f'#!/bin/sh\nPYTHONPATH={self.folder}/missing exec /usr/bin/python3 "$@"\n')
+        path.chmod(0o755)
+        return path
+
+
+if __name__ == "__main__":
+    unittest.main()
