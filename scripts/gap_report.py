@@ -55,7 +55,8 @@ def size_of(effect):
     for name, value in effect["parameters"].items():
         if value is None:
             continue
-        scale = Scale(effect.get("units", {}).get(name, ""))
+        unit = effect.get("units", {}).get(name, "")
+        scale = Scale("" if unit.startswith("port") else unit)  # a port whose quantity has no unit that the program knows
         # An effect's size is a difference or a factor: no shift of zero.
         number = scale.factor * value
         decimals = decimals_for(number) if number and 1e-4 <= abs(number) < 1e6 else None
@@ -75,7 +76,7 @@ def effect_row(effect, sheet):
     p = effect.get("probability") or 0.0
     return {"what": words(effect["effect"]), "port": effect["port"], "component": sheet.component(effect["port"]), "sizes": size_of(effect),
             "sensor": effect["port"].startswith("sensor."), "share": 100 * min(max(p, 0.0), 1.0), "p": probability_text(p),
-            "gain": None if effect.get("gain") is None else show(effect["gain"], decimals=0)}
+            "gain": None if effect.get("gain") is None else show(round(effect["gain"]) + 0.0, decimals=0)}
 
 
 def join(texts):
@@ -128,8 +129,11 @@ def sentence_of(answer, sheet):
             join(parts), "is" if len(parts) == 1 else "are", "it" if len(parts) == 1 else "them", percent(heldout))
         return text[:1].upper() + text[1:], after + "."
     place = answer["where"]["ranked"][0]["port"] if answer["where"]["ranked"] else ""
-    return ("Something{} differs from the model that the library has no effect for; the best effect it has closes only {} of the gap.".format(
-        " at or near the " + sheet.component(place) if place else "", percent(max(0.0, heldout))), after + ".")
+    part = " at or near the " + sheet.component(place) if place else ""
+    if not cause["effects"]:
+        return "Rig and model differ{}, and no effect in the library explains it well enough to be named.".format(part), ""
+    return ("Rig and model differ{}, and the library has no effect that explains it: the nearest closes only {} of the gap.".format(
+        part, percent(max(0.0, heldout))), after + ".")
 
 
 def state_of(answer):
@@ -156,13 +160,14 @@ def channel_rows(answer):
     return rows
 
 
-def region_rows(regions, has_effect):
+def region_rows(regions, has_effect, of_bands=False):
     rows = []
     for region in regions:
         before, after = region.get("refit"), region.get("explained")
         closed = None
-        if has_effect and before is not None and after is not None and before > 1:
-            closed = percent(1 - max(0.0, after - 1) / (before - 1))
+        noise = region["share"] / region["enrichment"] if of_bands and region["enrichment"] > 0 else 1.0
+        if has_effect and before is not None and after is not None and before > 1.1 * noise:
+            closed = percent(1 - max(0.0, after - noise) / (before - noise))
         rows.append({"name": words(region["name"]), "times": show(region["enrichment"], 2), "share": percent(region["share"]),
                      "bar": 100 * min(1.0, region["enrichment"] / max(1e-9, max(r["enrichment"] for r in regions))), "closed": closed})
     return rows
@@ -213,7 +218,7 @@ def render(answer, series, sheet, facts):
         effects=[effect_row(effect, sheet) for effect in answer["cause"]["effects"]],
         equivalent=[effect_row(effect, sheet) for effect in answer["cause"]["equivalent"]], why=answer["cause"].get("why_equivalent") or "",
         channels=channel_rows(answer), regions=region_rows(answer["where"]["regions"], has_effect),
-        bands=region_rows(answer["where"]["bands"], has_effect), moved=moved_parameters(answer, sheet),
+        bands=region_rows(answer["where"]["bands"], has_effect, True), moved=moved_parameters(answer, sheet),
         heldout=percent(shrink["heldout"] or 0.0), against_nominal=percent(shrink["against_nominal"] or 0.0),
         interval=[percent(end or 0.0) for end in shrink["interval"]], closable=percent(shrink["closable"] or 0.0),
         next=next_rows(answer, sheet), drawing=markupsafe.Markup(drawing) if drawing else None,

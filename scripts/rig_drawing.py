@@ -15,7 +15,7 @@ WIDTH, MARGIN, BETWEEN, INSET, SPACE = 1020, 6, 34, 12, 10  # px
 HEADING, LINE, PAD = 26, 16, 9
 
 
-def wrap(text, width, letter=6.5):
+def wrap(text, width, letter=7.4):
     """Lines of at most about `width` px."""
     lines, most = [""], max(8, int(width / letter))
     for word in text.split():
@@ -41,7 +41,7 @@ class Box:
     def __init__(self, component, names, width):
         self.names, self.width = names, width
         self.title = wrap(component[:1].upper() + component[1:], width - 2 * PAD)
-        self.under = [line for name in names for line in wrap(name, width - 2 * PAD, 6.0)]
+        self.under = [line for name in names for line in wrap(name, width - 2 * PAD, 6.4)]
         self.height = 2 * PAD + LINE * len(self.title) + 14 * len(self.under) - 2
 
     def svg(self, x, y, mark):

@@ -38,7 +38,8 @@ void measure(benchmark::State& state, Step&& step) {
     ++steps;
   }
   state.counters["allocations"] = static_cast<double>(allocations() - before) / static_cast<double>(steps);
-  state.counters["real_time"] = benchmark::Counter(static_cast<double>(steps) * servo().sample_period, benchmark::Counter::kIsRate);
+  state.counters["real_time"] =
+      benchmark::Counter(static_cast<double>(steps) * servo().sample_period, benchmark::Counter::kIsRate);
 }
 
 void filter_step(benchmark::State& state, const char* type) {
@@ -66,7 +67,8 @@ void filter_step_first_order(benchmark::State& state) { filter_step(state, "divi
 
 void peer_kalman_step(benchmark::State& state) {
   Eigen::VectorXd x = Eigen::VectorXd::Zero(6), y(4);
-  Eigen::MatrixXd a = Eigen::MatrixXd::Identity(6, 6) * 0.95, p = Eigen::MatrixXd::Identity(6, 6), c = Eigen::MatrixXd::Zero(4, 6);
+  Eigen::MatrixXd a = Eigen::MatrixXd::Identity(6, 6) * 0.95, p = Eigen::MatrixXd::Identity(6, 6),
+                  c = Eigen::MatrixXd::Zero(4, 6);
   const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(6, 6), q = 0.01 * one, r = Eigen::MatrixXd::Identity(4, 4);
   for (int i = 0; i < 4; ++i) c(i, i) = 1;
   for (int i = 0; i < 5; ++i) a(i, i + 1) = 0.01;
@@ -122,7 +124,8 @@ void simulator(benchmark::State& state, bool with_effects) {
   if (with_effects)
     for (const char* effect :
          {"hysteresis@command.valve_command:width=0.1", "entrained_air@compliance.chambers:fraction=0.01",
-          "droop@source.supply_pressure:resistance=1e9", "stribeck_friction@force.piston:static_excess=50,velocity=0.02",
+          "droop@source.supply_pressure:resistance=1e9",
+          "stribeck_friction@force.piston:static_excess=50,velocity=0.02",
           "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1e-8,from=1,to=5"})
       setup.effects.push_back(parse_effect(effect));
   Simulator made(servo(), setup);

@@ -30,8 +30,9 @@ bool same(const Detection& a, const Detection& b) {
 }
 
 bool sound(const Detection& d) {
-  return std::isfinite(d.size) && std::isfinite(d.low) && std::isfinite(d.high) && std::isfinite(d.confidence) && d.confidence >= 0 &&
-         d.confidence <= 1 && std::isfinite(d.since) && (!d.has_size || (d.low <= d.size && d.size <= d.high));
+  return std::isfinite(d.size) && std::isfinite(d.low) && std::isfinite(d.high) && std::isfinite(d.confidence) &&
+         d.confidence >= 0 && d.confidence <= 1 && std::isfinite(d.since) &&
+         (!d.has_size || (d.low <= d.size && d.size <= d.high));
 }
 
 class EveryDetector : public ::testing::TestWithParam<std::string> {

@@ -11,9 +11,12 @@ inline Estimate quiet(double time) {
   estimate.time = time;
   estimate.observed = 4;
   estimate.normalised_innovation = 0.2;
-  estimate.quantities = {{"leak_coefficient", "m^3/(s sqrt(Pa))", 0, 1e-9}, {"leak_flow", "m^3/s", 0, 0},
-                         {"friction_force", "N", 0, 0},                     {"pressure_parity", "Pa", 0, 0},
-                         {"pressure_sum", "Pa", 0, 0},                      {"leak_drive", "sqrt(Pa)", 800, 0}};
+  estimate.quantities = {{"leak_coefficient", "m^3/(s sqrt(Pa))", 0, 1e-9},
+                         {"leak_flow", "m^3/s", 0, 0},
+                         {"friction_force", "N", 0, 0},
+                         {"pressure_parity", "Pa", 0, 0},
+                         {"pressure_sum", "Pa", 0, 0},
+                         {"leak_drive", "sqrt(Pa)", 800, 0}};
   return estimate;
 }
 

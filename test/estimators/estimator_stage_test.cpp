@@ -58,11 +58,13 @@ TEST_F(Stage, BadNumbersOnAnyChannelNeverReachAState) {
       sample.values[c] = value;
       ASSERT_TRUE(stage_.process(sample, estimate_));
       EXPECT_FALSE(estimate_.restarted);
-      EXPECT_EQ(estimate_.channel_status[c], std::isfinite(value) ? ChannelStatus::out_of_range : ChannelStatus::missing);
+      EXPECT_EQ(estimate_.channel_status[c],
+                std::isfinite(value) ? ChannelStatus::out_of_range : ChannelStatus::missing);
       ASSERT_TRUE(finite()) << servo().channels[c].name << " " << value;
       // Close to what the clean run says: at most one sample of one channel is missing.
       EXPECT_LT(std::abs(estimate_.state[0] - run().at(row - 1, column("position"))), 2e-3) << servo().channels[c].name;
-      const bool measured = c == column("position") || c == column("velocity") || c == column("load_pressure") || c == column("spool_position");
+      const bool measured = c == column("position") || c == column("velocity") || c == column("load_pressure") ||
+                            c == column("spool_position");
       EXPECT_EQ(estimate_.observed, measured ? 3 : 4);
     }
   EXPECT_EQ(stage_.counts().missing, 3 * servo().channels.size());

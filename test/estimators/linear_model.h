@@ -47,7 +47,8 @@ class LinearModel : public ProcessModel {
   void take_inputs(const double*) override {}
   void measurement(const double* channels, double* y) const override { std::copy_n(channels, c.rows(), y); }
   void predict(const double* x, double, double* next) const override {
-    Eigen::Map<Eigen::VectorXd>(next, a.rows()).noalias() = a.lazyProduct(Eigen::Map<const Eigen::VectorXd>(x, a.rows())) + drive;
+    Eigen::Map<Eigen::VectorXd>(next, a.rows()).noalias() =
+        a.lazyProduct(Eigen::Map<const Eigen::VectorXd>(x, a.rows())) + drive;
   }
   void observe(const double* x, double* y) const override {
     Eigen::Map<Eigen::VectorXd>(y, c.rows()).noalias() = c.lazyProduct(Eigen::Map<const Eigen::VectorXd>(x, a.rows()));

@@ -10,8 +10,8 @@
 namespace faultline {
 namespace {
 
-constexpr double kArea = 6.33e-4, kMass = 5, kDamping = 900, kCoulomb = 400, kExcess = 50, kStribeck = 0.045, kCompliance = 1.14e-12,
-                 kFlow = 1.47e-8, kSpoolTime = 3.5e-3, kScale = 3, kPeriod = 1e-3;
+constexpr double kArea = 6.33e-4, kMass = 5, kDamping = 900, kCoulomb = 400, kExcess = 50, kStribeck = 0.045,
+                 kCompliance = 1.14e-12, kFlow = 1.47e-8, kSpoolTime = 3.5e-3, kScale = 3, kPeriod = 1e-3;
 
 std::unique_ptr<ProcessModel> model() {
   return make_process_model("servo_leak", servo(), servo().estimators.front().settings);
@@ -28,8 +28,11 @@ std::vector<double> channels_with(double voltage, double supply, double load) {
 TEST(ServoLeak, DerivativesAreThoseWorkedOutByHand) {
   const auto m = model();
   m->take_inputs(channels_with(1.5, 6.89e6, 30).data());
-  const double points[][6] = {{0.01, 0.2, 2.3e5, 2, 0.5, 1},   {0.0, -0.15, -2.5e5, -1.6, 2.6, -3}, {-0.03, 0.004, 1.0e5, 0.4, 1, 0},
-                              {0.09, -0.06, 3e5, -1, 0.1, 20}, {0.02, 0.3, 4e5, 3, 0, 0}};
+  const double points[][6] = {{0.01, 0.2, 2.3e5, 2, 0.5, 1},
+                              {0.0, -0.15, -2.5e5, -1.6, 2.6, -3},
+                              {-0.03, 0.004, 1.0e5, 0.4, 1, 0},
+                              {0.09, -0.06, 3e5, -1, 0.1, 20},
+                              {0.02, 0.3, 4e5, 3, 0, 0}};
   const double theta1 = kArea * kScale / kMass, theta3 = kFlow / (kCompliance * std::sqrt(kScale));
   const double area_bar = kArea / (kFlow * std::sqrt(kScale)), transition = 1000.0 / kScale, width = 0.005;
   for (const auto& x : points) {
@@ -45,7 +48,8 @@ TEST(ServoLeak, DerivativesAreThoseWorkedOutByHand) {
     hand(1, 2) = kPeriod * theta1;
     hand(1, 5) = kPeriod;
     hand(2, 1) = -kPeriod * theta3 * area_bar;
-    hand(2, 2) = 1 + kPeriod * theta3 * (-x[4] * (1 / root - 0.5 * x[2] * x[2] / std::pow(root, 5)) - x[3] * spool_sign / (2 * drop));
+    hand(2, 2) = 1 + kPeriod * theta3 *
+                         (-x[4] * (1 / root - 0.5 * x[2] * x[2] / std::pow(root, 5)) - x[3] * spool_sign / (2 * drop));
     hand(2, 3) = kPeriod * theta3 * drop;
     hand(2, 4) = -kPeriod * theta3 * x[2] / root;
     hand(3, 3) = 1 - kPeriod / kSpoolTime;
@@ -60,7 +64,8 @@ TEST(ServoLeak, DerivativesAreThoseWorkedOutByHand) {
       m->predict(minus, kPeriod, low);
       for (int i = 0; i < 6; ++i) {
         const double slope = (high[i] - low[i]) / (2 * step);
-        EXPECT_NEAR(slope, hand(i, j), 2e-6 * std::abs(hand(i, j)) + (i == 2 ? 1e-3 : 1e-7)) << i << "," << j << " at v = " << x[1];
+        EXPECT_NEAR(slope, hand(i, j), 2e-6 * std::abs(hand(i, j)) + (i == 2 ? 1e-3 : 1e-7))
+            << i << "," << j << " at v = " << x[1];
       }
     }
   }
@@ -89,8 +94,16 @@ struct PlainFilter {
   void step(const Eigen::VectorXd& y) {
     const int n = 6, rows = 4;
     const double h = std::sqrt(3.0), second = std::sqrt(2.0) / 6;
-    const auto f = [&](Eigen::VectorXd at) { Eigen::VectorXd next(n); m.predict(at.data(), kPeriod, next.data()); return next; };
-    const auto g = [&](Eigen::VectorXd at) { Eigen::VectorXd out(rows); m.observe(at.data(), out.data()); return out; };
+    const auto f = [&](Eigen::VectorXd at) {
+      Eigen::VectorXd next(n);
+      m.predict(at.data(), kPeriod, next.data());
+      return next;
+    };
+    const auto g = [&](Eigen::VectorXd at) {
+      Eigen::VectorXd out(rows);
+      m.observe(at.data(), out.data());
+      return out;
+    };
     Eigen::MatrixXd wide(n, 3 * n), wide_y(rows, 2 * n + rows);
     const Eigen::VectorXd f0 = f(x);
     Eigen::VectorXd mean = (3.0 - n) / 3 * f0;
@@ -136,7 +149,8 @@ TEST(ServoLeak, FilterEqualsItsEquationsWrittenPlainly) {
   m->initial(r.row(0), state, variance);
   m->take_inputs(r.row(0));
   filter->reset(state, variance);
-  PlainFilter plain{Eigen::Map<Eigen::VectorXd>(state, 6), Eigen::Map<Eigen::VectorXd>(variance, 6).cwiseSqrt().asDiagonal(), *m};
+  PlainFilter plain{Eigen::Map<Eigen::VectorXd>(state, 6),
+                    Eigen::Map<Eigen::VectorXd>(variance, 6).cwiseSqrt().asDiagonal(), *m};
   const bool use[4] = {true, true, true, true};
   double worst = 0;
   for (std::size_t k = 1; k < r.rows(); ++k) {
@@ -150,7 +164,8 @@ TEST(ServoLeak, FilterEqualsItsEquationsWrittenPlainly) {
     filter->covariance(covariance);
     for (int i = 0; i < 6; ++i) {
       worst = std::max(worst, std::abs(filter->state()[i] - plain.x[i]) / std::sqrt(p(i, i)));
-      for (int j = 0; j < 6; ++j) worst = std::max(worst, std::abs(covariance[6 * i + j] - p(i, j)) / std::sqrt(p(i, i) * p(j, j)));
+      for (int j = 0; j < 6; ++j)
+        worst = std::max(worst, std::abs(covariance[6 * i + j] - p(i, j)) / std::sqrt(p(i, i) * p(j, j)));
     }
   }
   EXPECT_LT(worst, 1e-9);
@@ -170,7 +185,9 @@ LeakRun leak_run(double leak_noise, std::uint64_t seed) {
   std::vector<double> noise = m->process_noise();
   noise[4] = leak_noise;
   spec.settings = Settings("test", {{"scale_pressure", 3}, {"scale_spool", 1}},
-                           {{"process_noise", noise}, {"measurement_noise", m->measurement_noise()}, {"initial_variance", {100, 100, 100, 100, 100, 100}}},
+                           {{"process_noise", noise},
+                            {"measurement_noise", m->measurement_noise()},
+                            {"initial_variance", {100, 100, 100, 100, 100, 100}}},
                            {{"model", "servo_leak"}});
   EstimatorStage stage(servo(), spec);
   Estimate estimate;
@@ -201,7 +218,8 @@ TEST(ServoLeak, FindsTheCoefficientOfThePaperAtFiveVolts) {
 }
 
 TEST(ServoLeak, RisesAsFastAsItsProcessNoiseAllows) {
-  const std::vector<std::pair<double, double>> paper = {{8e-4, 0.8}, {1e-4, 2.4}, {4e-5, 3.7}, {8e-6, 6.6}, {8e-7, 14.9}};
+  const std::vector<std::pair<double, double>> paper = {
+      {8e-4, 0.8}, {1e-4, 2.4}, {4e-5, 3.7}, {8e-6, 6.6}, {8e-7, 14.9}};
   for (const auto& [noise, seconds] : paper) EXPECT_NEAR(leak_run(noise, 1).rise, seconds, 0.3 * seconds) << noise;
 }
 

@@ -18,7 +18,8 @@ struct Case {
 };
 
 void PrintTo(const Case& c, std::ostream* out) {
-  *out << c.type << " of " << c.states << " states, " << c.outputs << (c.selecting ? " of them measured" : " mixtures measured");
+  *out << c.type << " of " << c.states << " states, " << c.outputs
+       << (c.selecting ? " of them measured" : " mixtures measured");
 }
 
 class EveryEstimator : public ::testing::TestWithParam<Case> {
@@ -84,7 +85,8 @@ TEST_P(EveryEstimator, NormalisedInnovationHasTheMeanItMustHave) {
   Random random(12);
   Eigen::VectorXd truth(n_);
   for (int i = 0; i < n_; ++i)
-    truth[i] = model_.first[static_cast<std::size_t>(i)] + std::sqrt(model_.variance[static_cast<std::size_t>(i)]) * random.normal();
+    truth[i] = model_.first[static_cast<std::size_t>(i)] +
+               std::sqrt(model_.variance[static_cast<std::size_t>(i)]) * random.normal();
   double sum = 0;
   const int steps = 20000;
   bool use[kMaximumOutputs];
@@ -165,18 +167,20 @@ TEST_P(EveryEstimator, AllocatesNothing) {
   EXPECT_EQ(allocations() - before, 0u);
 }
 
-INSTANTIATE_TEST_SUITE_P(Linear, EveryEstimator,
-                         ::testing::Values(Case{"divided_difference_1", 6, 4, true}, Case{"divided_difference_1", 6, 4, false},
-                                           Case{"divided_difference_2", 6, 4, true}, Case{"divided_difference_2", 6, 4, false},
-                                           Case{"divided_difference_2", 4, 2, true}, Case{"divided_difference_2", 3, 3, false},
-                                           Case{"divided_difference_1", 11, 5, true}, Case{"divided_difference_2", 11, 5, true},
-                                           Case{"divided_difference_2", 11, 5, false}, Case{"divided_difference_2", 16, 8, false}));
+INSTANTIATE_TEST_SUITE_P(
+    Linear, EveryEstimator,
+    ::testing::Values(Case{"divided_difference_1", 6, 4, true}, Case{"divided_difference_1", 6, 4, false},
+                      Case{"divided_difference_2", 6, 4, true}, Case{"divided_difference_2", 6, 4, false},
+                      Case{"divided_difference_2", 4, 2, true}, Case{"divided_difference_2", 3, 3, false},
+                      Case{"divided_difference_1", 11, 5, true}, Case{"divided_difference_2", 11, 5, true},
+                      Case{"divided_difference_2", 11, 5, false}, Case{"divided_difference_2", 16, 8, false}));
 
 TEST(DividedDifference, SecondOrderBeatsFirstOnASquare) {
   // y = x^2 with a wide first guess: the first order misses E(y) = x^2 + P and trusts its answer too much. Known in closed form for
   // one correction: S_y = 4 x^2 P + 2 P^2 + R to second order, mean x^2 + P.
   SquareModel model;
-  const auto dd1 = make_state_estimator("divided_difference_1", model), dd2 = make_state_estimator("divided_difference_2", model);
+  const auto dd1 = make_state_estimator("divided_difference_1", model),
+             dd2 = make_state_estimator("divided_difference_2", model);
   const double x0 = 1, p0 = 0.09;
   const bool use = true;
   double y = 1.3;

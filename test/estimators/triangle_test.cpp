@@ -28,7 +28,8 @@ Matrix filled(Eigen::Index rows, Eigen::Index columns, std::uint64_t seed) {
   Matrix m(rows, columns);
   Random random(seed);
   for (Eigen::Index i = 0; i < rows; ++i)
-    for (Eigen::Index j = 0; j < columns; ++j) m(i, j) = random.normal() * std::pow(10.0, static_cast<double>(i) * 2 - 4);
+    for (Eigen::Index j = 0; j < columns; ++j)
+      m(i, j) = random.normal() * std::pow(10.0, static_cast<double>(i) * 2 - 4);
   return m;
 }
 
@@ -37,7 +38,8 @@ TEST(Triangle, KeepsMTimesItsTranspose) {
   using Free = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 16, 48>;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     check(filled<Fixed>(6, 18, seed));
-    for (Eigen::Index rows = 1; rows <= 16; rows += 3) check(filled<Free>(rows, rows + static_cast<Eigen::Index>(seed), seed));
+    for (Eigen::Index rows = 1; rows <= 16; rows += 3)
+      check(filled<Free>(rows, rows + static_cast<Eigen::Index>(seed), seed));
   }
 }
 

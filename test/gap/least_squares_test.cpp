@@ -182,10 +182,10 @@ TEST(Linearisation, ProjectedLossIsNoMoreThanTheLoss) {
 }
 
 TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
-  SimulationSetup setup = servo_setup("multisine");
+  SimulationSetup setup = servo_setup("prbs");
   setup.parameters = servo().nominal();
   setup.parameters[parameter("viscous_damping")] *= 1.2;
-  setup.parameters[parameter("flow_coefficient")] *= 0.96;
+  setup.parameters[parameter("compliance")] *= 0.7;
   const ResidualModel residuals = model_of(setup, 6, 500);
   FitResult fit;
   fit.model = nominal();
@@ -195,7 +195,7 @@ TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
     fit = fit_gap(residuals, fit.model, {}, linear, 4);
     EXPECT_LE(total(linear.segment_losses(residuals_of(residuals, fit.model))), before);
   }
-  const Eigen::VectorXd z = deviations(servo(), {parameter("viscous_damping"), parameter("flow_coefficient"), parameter("ram_area")},
+  const Eigen::VectorXd z = deviations(servo(), {parameter("viscous_damping"), parameter("compliance"), parameter("moving_mass")},
                                        fit.model.parameters);
   EXPECT_NEAR(z[0], 2, 0.4);
   EXPECT_NEAR(z[1], -2, 0.4);

@@ -20,7 +20,8 @@ std::vector<double> rest() {
 }
 
 TEST(Controller, EveryProfileOfTheSheetMakesOne) {
-  for (const Profile& profile : servo().profiles) EXPECT_NE(make_controller(servo(), profile, 1), nullptr) << profile.name;
+  for (const Profile& profile : servo().profiles)
+    EXPECT_NE(make_controller(servo(), profile, 1), nullptr) << profile.name;
 }
 
 TEST(Controller, ResetIsComplete) {
@@ -118,7 +119,8 @@ TEST(OpenLoop, IsTheRawSignalMinusTheCentring) {
     auto channels = rest();
     channels[column("position")] = 0.02 * std::sin(0.01 * k);
     controller->step(k * 1e-3, channels.data());
-    EXPECT_NEAR(channels[column("valve_command")], raw->value(k * 1e-3) - 18 * channels[column("position")], 1.6e-4) << k;
+    EXPECT_NEAR(channels[column("valve_command")], raw->value(k * 1e-3) - 18 * channels[column("position")], 1.6e-4)
+        << k;
     EXPECT_EQ(channels[column("position_reference")], 0);
   }
 }

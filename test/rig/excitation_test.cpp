@@ -33,7 +33,13 @@ const std::vector<Case>& cases() {
        0.228,
        0,
        true},
-      {"multisine", {{"count", 24}, {"lowest", 0.11}, {"highest", 4}, {"amplitude", 0.03}}, {}, -0.0306, 0.0306, 0, true},
+      {"multisine",
+       {{"count", 24}, {"lowest", 0.11}, {"highest", 4}, {"amplitude", 0.03}},
+       {},
+       -0.0306,
+       0.0306,
+       0,
+       true},
       {"steps", {{"low", -0.05}, {"high", 0.05}, {"shortest", 0.5}, {"longest", 1.6}}, {}, -0.05, 0.05, 0, true},
       {"prbs", {{"low", 1}, {"high", 2.2}, {"clock", 0.05}, {"longest", 7}}, {}, -2.2, 2.2, 0, true},
       {"cycle", {{"low", -0.04}, {"high", 0.06}, {"move", 0.8}, {"dwell", 0.7}}, {}, -0.04, 0.06, 3, false},
@@ -76,7 +82,8 @@ TEST(Excitation, RepeatsAfterItsPeriod) {
     const auto lag = static_cast<std::size_t>(std::lround(c.period * 1000));
     double apart = 0;
     for (std::size_t k = 0; k + lag < values.size(); ++k)
-      if (k % lag > 1 && k % lag < lag - 1 && (c.shape != "square" || std::abs(static_cast<double>(k % lag) - 2000) > 2))
+      if (k % lag > 1 && k % lag < lag - 1 &&
+          (c.shape != "square" || std::abs(static_cast<double>(k % lag) - 2000) > 2))
         apart = std::max(apart, std::abs(values[k + lag] - values[k]));
     EXPECT_LT(apart, 1e-9) << c.shape;
   }
@@ -84,7 +91,8 @@ TEST(Excitation, RepeatsAfterItsPeriod) {
 
 TEST(Excitation, SeedDecides) {
   for (const Case& c : cases()) {
-    const auto a = run(*make_excitation(c.shape, settings_of(c), 11)), b = run(*make_excitation(c.shape, settings_of(c), 11));
+    const auto a = run(*make_excitation(c.shape, settings_of(c), 11)),
+               b = run(*make_excitation(c.shape, settings_of(c), 11));
     EXPECT_EQ(a, b) << c.shape;
     const auto other = run(*make_excitation(c.shape, settings_of(c), 12));
     EXPECT_EQ(a != other, c.random) << c.shape;
@@ -122,19 +130,22 @@ TEST(Excitation, RefusesWhatItDoesNotKnow) {
       if (key == "mean" || key == "longest") continue;
       Case less = c;
       less.numbers.erase(key);
-      EXPECT_THROW(make_excitation(c.shape, settings_of(less), 1), InputError) << c.shape << " without " << key << value;
+      EXPECT_THROW(make_excitation(c.shape, settings_of(less), 1), InputError)
+          << c.shape << " without " << key << value;
     }
   }
 }
 
 TEST(Excitation, KnownValues) {
-  const auto square = make_excitation("square", Settings("t", {{"low", 0}, {"high", 1}, {"period", 4}, {"duty", 0.25}, {"start", 2}}, {}, {}), 1);
+  const auto square = make_excitation(
+      "square", Settings("t", {{"low", 0}, {"high", 1}, {"period", 4}, {"duty", 0.25}, {"start", 2}}, {}, {}), 1);
   EXPECT_EQ(square->value(1.9), 0);
   EXPECT_EQ(square->value(2.5), 1);
   EXPECT_EQ(square->value(3.5), 0);
   EXPECT_EQ(square->value(6.5), 1);
   const auto triangle = make_excitation("triangle", Settings("t", {{"amplitude", 2}, {"period", 4}}, {}, {}), 1);
-  for (const auto& [time, value] : std::vector<std::pair<double, double>>{{0, 0}, {0.5, 1}, {1, 2}, {2, 0}, {3, -2}, {3.5, -1}})
+  for (const auto& [time, value] :
+       std::vector<std::pair<double, double>>{{0, 0}, {0.5, 1}, {1, 2}, {2, 0}, {3, -2}, {3.5, -1}})
     EXPECT_NEAR(triangle->value(time), value, 1e-12) << time;
   const auto cycle = make_excitation("cycle", settings_of(cases()[7]), 1);
   EXPECT_NEAR(cycle->value(0.4), 0.01, 1e-12);

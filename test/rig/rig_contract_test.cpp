@@ -35,8 +35,10 @@ TEST_P(EveryRig, EveryProfileStaysInsideItsChannels) {
     for (std::size_t k = 0; k < r.rows(); ++k)
       for (std::size_t c = 0; c < r.columns(); ++c) {
         ASSERT_TRUE(std::isfinite(r.at(k, c))) << profile.name << " " << r.channels[c].name << " row " << k;
-        ASSERT_GE(r.at(k, c), r.channels[c].minimum - 1e-9) << profile.name << " " << r.channels[c].name << " row " << k;
-        ASSERT_LE(r.at(k, c), r.channels[c].maximum + 1e-9) << profile.name << " " << r.channels[c].name << " row " << k;
+        ASSERT_GE(r.at(k, c), r.channels[c].minimum - 1e-9)
+            << profile.name << " " << r.channels[c].name << " row " << k;
+        ASSERT_LE(r.at(k, c), r.channels[c].maximum + 1e-9)
+            << profile.name << " " << r.channels[c].name << " row " << k;
       }
   }
 }
@@ -76,7 +78,8 @@ TEST_P(EveryRig, EveryFaultSimulatesAndShows) {
       for (std::size_t c = 0; c < a.columns(); ++c) {
         ASSERT_TRUE(std::isfinite(a.at(k, c))) << fault.name;
         const double span = a.channels[c].maximum - a.channels[c].minimum;
-        if (a.channels[c].role == Role::output && span > 0) apart = std::max(apart, std::abs(a.at(k, c) - b.at(k, c)) / span);
+        if (a.channels[c].role == Role::output && span > 0)
+          apart = std::max(apart, std::abs(a.at(k, c) - b.at(k, c)) / span);
       }
     EXPECT_GT(apart, 1e-5) << fault.name;
   }

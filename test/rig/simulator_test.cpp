@@ -57,7 +57,9 @@ TEST(Simulator, ResetGivesTheSameRowsAgain) {
   for (int k = 0; k < 1500; ++k) {
     const Sample& sample = simulator.step();
     ASSERT_EQ(sample.sequence, static_cast<std::uint64_t>(k));
-    ASSERT_EQ(std::memcmp(sample.values.data(), first[static_cast<std::size_t>(k)].data(), sample.values.size() * sizeof(double)), 0)
+    ASSERT_EQ(std::memcmp(sample.values.data(), first[static_cast<std::size_t>(k)].data(),
+                          sample.values.size() * sizeof(double)),
+              0)
         << "row " << k;
   }
 }
@@ -99,7 +101,8 @@ TEST(Simulator, NoiseAndResolutionAreTheDatasheets) {
       EXPECT_NEAR(std, channel.noise_std * std::sqrt(0.5 - 1 / (2 * 3.14159265358979)), 0.03 * channel.noise_std);
       continue;
     }
-    const double expected = std::sqrt(channel.noise_std * channel.noise_std + channel.resolution * channel.resolution / 12);
+    const double expected =
+        std::sqrt(channel.noise_std * channel.noise_std + channel.resolution * channel.resolution / 12);
     EXPECT_NEAR(std, expected, 0.03 * expected) << channel.name;
   }
 }
@@ -214,7 +217,9 @@ TEST(Simulator, EffectRampsFromItsStartToItsEnd) {
   SimulationSetup ramped = plain;
   ramped.effects.push_back(parse_effect("offset@sensor.chamber_b_pressure:value=2e5,from=2,to=4"));
   const Recording a = simulate(servo(), plain, 6), b = simulate(servo(), ramped, 6);
-  const auto off = [&](std::size_t row) { return b.at(row, column("chamber_b_pressure")) - a.at(row, column("chamber_b_pressure")); };
+  const auto off = [&](std::size_t row) {
+    return b.at(row, column("chamber_b_pressure")) - a.at(row, column("chamber_b_pressure"));
+  };
   EXPECT_EQ(off(1500), 0);
   EXPECT_EQ(off(2000), 0);
   EXPECT_NEAR(off(2500), 0.25 * 2e5, 2e5 * 1e-3);
@@ -280,9 +285,12 @@ TEST(DrivenModel, RestartsPutTheStatesBack) {
   const Recording r = simulate(servo(), setup, 6);
   // Started from wrong states at row 1000, put right at row 2000 (spool and pressures as measured there).
   const auto state_at = [&](std::size_t row) {
-    return std::vector<double>{r.at(row, column("position")),           r.at(row, column("velocity")),
-                               r.at(row, column("chamber_a_pressure")), r.at(row, column("chamber_b_pressure")),
-                               r.at(row, column("spool_position")),     0,
+    return std::vector<double>{r.at(row, column("position")),
+                               r.at(row, column("velocity")),
+                               r.at(row, column("chamber_a_pressure")),
+                               r.at(row, column("chamber_b_pressure")),
+                               r.at(row, column("spool_position")),
+                               0,
                                0};
   };
   std::vector<double> states = state_at(1000);
@@ -354,7 +362,8 @@ TEST_P(EveryEffect, StaysFiniteAndShows) {
       for (std::size_t k = 0; k < r.rows(); ++k) {
         ASSERT_TRUE(std::isfinite(r.at(k, c))) << channel.name << " row " << k << " " << to_string(setup.effects[0]);
         if (channel.role != Role::output) continue;
-        ASSERT_LT(std::abs(r.at(k, c)), 20 * channel.maximum) << channel.name << " row " << k << " " << to_string(setup.effects[0]);
+        ASSERT_LT(std::abs(r.at(k, c)), 20 * channel.maximum)
+            << channel.name << " row " << k << " " << to_string(setup.effects[0]);
         signature = std::max(signature, std::abs(r.at(k, c) - plain.at(k, c)) / (channel.maximum - channel.minimum));
       }
     }
@@ -375,6 +384,27 @@ TEST_P(EveryEffect, NoEffectValueChangesNothing) {
     if (!std::isnan(type.parameters[i].none)) spec.parameters[i] = type.parameters[i].none;
   setup.effects = {spec};
   EXPECT_TRUE(same_bytes(simulate(servo(), setup, 1.5), plain)) << to_string(spec);
+}
+
+TEST_P(EveryEffect, GrowsDuringARun) {
+  SimulationSetup setup = servo_setup("steps");
+  setup.noise = false;
+  const Recording plain = simulate(servo(), setup, 2);
+  EffectSpec spec = sized(GetParam(), 0.9);
+  spec.from = 0.5;
+  spec.to = 1.5;
+  spec.from_given = true;
+  setup.effects = {spec};
+  const Recording r = simulate(servo(), setup, 2);
+  const bool more_states = GetParam().port == "line.valve_cylinder" || GetParam().port == "transmission.rod";
+  for (std::size_t k = 0; k < r.rows(); ++k)
+    for (std::size_t c = 0; c < r.columns(); ++c) {
+      ASSERT_TRUE(std::isfinite(r.at(k, c))) << r.channels[c].name << " row " << k;
+      const double span = r.channels[c].maximum - r.channels[c].minimum;
+      if (k <= 500 && GetParam().effect != "stuck") {
+        ASSERT_NEAR(r.at(k, c), plain.at(k, c), more_states ? 0.05 * span : 0.0) << r.channels[c].name << " row " << k;
+      }
+    }
 }
 
 std::string place_name(const ::testing::TestParamInfo<Place>& info) {

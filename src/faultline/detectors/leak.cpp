@@ -52,15 +52,17 @@ class Leak : public Detector {
     last_ = estimate.time;
     if (estimate.time - begin_ >= settle_) {
       const double drive = estimate.quantities[drive_at_].value;
-      const double weight = drive < minimum_drive_ ? 0.0 : known_std_ * known_std_ / (known_std_ * known_std_ + c.std * c.std);
+      const double weight =
+          drive < minimum_drive_ ? 0.0 : known_std_ * known_std_ / (known_std_ * known_std_ + c.std * c.std);
       seen_ += weight * dt;
       // A plain mean until `average` s of evidence are there, then an exponential one.
       const double gain = std::min(1.0, weight * dt / std::max(std::min(seen_, average_), 1e-9));
       const double off = c.value - mean_;
       mean_ += gain * off;
       scatter_ += gain * (off * off - scatter_);
-      drive_mean_ += std::min(1.0, dt / std::max(std::min(estimate.time - begin_ - settle_ + dt, drive_average_), 1e-9)) *
-                     (drive - drive_mean_);
+      drive_mean_ +=
+          std::min(1.0, dt / std::max(std::min(estimate.time - begin_ - settle_ + dt, drive_average_), 1e-9)) *
+          (drive - drive_mean_);
     }
     const double std = std::sqrt(std::pow(model_error_ * mean_, 2) + model_floor_ * model_floor_ +
                                  scatter_ * std::min(1.0, 1.0 / std::max(average_, 1e-9)));
@@ -81,7 +83,8 @@ class Leak : public Detector {
 
  private:
   std::string coefficient_, drive_;
-  double minimum_drive_, threshold_, release_threshold_, average_, drive_average_, settle_, known_std_, model_error_, model_floor_;
+  double minimum_drive_, threshold_, release_threshold_, average_, drive_average_, settle_, known_std_, model_error_,
+      model_floor_;
   Persistence persistence_;
   bool started_ = false;
   std::size_t coefficient_at_ = 0, drive_at_ = 0;

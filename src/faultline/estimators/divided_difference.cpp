@@ -24,7 +24,8 @@ DividedDifferenceFilter<States, Order>::DividedDifferenceFilter(const ProcessMod
   process_root_ = Eigen::Map<const Eigen::VectorXd>(q.data(), n_).cwiseSqrt();
   measurement_root_ = Eigen::Map<const Eigen::VectorXd>(r.data(), m_).cwiseSqrt();
   for (Vector* v : {&plus_, &minus_, &middle_, &probe_, &mean_, &state_}) v->setZero(n_);
-  for (Outputs* v : {&y_plus_, &y_minus_, &y_middle_, &y_mean_, &innovation_, &innovation_std_, &solved_}) v->setZero(m_);
+  for (Outputs* v : {&y_plus_, &y_minus_, &y_middle_, &y_mean_, &innovation_, &innovation_std_, &solved_})
+    v->setZero(m_);
   root_.setZero(n_, n_);
   wide_.setZero(n_, kBlocks * n_);
 }
@@ -178,13 +179,20 @@ std::unique_ptr<StateEstimator> make_sized(const ProcessModel& model, int order)
 
 std::unique_ptr<StateEstimator> make_divided_difference(const ProcessModel& model, int order) {
   switch (model.states().size()) {
-    case 3: return make_sized<3>(model, order);
-    case 4: return make_sized<4>(model, order);
-    case 5: return make_sized<5>(model, order);
-    case 6: return make_sized<6>(model, order);
-    case 7: return make_sized<7>(model, order);
-    case 8: return make_sized<8>(model, order);
-    default: return make_sized<Eigen::Dynamic>(model, order);
+    case 3:
+      return make_sized<3>(model, order);
+    case 4:
+      return make_sized<4>(model, order);
+    case 5:
+      return make_sized<5>(model, order);
+    case 6:
+      return make_sized<6>(model, order);
+    case 7:
+      return make_sized<7>(model, order);
+    case 8:
+      return make_sized<8>(model, order);
+    default:
+      return make_sized<Eigen::Dynamic>(model, order);
   }
 }
 

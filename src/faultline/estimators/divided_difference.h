@@ -46,11 +46,13 @@ class DividedDifferenceFilter : public StateEstimator {
   using Vector = Eigen::Matrix<double, States, 1, 0, kMost, 1>;
   using Outputs = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaximumOutputs, 1>;
   using Root = Eigen::Matrix<double, States, States, Eigen::RowMajor, kMost, kMost>;
-  using Wide = Eigen::Matrix<double, States, kFixed ? kBlocks * States : Eigen::Dynamic, Eigen::RowMajor, kMost, kBlocks * kMost>;
+  using Wide = Eigen::Matrix<double, States, kFixed ? kBlocks * States : Eigen::Dynamic, Eigen::RowMajor, kMost,
+                             kBlocks * kMost>;
   using Corrected = Eigen::Matrix<double, States, Eigen::Dynamic, Eigen::RowMajor, kMost, 2 * kMost + kMaximumOutputs>;
-  using OutputRoot = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumOutputs, kMaximumOutputs>;
-  using OutputWide =
-      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumOutputs, 2 * kMost + kMaximumOutputs>;
+  using OutputRoot =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumOutputs, kMaximumOutputs>;
+  using OutputWide = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, kMaximumOutputs,
+                                   2 * kMost + kMaximumOutputs>;
   using Gain = Eigen::Matrix<double, States, Eigen::Dynamic, 0, kMost, kMaximumOutputs>;
   using Difference = Eigen::Matrix<double, Eigen::Dynamic, States, Eigen::RowMajor, kMaximumOutputs, kMost>;
 

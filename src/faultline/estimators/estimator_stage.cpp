@@ -40,8 +40,8 @@ void EstimatorStage::begin(const Sample& sample) {
 
 bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
   if (sample.values.size() != channels_.size())
-    throw InputError(fmt::format("a sample has {} values, the rig has {} channels: is it another rig's?", sample.values.size(),
-                                 channels_.size()));
+    throw InputError(fmt::format("a sample has {} values, the rig has {} channels: is it another rig's?",
+                                 sample.values.size(), channels_.size()));
   const double dt = sample.time - last_time_;
   if (!std::isfinite(sample.time) || (running_ && dt <= 0 && dt >= -jump_)) {
     ++counts_.stale;

@@ -17,7 +17,8 @@ bool register_process_model(ProcessModelType type) {
   return true;
 }
 
-std::unique_ptr<ProcessModel> make_process_model(const std::string& name, const Datasheet& sheet, const Settings& settings) {
+std::unique_ptr<ProcessModel> make_process_model(const std::string& name, const Datasheet& sheet,
+                                                 const Settings& settings) {
   std::string known;
   for (const auto& type : registry()) {
     if (type.name == name) return type.make(sheet, settings);

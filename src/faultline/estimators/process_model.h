@@ -18,17 +18,17 @@ class ProcessModel {
  public:
   virtual ~ProcessModel() = default;
 
-  virtual std::vector<State> states() const = 0;             // names and units, in the model's scaling
-  virtual std::vector<int> measured_channels() const = 0;    // rows of y, as channels of the rig
-  virtual std::vector<int> driving_channels() const = 0;     // channels that take_inputs reads
-  virtual std::vector<double> process_noise() const = 0;     // diagonal of Q, per sample period
+  virtual std::vector<State> states() const = 0;              // names and units, in the model's scaling
+  virtual std::vector<int> measured_channels() const = 0;     // rows of y, as channels of the rig
+  virtual std::vector<int> driving_channels() const = 0;      // channels that take_inputs reads
+  virtual std::vector<double> process_noise() const = 0;      // diagonal of Q, per sample period
   virtual std::vector<double> measurement_noise() const = 0;  // diagonal of R
   // First state and the diagonal of its covariance, from the first sample.
   virtual void initial(const double* channels, double* state, double* variance) const = 0;
 
-  virtual void take_inputs(const double* channels) = 0;                              // held for the next predict
-  virtual void measurement(const double* channels, double* y) const = 0;             // scaled
-  virtual void predict(const double* state, double dt, double* next) const = 0;      // dt in s
+  virtual void take_inputs(const double* channels) = 0;                          // held for the next predict
+  virtual void measurement(const double* channels, double* y) const = 0;         // scaled
+  virtual void predict(const double* state, double dt, double* next) const = 0;  // dt in s
   virtual void observe(const double* state, double* y) const = 0;
   // Where y is plainly some of the states: which, one per row of y. Empty: filters ask observe(). Saves them most of a correction.
   virtual std::vector<int> observed_states() const { return {}; }
@@ -44,7 +44,8 @@ struct ProcessModelType {
 
 bool register_process_model(ProcessModelType type);
 // InputError that lists the known models where there is none of that name.
-std::unique_ptr<ProcessModel> make_process_model(const std::string& name, const Datasheet& sheet, const Settings& settings);
+std::unique_ptr<ProcessModel> make_process_model(const std::string& name, const Datasheet& sheet,
+                                                 const Settings& settings);
 
 template <class T>
 std::unique_ptr<ProcessModel> make_process_model_of(const Datasheet& sheet, const Settings& settings) {

@@ -22,6 +22,7 @@ constexpr double kSignificance = 3;        // standard errors that a gain must e
 constexpr double kMaterial = 0.04;         // share of the mean squared residual that a first effect must remove
 constexpr double kMaterialNext = 0.10;     // ... and a further one
 constexpr double kQuiet = 0.06;            // excess below which there is nothing left to explain
+constexpr double kUnexplained = 0.25;      // excess from which something that no effect explains is worth a word
 constexpr double kRefitMatters = 0.05;     // excess that the refit must remove to speak of miscalibration
 constexpr double kEnough = 0.55;           // share of the excess that named effects must close, else "unknown"
 constexpr double kEnoughOfClosure = 0.6;   // share of what all effects at the place together win that the named ones must win
@@ -462,12 +463,22 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
       result.why_equivalent = fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors", kRivalErrors);
   }
   result.closable = found && closure_gain > 0 ? std::clamp(named_gain / closure_gain, 0.0, 1.0) : 0;
-  if (found)
-    result.verdict = result.shrink_refit >= kEnough && result.closable >= kEnoughOfClosure ? "named" : "unknown";
-  else if (refit_excess > 4 * kQuiet && sum(refit_losses) > 0 && !first_ranked.empty() && refit_excess > 1)
+  if (found && result.shrink_refit >= kEnough && result.closable >= kEnoughOfClosure)
+    result.verdict = "named";
+  else if (refit_excess > kUnexplained)
     result.verdict = "unknown";
   else
     result.verdict = nominal_excess - refit_excess > kRefitMatters ? "miscalibrated" : "none";
+  if (result.verdict == "none" || result.verdict == "miscalibrated") {
+    // What little the best effect wins is not claimed; the measures stay those of the refit.
+    base.effects.clear();
+    base.model = refitted;
+    result.effects.clear();
+    result.equivalent.clear();
+    result.shrink_refit = 0;
+    result.shrink_interval = {};
+    result.closable = 0;
+  }
   result.where_kind = result.verdict == "none" || result.verdict == "miscalibrated" || result.places.empty() ? "none" : result.places.front().kind;
 
   if (result.verdict == "named" && !result.equivalent.empty()) {

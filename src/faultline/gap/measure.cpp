@@ -46,7 +46,7 @@ GapLevel level(const ResidualModel& model, const std::string& name, const GapMod
     std::vector<double> squares(outputs, 0);
     double rows = 0;
     for (std::size_t r = 0; r < model.runs().size(); ++r) {
-      const Eigen::MatrixXf residuals = model.residuals(at, r, horizon);
+      const Eigen::MatrixXf residuals = horizon == model.segment() ? settled_residuals(model, at, r) : model.residuals(at, r, horizon);
       rows += static_cast<double>(residuals.rows());
       for (std::size_t o = 0; o < outputs; ++o) squares[o] += static_cast<double>(residuals.col(static_cast<Eigen::Index>(o)).squaredNorm());
     }
@@ -160,8 +160,8 @@ void measure_levels(const ResidualModel& model, const GapModel& nominal, const G
   std::size_t deciding = 0;
   double most = 0;
   for (std::size_t r = 0; r < model.runs().size(); ++r) {
-    residuals.push_back(model.residuals(refitted, r));
-    remaining.push_back(model.residuals(best, r));
+    residuals.push_back(settled_residuals(model, refitted, r));
+    remaining.push_back(settled_residuals(model, best, r));
     const double gain = static_cast<double>(residuals.back().squaredNorm() - remaining.back().squaredNorm()) /
                         static_cast<double>(residuals.back().size());
     if (r == 0 || gain > most) {

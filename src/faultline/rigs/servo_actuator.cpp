@@ -13,6 +13,7 @@ enum { kPosition, kVelocity, kPressureA, kPressureB, kSpool, kLeakSpool, kMeter 
 constexpr double kTransition = 1000;           // Pa, below which orifices turn laminar
 constexpr double kSpoolLimit = 10;             // V
 constexpr double kValveNodeShare = 0.2;        // of V_0, on the valve side of a hose
+constexpr double kSmallestInertance = 2e5;     // Pa s^2/m^3; less resonates above 1 kHz, faster than the step can follow
 constexpr double kAtmosphere = 101325;         // Pa, between gauge and absolute
 constexpr double kContactStiffness = 2.0e7;    // N/m, of a coupling that is stiff: steel on steel, as the stops
 constexpr double kContactDamping = 2.0e3;      // N s/m
@@ -204,7 +205,7 @@ void ServoActuator::derivative(double time, const double* state, const double* c
   if (p_b <= 0 && rate[kPressureB] < 0) rate[kPressureB] = 0;
 
   if (has_line_) {
-    const double inertance = std::max(line_port_.line().inertance, 1.0);
+    const double inertance = std::max(line_port_.line().inertance, kSmallestInertance);
     const double node_beta_a = compliance_port_.bulk_modulus(bulk_modulus_, node_a + kAtmosphere);
     const double node_beta_b = compliance_port_.bulk_modulus(bulk_modulus_, node_b + kAtmosphere);
     rate[line_] = node_beta_a / at_node * (q_a - state[line_ + 2]);

@@ -87,8 +87,9 @@ class ServoLeakModel : public ProcessModel {
     const double friction = dry_friction(v) / (area_ * scale_pressure_);
     const double drop = supply_scaled_ - (x[kSpool] > 0 ? x[kPressure] : x[kSpool] < 0 ? -x[kPressure] : 0.0);
     const double velocity_rate = theta1_ * (x[kPressure] - damping_bar_ * v - friction - load_) + x[kFriction];
-    const double pressure_rate = theta3_ * (-area_bar_ * v - x[kLeak] * signed_root(x[kPressure], kTransition / scale_pressure_) +
-                                            x[kSpool] * std::sqrt(std::max(0.0, drop)));
+    const double pressure_rate =
+        theta3_ * (-area_bar_ * v - x[kLeak] * signed_root(x[kPressure], kTransition / scale_pressure_) +
+                   x[kSpool] * std::sqrt(std::max(0.0, drop)));
     next[kPosition] = x[kPosition] + dt * v;
     next[kVelocity] = v + dt * velocity_rate;
     next[kPressure] = x[kPressure] + dt * pressure_rate;
@@ -100,11 +101,15 @@ class ServoLeakModel : public ProcessModel {
   void observe(const double* x, double* y) const override { std::copy_n(x, 4, y); }
   std::vector<int> observed_states() const override { return {kPosition, kVelocity, kPressure, kSpool}; }
 
-  void quantities(const double* channels, const double* x, const double* covariance, std::vector<Quantity>& result) const override {
+  void quantities(const double* channels, const double* x, const double* covariance,
+                  std::vector<Quantity>& result) const override {
     if (result.empty())
-      result = {{"leak_coefficient", "m^3/(s sqrt(Pa))", 0, 0}, {"leak_flow", "m^3/s", 0, 0},
-                {"friction_force", "N", 0, 0},                  {"pressure_parity", "Pa", 0, 0},
-                {"pressure_sum", "Pa", 0, 0},                   {"leak_drive", "sqrt(Pa)", 0, 0}};
+      result = {{"leak_coefficient", "m^3/(s sqrt(Pa))", 0, 0},
+                {"leak_flow", "m^3/s", 0, 0},
+                {"friction_force", "N", 0, 0},
+                {"pressure_parity", "Pa", 0, 0},
+                {"pressure_sum", "Pa", 0, 0},
+                {"leak_drive", "sqrt(Pa)", 0, 0}};
     const double to_coefficient = flow_coefficient_ * scale_spool_;
     const double std_leak = std::sqrt(std::max(0.0, covariance[kLeak * kStates + kLeak]));
     const double drive = std::sqrt(std::abs(x[kPressure]) * scale_pressure_);
@@ -133,8 +138,8 @@ class ServoLeakModel : public ProcessModel {
     return friction_;
   }
 
-  double area_, mass_, coulomb_, static_excess_, stribeck_velocity_, spool_time_, spool_gain_, flow_coefficient_, scale_pressure_,
-      scale_spool_, theta1_, theta3_, area_bar_, damping_bar_;
+  double area_, mass_, coulomb_, static_excess_, stribeck_velocity_, spool_time_, spool_gain_, flow_coefficient_,
+      scale_pressure_, scale_spool_, theta1_, theta3_, area_bar_, damping_bar_;
   std::vector<double> process_noise_, measurement_noise_, initial_variance_;
   int command_, supply_, load_force_, chamber_a_, chamber_b_;
   std::vector<int> measured_;

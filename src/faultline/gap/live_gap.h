@@ -1,0 +1,123 @@
+// The gap while the rig runs: the nominal model beside the live samples, segment by segment.
+//
+//   excess of a segment = max(0, rms^2 - noise^2)/noise^2      per channel, settled residuals (gap_series.h) of the nominal model
+//   smoothed            = mean excess over the last `smoothing` segments
+//
+// A channel leaves normal when its smoothed excess is above what the datasheet calls normal, and is back below kReturn of that.
+// While some channel is out, the place is sought at times: every fitting effect is simulated once at a modest size, d is what it
+// changes in the residuals r of the window, and with tolerances and start states projected out (P)
+//
+//   gain = 1/2 (d'Pr)^2/(d'Pd + 1)      of the best amount, of a sign that the effect can have
+//
+// The port of the largest gain is the place; ports that gain nearly as much cannot be told apart from it on this window. First
+// order: large effects and effects that start within the window are located roughly, `faultline gap` does it properly.
+//
+// Deterministic in the samples, reads no clock, knows no rig. Not thread safe; process() may take a second when a place is sought,
+// so a live caller gives it a thread of its own. A missing, invalid or late sample cuts the window; a jump of time begins anew.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "faultline/gap/residual_model.h"
+
+namespace faultline {
+
+struct LiveGapSettings {
+  std::size_t segment = 500;       // samples
+  std::size_t smoothing = 10;      // segments of the means, the regions and the place
+  std::size_t least = 4;           // segments before anything is judged
+  std::size_t locate_after = 5;    // segments after leaving normal, so that the window shows the trouble
+  std::size_t locate_every = 20;   // segments; bounds the effort
+  double jump = 1;                 // s of missing time, forwards, from which all begins anew; backwards any
+};
+
+struct LiveChannelGap {
+  std::string channel;
+  std::string unit;
+  double rms = 0;       // of the last segment
+  double noise = 0;     // standard deviation, of the same samples
+  double excess = 0;    // of the last segment
+  double smoothed = 0;
+  double normal = 0;    // largest smoothed excess that is normal; NaN: the datasheet says nothing
+  bool left = false;
+};
+
+struct LiveRegion {
+  std::string name;
+  double enrichment = 1;  // mean squared residual there over its mean everywhere
+  double share = 0;       // of the samples
+};
+
+struct LivePlace {
+  std::string port;       // empty: not sought, or nothing fits
+  std::string component;
+  std::string effect;     // that fits best there, to first order
+  double share = 0;       // of the residual beyond noise and tolerances that it explains
+  std::vector<std::string> inseparable;  // other ports that explain nearly as much
+  double time = 0;        // s, end of the window it was found in
+};
+
+struct LiveGapState {
+  double time = 0;              // s, of the last sample of the segment
+  std::size_t segments = 0;     // over which the means go
+  std::vector<LiveChannelGap> channels;
+  std::vector<LiveRegion> regions;  // where the residual is clearly larger than elsewhere, worst first
+  bool judged = false;          // enough segments
+  bool left = false;            // some channel is out of normal
+  double since = 0;             // s, end of the segment at which it left
+  double worst = 0;             // largest smoothed excess over its normal limit
+  LivePlace place;
+  std::string text;             // one sentence
+};
+
+struct LiveGapCounts {
+  std::uint64_t samples = 0, segments = 0, cuts = 0, restarts = 0, located = 0;
+};
+
+class LiveGap {
+ public:
+  LiveGap(const Datasheet& sheet, const LiveGapSettings& settings);
+
+  // True when the sample completed a segment: state() is new. Samples in the datasheet's order.
+  bool process(const Sample& sample);
+  const LiveGapState& state() const { return state_; }
+  const LiveGapCounts& counts() const { return counts_; }
+  void reset();
+
+ private:
+  struct Segment {
+    std::vector<double> squares;    // per channel: sum of squared normalised residuals over rows
+    std::vector<float> row_square;  // per row: sum over channels
+    Recording rows;
+  };
+
+  bool usable(const Sample& sample) const;
+  void cut();
+  Recording joined(std::size_t last) const;  // the last segments' rows, time from 0
+  void measure();
+  void judge();
+  void find_regions();
+  void locate();
+  std::string sentence() const;
+
+  Datasheet sheet_;
+  LiveGapSettings settings_;
+  GapModel nominal_;
+  std::vector<double> normal_;    // per channel of the datasheet; NaN: not given
+  std::vector<LiveRegion> regions_;
+  std::deque<Recording> window_;  // whole segments without a break, newest last
+  std::deque<Segment> measured_;
+  Recording filling_;
+  bool started_ = false;
+  double last_time_ = 0;
+  std::size_t until_locate_ = 0;
+  LiveGapState state_;
+  LiveGapCounts counts_;
+};
+
+}  // namespace faultline
