@@ -16,7 +16,8 @@ std::string effect_text(const NamedEffect& effect) {
   EffectSpec spec;
   spec.effect = effect.effect;
   spec.port = effect.port;
-  for (const EffectParameter& p : find_effect_type(effect.effect)->parameters) spec.parameters.push_back(effect.parameters.at(p.name));
+  for (const EffectParameter& p : find_effect_type(effect.effect)->parameters)
+    spec.parameters.push_back(effect.parameters.at(p.name));
   return to_string(spec);
 }
 
@@ -34,9 +35,11 @@ void adopt(const Datasheet& sheet, const GapResult& result, const std::string& f
     const std::regex entry("(name: *" + name + "\\b[^}]*?nominal: *)([-+0-9.eE]+)");
     std::smatch match;
     if (!std::regex_search(text, match, entry))
-      throw InputError(fmt::format("{}: parameter {} is not written as 'name: {}, ..., nominal: NUMBER'; edit it by hand to {:.6g}", sheet.file,
-                                   name, name, parameter.nominal * factor));
-    text = match.prefix().str() + match[1].str() + fmt::format("{:.6e}", parameter.nominal * factor) + match.suffix().str();
+      throw InputError(
+          fmt::format("{}: parameter {} is not written as 'name: {}, ..., nominal: NUMBER'; edit it by hand to {:.6g}",
+                      sheet.file, name, name, parameter.nominal * factor));
+    text = match.prefix().str() + match[1].str() + fmt::format("{:.6e}", parameter.nominal * factor) +
+           match.suffix().str();
   }
   std::string list;
   for (const std::string& known : sheet.nominal_effects) list += fmt::format("  - \"{}\"\n", known);

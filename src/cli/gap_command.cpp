@@ -39,20 +39,27 @@ Json interval_json(const Interval& interval) { return Json::array({interval.low,
 Json effect_json(const Datasheet& sheet, const NamedEffect& e) {
   Json parameters = Json::object(), units = Json::object(), intervals = Json::object();
   for (const auto& [name, value] : e.parameters) parameters[name] = value;
-  for (const EffectParameter& p : find_effect_type(e.effect)->parameters) units[p.name] = effect_unit(sheet, sheet.port(e.port), p.unit);
+  for (const EffectParameter& p : find_effect_type(e.effect)->parameters)
+    units[p.name] = effect_unit(sheet, sheet.port(e.port), p.unit);
   for (const auto& [name, interval] : e.intervals) intervals[name] = interval_json(interval);
-  return {{"effect", e.effect}, {"port", e.port}, {"family", e.family}, {"parameters", parameters}, {"units", units},
-          {"intervals", intervals}, {"probability", e.probability}};
+  return {{"effect", e.effect}, {"port", e.port},         {"family", e.family},          {"parameters", parameters},
+          {"units", units},     {"intervals", intervals}, {"probability", e.probability}};
 }
 
 Json regions_json(const std::vector<Region>& regions) {
   Json list = Json::array();
-  for (const Region& r : regions) list.push_back({{"name", r.name}, {"enrichment", r.enrichment}, {"share", r.share}, {"refit", r.refit}, {"explained", r.explained}});
+  for (const Region& r : regions)
+    list.push_back({{"name", r.name},
+                    {"enrichment", r.enrichment},
+                    {"share", r.share},
+                    {"refit", r.refit},
+                    {"explained", r.explained}});
   return list;
 }
 
 Json result_json(const Datasheet& sheet, const GapResult& result) {
-  Json json = {{"rig", result.rig}, {"runs", result.runs}, {"holdout", result.holdout}, {"deciding_run", result.deciding_run}};
+  Json json = {
+      {"rig", result.rig}, {"runs", result.runs}, {"holdout", result.holdout}, {"deciding_run", result.deciding_run}};
   for (const GapLevel& level : result.gap) {
     Json channels = Json::object();
     for (const ChannelGap& c : level.channels) {
@@ -68,9 +75,15 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
   }
   Json ranked = Json::array();
   for (const PlaceScore& place : result.places)
-    ranked.push_back({{"port", place.port}, {"component", place.component}, {"kind", place.kind}, {"score", place.score},
-                      {"share", place.share}, {"inseparable", place.inseparable}});
-  json["where"] = {{"kind", result.where_kind}, {"ranked", ranked}, {"regions", regions_json(result.regions)},
+    ranked.push_back({{"port", place.port},
+                      {"component", place.component},
+                      {"kind", place.kind},
+                      {"score", place.score},
+                      {"share", place.share},
+                      {"inseparable", place.inseparable}});
+  json["where"] = {{"kind", result.where_kind},
+                   {"ranked", ranked},
+                   {"regions", regions_json(result.regions)},
                    {"bands", regions_json(result.bands)}};
   Json effects = Json::array(), equivalent = Json::array(), causes = Json::array();
   for (const NamedEffect& e : result.effects) effects.push_back(effect_json(sheet, e));
@@ -82,13 +95,20 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
     entry["standard_error"] = cause.standard_error;
     causes.push_back(entry);
   }
-  json["cause"] = {{"verdict", result.verdict}, {"sentence", result.sentence}, {"effects", effects}, {"equivalent", equivalent},
-                   {"why_equivalent", result.why_equivalent}, {"ranked", causes}};
-  json["shrink"] = {{"heldout", result.shrink_refit}, {"against_nominal", result.shrink_nominal},
-                    {"interval", interval_json(result.shrink_interval)}, {"closable", result.closable}};
+  json["cause"] = {{"verdict", result.verdict},
+                   {"sentence", result.sentence},
+                   {"effects", effects},
+                   {"equivalent", equivalent},
+                   {"why_equivalent", result.why_equivalent},
+                   {"ranked", causes}};
+  json["shrink"] = {{"heldout", result.shrink_refit},
+                    {"against_nominal", result.shrink_nominal},
+                    {"interval", interval_json(result.shrink_interval)},
+                    {"closable", result.closable}};
   Json next = Json::array();
   for (const NextRun& run : result.next)
-    next.push_back({{"excitation", run.excitation}, {"duration", run.duration}, {"gain", run.gain}, {"between", run.between}});
+    next.push_back(
+        {{"excitation", run.excitation}, {"duration", run.duration}, {"gain", run.gain}, {"between", run.between}});
   json["next"] = next;
   json["seconds"] = result.seconds;
   return json;
@@ -96,11 +116,13 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
 
 std::string series_csv(const GapSeries& series) {
   std::string text = "t,run";
-  for (const std::string& name : series.channels) text += fmt::format(",y:{0},nominal:{0},refit:{0},explained:{0}", name);
+  for (const std::string& name : series.channels)
+    text += fmt::format(",y:{0},nominal:{0},refit:{0},explained:{0}", name);
   const std::size_t width = 4 * series.channels.size();
   for (std::size_t k = 0; k < series.time.size(); ++k) {
     fmt::format_to(std::back_inserter(text), "\n{:.6f},{}", series.time[k], series.run);
-    for (std::size_t i = 0; i < width; ++i) fmt::format_to(std::back_inserter(text), ",{:.7g}", series.values[k * width + i]);
+    for (std::size_t i = 0; i < width; ++i)
+      fmt::format_to(std::back_inserter(text), ",{:.7g}", series.values[k * width + i]);
   }
   return text + "\n";
 }
@@ -129,7 +151,8 @@ std::string command_text(const Options& options) {
 void check_outputs(const Options& options) {
   for (const std::string& file : {options.json, options.series, options.report, options.adopt})
     if (!file.empty() && file != "-") OutputFile probe(file);
-  if (options.json == "-" && options.series == "-") throw InputError("--json - and --series -: standard output takes one of them");
+  if (options.json == "-" && options.series == "-")
+    throw InputError("--json - and --series -: standard output takes one of them");
   if (options.report == "-") throw InputError("--report -: a report is written to a file; name one");
   if (!options.report.empty()) check_gap_report();
 }
@@ -146,19 +169,24 @@ void print_result(const GapResult& result) {
     fmt::print("\nwhere: {} ({})", result.places.front().port, result.places.front().component);
     for (const std::string& other : result.places.front().inseparable) fmt::print(", or {}", other);
     fmt::print("\n");
-    for (const Region& region : result.regions) fmt::print("  {:.1f} times the mean where {}\n", region.enrichment, region.name);
+    for (const Region& region : result.regions)
+      fmt::print("  {:.1f} times the mean where {}\n", region.enrichment, region.name);
     fmt::print("\n{:>6} {:>10}  cause\n", "p", "gain");
     for (std::size_t i = 0; i < std::min<std::size_t>(result.ranked.size(), 5); ++i) {
       const RankedCause& cause = result.ranked[i];
       std::string parameters;
-      for (const auto& [name, value] : cause.effect.parameters) parameters += fmt::format("{}{}={:.4g}", parameters.empty() ? "" : ",", name, value);
-      fmt::print("{:>6.2f} {:>10.0f}  {}@{}:{}\n", cause.effect.probability, cause.gain, cause.effect.effect, cause.effect.port, parameters);
+      for (const auto& [name, value] : cause.effect.parameters)
+        parameters += fmt::format("{}{}={:.4g}", parameters.empty() ? "" : ",", name, value);
+      fmt::print("{:>6.2f} {:>10.0f}  {}@{}:{}\n", cause.effect.probability, cause.gain, cause.effect.effect,
+                 cause.effect.port, parameters);
     }
-    fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n", 100 * result.shrink_refit,
-               100 * result.shrink_interval.low, 100 * result.shrink_interval.high, 100 * result.shrink_nominal);
+    fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n",
+               100 * result.shrink_refit, 100 * result.shrink_interval.low, 100 * result.shrink_interval.high,
+               100 * result.shrink_nominal);
   }
   for (const NextRun& run : result.next)
-    fmt::print("next: record {} for {:g} s; it tells {} apart (predicted log likelihood {:.0f})\n", run.excitation, run.duration, run.between, run.gain);
+    fmt::print("next: record {} for {:g} s; it tells {} apart (predicted log likelihood {:.0f})\n", run.excitation,
+               run.duration, run.between, run.gain);
 }
 
 void run(const Options& options) {
@@ -170,7 +198,8 @@ void run(const Options& options) {
     for (const std::string& file : files) {
       LoadedRecording loaded = load_recording(file, options.rig, options.config);
       if (have_sheet && loaded.sheet.rig != sheet.rig)
-        throw InputError(fmt::format("{}: is of {}, the runs before it of {}; give runs of one rig", file, loaded.sheet.rig, sheet.rig));
+        throw InputError(fmt::format("{}: is of {}, the runs before it of {}; give runs of one rig", file,
+                                     loaded.sheet.rig, sheet.rig));
       sheet = loaded.sheet;
       have_sheet = true;
       print_remarks("gap", loaded.remarks);
@@ -181,7 +210,9 @@ void run(const Options& options) {
   load(options.holdout, holdout);
   for (const std::string& text : options.without) {
     const std::string effect = text.substr(0, text.find('@'));
-    if (!find_effect_type(effect)) throw InputError(fmt::format("--without {}: there is no effect '{}'; `faultline rigs {}` lists them", text, effect, sheet.rig));
+    if (!find_effect_type(effect))
+      throw InputError(fmt::format("--without {}: there is no effect '{}'; `faultline rigs {}` lists them", text,
+                                   effect, sheet.rig));
     if (effect.size() < text.size()) sheet.port(text.substr(effect.size() + 1));
   }
 
@@ -192,14 +223,15 @@ void run(const Options& options) {
   const bool show = isatty(STDERR_FILENO) != 0;
   std::mutex guard;
   int shown = -1;
-  const GapResult result = diagnose_gap(sheet, std::move(runs), std::move(holdout), settings, [&](double share, const std::string& text) {
-    check_interrupt();
-    const std::lock_guard<std::mutex> lock(guard);
-    const int percent = static_cast<int>(100 * share);
-    if (!show || percent == shown) return;
-    shown = percent;
-    fmt::print(stderr, "\r{:>3} % {:<28}", percent, text);
-  });
+  const GapResult result =
+      diagnose_gap(sheet, std::move(runs), std::move(holdout), settings, [&](double share, const std::string& text) {
+        check_interrupt();
+        const std::lock_guard<std::mutex> lock(guard);
+        const int percent = static_cast<int>(100 * share);
+        if (!show || percent == shown) return;
+        shown = percent;
+        fmt::print(stderr, "\r{:>3} % {:<28}", percent, text);
+      });
   if (show) fmt::print(stderr, "\r{:<40}\r", "");
 
   // A file name may hold bytes that are no text.
@@ -229,14 +261,17 @@ void add(CLI::App& app) {
   app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(CLI::Range(1, 256));
   app.add_option("--seed", options->seed, "of the bootstrap");
   app.add_option("--json", options->json, "write the answer as JSON to this file; - is standard output");
-  app.add_option("--series", options->series, "write the deciding run as CSV, measured and as the three levels have it; - is standard output");
+  app.add_option("--series", options->series,
+                 "write the deciding run as CSV, measured and as the three levels have it; - is standard output");
   app.add_option("--report", options->report, "write the answer as one HTML file that needs nothing else");
-  app.add_option("--adopt", options->adopt, "write a datasheet with the refitted parameters and the named effects to this file");
+  app.add_option("--adopt", options->adopt,
+                 "write a datasheet with the refitted parameters and the named effects to this file");
   app.callback([options] { run(*options); });
 }
 
-FAULTLINE_SUBCOMMAND(gap, {"gap", "say where model and rig part, which effect causes it, how far adding it closes the gap",
-                           "faultline gap run1.bag run2.bag --json gap.json", add});
+FAULTLINE_SUBCOMMAND(gap,
+                     {"gap", "say where model and rig part, which effect causes it, how far adding it closes the gap",
+                      "faultline gap run1.bag run2.bag --json gap.json", add});
 
 }  // namespace
 }  // namespace faultline

@@ -25,7 +25,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kRemedy = "; install python3, python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml, or do without --report";
+constexpr const char* kRemedy =
+    "; install python3, python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml, or do without --report";
 
 class TemporaryFolder {
  public:
@@ -33,7 +34,8 @@ class TemporaryFolder {
     std::error_code error;
     const fs::path base = fs::temp_directory_path(error);
     std::string name = ((error ? fs::path("/tmp") : base) / "faultline_gap_XXXXXX").string();
-    if (!::mkdtemp(name.data())) throw InputError(fmt::format("{}: no folder can be made there ({}); set TMPDIR", name, std::strerror(errno)));
+    if (!::mkdtemp(name.data()))
+      throw InputError(fmt::format("{}: no folder can be made there ({}); set TMPDIR", name, std::strerror(errno)));
     folder_ = name;
   }
   ~TemporaryFolder() {
@@ -54,7 +56,8 @@ std::string script() {
   if (fs::is_regular_file(in_tree, error)) return in_tree.string();
   const fs::path beside = fs::read_symlink("/proc/self/exe", error).parent_path() / "gap_report.py";
   if (fs::is_regular_file(beside, error)) return beside.string();
-  throw InputError(fmt::format("--report: {} is not there; install faultline again, or do without --report", in_tree.string()));
+  throw InputError(
+      fmt::format("--report: {} is not there; install faultline again, or do without --report", in_tree.string()));
 }
 
 std::string interpreter() {
@@ -77,7 +80,8 @@ void run_script(const std::vector<std::string>& arguments, const std::string& sa
   pid_t child = 0;
   const int failure = ::posix_spawnp(&child, pointers.front(), &actions, nullptr, pointers.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
-  if (failure != 0) throw InputError(fmt::format("--report: {} cannot be run ({}){}", words.front(), std::strerror(failure), kRemedy));
+  if (failure != 0)
+    throw InputError(fmt::format("--report: {} cannot be run ({}){}", words.front(), std::strerror(failure), kRemedy));
   int status = 0;
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) continue;
   check_interrupt();
@@ -104,8 +108,12 @@ void write_gap_report(const GapReportInput& input, const std::string& file) {
   const TemporaryFolder folder;
   write_text(folder.file("answer.json"), input.answer);
   write_text(folder.file("series.csv"), input.series);
-  std::vector<std::string> arguments = {"--json", folder.file("answer.json"), "--series", folder.file("series.csv"), "--datasheet",
-                                        input.datasheet, "--command", input.command, "--output", file, "--"};
+  std::vector<std::string> arguments = {"--json",      folder.file("answer.json"),
+                                        "--series",    folder.file("series.csv"),
+                                        "--datasheet", input.datasheet,
+                                        "--command",   input.command,
+                                        "--output",    file,
+                                        "--"};
   arguments.insert(arguments.end(), input.recordings.begin(), input.recordings.end());
   run_script(arguments, folder.file("said"));
 }

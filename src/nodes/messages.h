@@ -22,6 +22,7 @@
 #include <faultline/AlarmArray.h>
 #include <faultline/ChannelDescription.h>
 #include <faultline/Estimate.h>
+#include <faultline/Gap.h>
 #include <faultline/Quantity.h>
 #include <faultline/RigDescription.h>
 #include <faultline/Sample.h>

@@ -30,7 +30,9 @@ ResidualModel model_of(const SimulationSetup& setup, double duration, std::size_
 
 std::size_t parameter(const std::string& name) { return static_cast<std::size_t>(servo().parameter(name)); }
 
-std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& residuals, const GapModel& model) { return {residuals.residuals(model, 0)}; }
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& residuals, const GapModel& model) {
+  return {residuals.residuals(model, 0)};
+}
 
 double total(const std::vector<double>& values) {
   double sum = 0;
@@ -114,7 +116,8 @@ TEST(Linearisation, SegmentLossIsTheMarginalLikelihoodOverTheStart) {
     const auto first = static_cast<Eigen::Index>(g) * n;
     const auto stacked = [&](const Eigen::MatrixXf& matrix) {
       Eigen::VectorXd column(n * outputs);
-      for (Eigen::Index o = 0; o < outputs; ++o) column.segment(o * n, n) = matrix.col(o).segment(first, n).cast<double>();
+      for (Eigen::Index o = 0; o < outputs; ++o)
+        column.segment(o * n, n) = matrix.col(o).segment(first, n).cast<double>();
       return column;
     };
     Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(n * outputs, n * outputs);
@@ -142,7 +145,8 @@ TEST(Linearisation, GradientAgreesWithDifferences) {
   for (std::size_t j = 0; j < linear.free_parameters().size(); ++j) {
     Eigen::VectorXd unused;
     const Eigen::MatrixXf& column = linear.parameter_columns()[j][0];
-    const double size = std::max(1e-3, std::sqrt(linear.parameter_gram()(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(j))));
+    const double size =
+        std::max(1e-3, std::sqrt(linear.parameter_gram()(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(j))));
     const auto h = static_cast<float>(10 / size);
     const double up = linear.square({r[0] + h * column}, unused), down = linear.square({r[0] - h * column}, unused);
     EXPECT_NEAR(gradient[static_cast<Eigen::Index>(j)] / size, (up - down) / (4 * static_cast<double>(h) * size),
@@ -195,8 +199,8 @@ TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
     fit = fit_gap(residuals, fit.model, {}, linear, 4);
     EXPECT_LE(total(linear.segment_losses(residuals_of(residuals, fit.model))), before);
   }
-  const Eigen::VectorXd z = deviations(servo(), {parameter("viscous_damping"), parameter("compliance"), parameter("moving_mass")},
-                                       fit.model.parameters);
+  const Eigen::VectorXd z = deviations(
+      servo(), {parameter("viscous_damping"), parameter("compliance"), parameter("moving_mass")}, fit.model.parameters);
   EXPECT_NEAR(z[0], 2, 0.4);
   EXPECT_NEAR(z[1], -2, 0.4);
   EXPECT_NEAR(z[2], 0, 1);

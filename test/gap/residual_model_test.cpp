@@ -97,7 +97,8 @@ TEST(ResidualModel, IsNoiseWhereTheModelIsRightAndMoreWhereItIsNot) {
   const ResidualModel model(servo(), std::move(runs), kSegment);
   ASSERT_EQ(model.outputs().size(), 6u);
   const auto mean_square = [&](std::size_t run, std::size_t horizon) {
-    const Eigen::MatrixXf r = horizon == kSegment ? settled_residuals(model, nominal(), run) : model.residuals(nominal(), run, horizon);
+    const Eigen::MatrixXf r =
+        horizon == kSegment ? settled_residuals(model, nominal(), run) : model.residuals(nominal(), run, horizon);
     return static_cast<double>(r.squaredNorm()) / static_cast<double>(r.size());
   };
   // The noise in the samples from which a segment starts is not taken for a gap.
@@ -132,7 +133,8 @@ TEST(GapSeries, HoldsTheRecordingAndThreeCourses) {
     for (std::size_t o = 0; o < 6; ++o) {
       const double* values = series.values.data() + k * 24 + 4 * o;
       ASSERT_EQ(values[0], recorded.at(2 * k, static_cast<std::size_t>(model.outputs()[o])));
-      for (int level = 0; level < 3; ++level) off[level] += std::pow((values[level + 1] - values[0]) / model.noise()[o], 2);
+      for (int level = 0; level < 3; ++level)
+        off[level] += std::pow((values[level + 1] - values[0]) / model.noise()[o], 2);
     }
   EXPECT_GT(off[0], 2 * off[1]);
   EXPECT_EQ(off[1], off[2]);

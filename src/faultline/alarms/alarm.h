@@ -13,9 +13,9 @@ struct Alarm {
   std::string effect;  // of effects.md; empty where none is claimed
   std::string port;    // of the datasheet; empty where none is claimed
   AlarmLevel level = AlarmLevel::ok;
-  double since = 0;  // s, of the samples' clock: when the condition began
+  double since = 0;   // s, of the samples' clock: when the condition began
   double raised = 0;  // s, when it was first reported; what a detection delay is counted to
-  double until = 0;  // s, when it ended; while active: the last sample
+  double until = 0;   // s, when it ended; while active: the last sample
   bool active = false;
   bool has_size = false;
   std::string size_name, size_unit;
@@ -26,8 +26,8 @@ struct Alarm {
 
 struct AlarmReport {
   std::string rig;
-  double time = 0;      // s, of the last sample
-  std::string verdict;  // one sentence
+  double time = 0;            // s, of the last sample
+  std::string verdict;        // one sentence
   std::vector<Alarm> alarms;  // in the order in which they were raised, ended ones included
 };
 

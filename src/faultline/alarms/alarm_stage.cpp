@@ -15,8 +15,8 @@ constexpr std::size_t kMostAlarms = 1000;  // kept; the oldest ended ones go fir
 
 std::string size_text(const Alarm& alarm) {
   if (!alarm.has_size) return "";
-  return fmt::format(" {:.3g} {} (90 %: {:.3g} to {:.3g})", alarm.size, alarm.size_unit == "1" ? "" : alarm.size_unit, alarm.low,
-                     alarm.high);
+  return fmt::format(" {:.3g} {} (90 %: {:.3g} to {:.3g})", alarm.size, alarm.size_unit == "1" ? "" : alarm.size_unit,
+                     alarm.low, alarm.high);
 }
 
 }  // namespace
@@ -58,8 +58,8 @@ void AlarmStage::reset() {
   ++changes_;
 }
 
-int AlarmStage::raise(const std::string& kind, const std::string& effect, const std::string& port, AlarmLevel level, double since,
-                      double raised, const std::string& text) {
+int AlarmStage::raise(const std::string& kind, const std::string& effect, const std::string& port, AlarmLevel level,
+                      double since, double raised, const std::string& text) {
   if (report_.alarms.size() >= kMostAlarms) {
     // Indices of active alarms must stay valid, so the oldest ended alarm is reused.
     for (std::size_t i = 0; i < report_.alarms.size(); ++i)
@@ -110,12 +110,14 @@ void AlarmStage::check_data(const Estimate& estimate) {
     if (status != ChannelStatus::good) {
       if (watch.alarm < 0) {
         const std::string port = "sensor." + channel.name;
-        const bool has_port = std::any_of(sheet_.ports.begin(), sheet_.ports.end(), [&](const Port& p) { return p.name == port; });
-        watch.alarm = raise("data", "", has_port ? port : "", AlarmLevel::error, estimate.time, estimate.time,
-                            status == ChannelStatus::missing
-                                ? fmt::format("{}: no number comes from this channel; check the cable and the converter", channel.name)
-                                : fmt::format("{}: outside {:g}..{:g} {}; check transducer and scaling", channel.name, channel.minimum,
-                                              channel.maximum, channel.unit));
+        const bool has_port =
+            std::any_of(sheet_.ports.begin(), sheet_.ports.end(), [&](const Port& p) { return p.name == port; });
+        watch.alarm = raise(
+            "data", "", has_port ? port : "", AlarmLevel::error, estimate.time, estimate.time,
+            status == ChannelStatus::missing
+                ? fmt::format("{}: no number comes from this channel; check the cable and the converter", channel.name)
+                : fmt::format("{}: outside {:g}..{:g} {}; check transducer and scaling", channel.name, channel.minimum,
+                              channel.maximum, channel.unit));
       }
       watch.last_bad = estimate.time;
     } else if (watch.alarm >= 0 && estimate.time - watch.last_bad > kDataHold) {
@@ -139,7 +141,8 @@ void AlarmStage::process(const Estimate& estimate) {
     first_time_ = last_time_ = estimate.time;
   }
   advance(estimate.time);
-  if (stale_ == static_cast<int>(report_.alarms.size()) - 1 && stale_ >= 0 && estimate.time - last_time_ <= stale_after_) {
+  if (stale_ == static_cast<int>(report_.alarms.size()) - 1 && stale_ >= 0 &&
+      estimate.time - last_time_ <= stale_after_) {
     // Told to advance too far: the sample was only on its way. Nothing was silent, so nothing is left of it.
     report_.alarms.pop_back();
     stale_ = -1;
@@ -158,8 +161,8 @@ void AlarmStage::process(const Estimate& estimate) {
   for (Watched& w : watched_) {
     const bool wanted = w.detection.active && (w.kind != "fault" || model_fits || w.alarm >= 0);
     if (wanted && w.alarm < 0)
-      w.alarm = raise(w.kind, w.effect, w.port, w.kind == "unknown" ? AlarmLevel::warning : AlarmLevel::error, w.detection.since,
-                      estimate.time, "");
+      w.alarm = raise(w.kind, w.effect, w.port, w.kind == "unknown" ? AlarmLevel::warning : AlarmLevel::error,
+                      w.detection.since, estimate.time, "");
     if (!wanted && w.alarm >= 0) end(w.alarm, estimate.time);
     if (w.alarm < 0) continue;
     Alarm& alarm = report_.alarms[static_cast<std::size_t>(w.alarm)];

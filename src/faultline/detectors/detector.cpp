@@ -34,7 +34,8 @@ std::size_t find_quantity(const Estimate& estimate, const std::string& name) {
     if (estimate.quantities[i].name == name) return i;
     known += (known.empty() ? "" : ", ") + estimate.quantities[i].name;
   }
-  throw InputError("a detector asks for the quantity '" + name + "', which the estimator does not give; it gives " + known);
+  throw InputError("a detector asks for the quantity '" + name + "', which the estimator does not give; it gives " +
+                   known);
 }
 
 }  // namespace faultline

@@ -50,4 +50,5 @@ std::size_t find_quantity(const Estimate& estimate, const std::string& name);
 
 }  // namespace faultline
 
-#define FAULTLINE_DETECTOR(name, ...) const bool registered_detector_##name = ::faultline::register_detector(__VA_ARGS__)
+#define FAULTLINE_DETECTOR(name, ...) \
+  const bool registered_detector_##name = ::faultline::register_detector(__VA_ARGS__)

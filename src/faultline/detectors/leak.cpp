@@ -67,8 +67,11 @@ class Leak : public Detector {
     const double std = std::sqrt(std::pow(model_error_ * mean_, 2) + model_floor_ * model_floor_ +
                                  scatter_ * std::min(1.0, 1.0 / std::max(average_, 1e-9)));
     const double level = persistence_.active() ? release_threshold_ : threshold_;
-    detection.active = persistence_.update(estimate.time, seen_ >= average_ && mean_ > level);
+    const bool holds = seen_ >= average_ && mean_ > level;
+    detection.active = persistence_.update(estimate.time, holds);
     detection.since = persistence_.since();
+    // While a leak that was there fades, its size stays what it was last.
+    if (detection.active && !holds) return;
     detection.has_size = true;
     // No leak flows backwards: what is below zero is scatter.
     const double to_flow = drive_mean_ * kLitres;

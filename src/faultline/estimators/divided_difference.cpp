@@ -179,18 +179,8 @@ std::unique_ptr<StateEstimator> make_sized(const ProcessModel& model, int order)
 
 std::unique_ptr<StateEstimator> make_divided_difference(const ProcessModel& model, int order) {
   switch (model.states().size()) {
-    case 3:
-      return make_sized<3>(model, order);
-    case 4:
-      return make_sized<4>(model, order);
-    case 5:
-      return make_sized<5>(model, order);
     case 6:
       return make_sized<6>(model, order);
-    case 7:
-      return make_sized<7>(model, order);
-    case 8:
-      return make_sized<8>(model, order);
     default:
       return make_sized<Eigen::Dynamic>(model, order);
   }

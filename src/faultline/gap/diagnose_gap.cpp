@@ -16,20 +16,21 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kSegment = 500;      // samples
-constexpr std::size_t kFinalists = 10;     // candidates that are fitted after screening
-constexpr double kSignificance = 3;        // standard errors that a gain must exceed
-constexpr double kMaterial = 0.04;         // share of the mean squared residual that a first effect must remove
-constexpr double kMaterialNext = 0.10;     // ... and a further one
-constexpr double kQuiet = 0.06;            // excess below which there is nothing left to explain
-constexpr double kUnexplained = 0.25;      // excess from which something that no effect explains is worth a word
-constexpr double kRefitMatters = 0.05;     // excess that the refit must remove to speak of miscalibration
-constexpr double kEnough = 0.55;           // share of the excess that named effects must close, else "unknown"
-constexpr double kEnoughOfClosure = 0.6;   // share of what all effects at the place together win that the named ones must win
-constexpr double kNextDuration = 20;       // s
-constexpr double kRivalErrors = 2;         // standard errors within which a rival cannot be told apart
-constexpr double kRivalShare = 0.02;       // ... or this share of the gain
-constexpr double kSegmentsCorrelate = 2;   // neighbouring segments share errors: the standard error counts half of them
+constexpr std::size_t kSegment = 500;   // samples
+constexpr std::size_t kFinalists = 10;  // candidates that are fitted after screening
+constexpr double kSignificance = 3;     // standard errors that a gain must exceed
+constexpr double kMaterial = 0.04;      // share of the mean squared residual that a first effect must remove
+constexpr double kMaterialNext = 0.10;  // ... and a further one
+constexpr double kQuiet = 0.06;         // excess below which there is nothing left to explain
+constexpr double kUnexplained = 0.25;   // excess from which something that no effect explains is worth a word
+constexpr double kRefitMatters = 0.05;  // excess that the refit must remove to speak of miscalibration
+constexpr double kEnough = 0.55;        // share of the excess that named effects must close, else "unknown"
+constexpr double kEnoughOfClosure =
+    0.6;  // share of what all effects at the place together win that the named ones must win
+constexpr double kNextDuration = 20;      // s
+constexpr double kRivalErrors = 2;        // standard errors within which a rival cannot be told apart
+constexpr double kRivalShare = 0.02;      // ... or this share of the gain
+constexpr double kSegmentsCorrelate = 2;  // neighbouring segments share errors: the standard error counts half of them
 constexpr int kBootstraps = 400;
 
 struct Fold {
@@ -56,25 +57,34 @@ std::vector<double> minus(const std::vector<double>& a, const std::vector<double
 // likelihood with that segment's own noise level, n/2 log(2 loss/n). Near the noise it equals the loss but for a constant.
 std::vector<double> robust(const std::vector<double>& losses, double values_per_segment) {
   std::vector<double> result;
-  for (const double loss : losses) result.push_back(0.5 * values_per_segment * std::log(std::max(2 * loss / values_per_segment, 0.2)));
+  for (const double loss : losses)
+    result.push_back(0.5 * values_per_segment * std::log(std::max(2 * loss / values_per_segment, 0.2)));
   return result;
 }
 
 // One structure: which effects, fitted per fold and scored on what the fold left out.
 struct Scored {
-  std::vector<Candidate> effects;     // starting points
-  std::vector<double> held_out;       // loss per segment of all tests
-  std::vector<double> score;          // the same on the scale of robust()
-  double screened = 0;                // gain in the screening
-  FitResult everywhere;               // fitted to all learning runs
+  std::vector<Candidate> effects;  // starting points
+  std::vector<double> held_out;    // loss per segment of all tests
+  std::vector<double> score;       // the same on the scale of robust()
+  double screened = 0;             // gain in the screening
+  FitResult everywhere;            // fitted to all learning runs
 };
 
 class GapWork {
  public:
-  GapWork(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds, const std::vector<std::size_t>& learn,
-            const GapSettings& settings, const GapProgress& progress)
-      : sheet_(sheet), settings_(settings), progress_(progress), model_(sheet, std::move(runs), gap_segment(sheet)), folds_(folds),
-        learn_(learn), all_(candidates(sheet, settings.without)) {
+  GapWork(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds,
+          const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress)
+      : sheet_(sheet),
+        settings_(settings),
+        progress_(progress),
+        model_(sheet, std::move(runs), gap_segment(sheet)),
+        folds_(folds),
+        learn_(learn) {
+    double duration = 0;
+    for (const GapRun& run : model_.runs())
+      duration = std::max(duration, static_cast<double>(run.recording.rows()) * sheet.sample_period);
+    all_ = candidates(sheet, settings.without, duration);
     for (std::size_t i = 0; i < model_.runs().size(); ++i) every_.push_back(i);
   }
 
@@ -91,7 +101,8 @@ class GapWork {
     fit.model = start;
     fit.effects = effects;
     for (int round = 0; round < rounds; ++round) {
-      linear_ = std::make_unique<Linearisation>(model_, with(fit.effects, fit.model.parameters), every_, settings_.jobs);
+      linear_ =
+          std::make_unique<Linearisation>(model_, with(fit.effects, fit.model.parameters), every_, settings_.jobs);
       fit = fit_gap(model_, fit.model, fit.effects, linear_->subset(learn_), 3);
     }
     linear_ = std::make_unique<Linearisation>(model_, with(fit.effects, fit.model.parameters), every_, settings_.jobs);
@@ -125,7 +136,8 @@ class GapWork {
       for (const std::size_t run : every_) residuals.push_back(model_.residuals(model, run));
       points[i].loss = projected_loss(*linear_, residuals, z);
       const std::size_t now = ++done;
-      if (progress_) progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(points.size()), "trying effects");
+      if (progress_)
+        progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(points.size()), "trying effects");
     });
     std::vector<Scored> result;
     for (std::size_t c = 0; c < all_.size(); ++c) {
@@ -140,7 +152,8 @@ class GapWork {
       scored.screened = before - best->loss;
       result.push_back(std::move(scored));
     }
-    std::stable_sort(result.begin(), result.end(), [](const Scored& a, const Scored& b) { return a.screened > b.screened; });
+    std::stable_sort(result.begin(), result.end(),
+                     [](const Scored& a, const Scored& b) { return a.screened > b.screened; });
     return result;
   }
 
@@ -167,7 +180,9 @@ class GapWork {
         losses[i / parts * folds_.size() + part] = test[part].segment_losses(residuals);
       }
       const std::size_t now = ++done;
-      if (progress_) progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size() * parts), "fitting the best");
+      if (progress_)
+        progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size() * parts),
+                  "fitting the best");
     });
     for (std::size_t s = 0; s < structures.size(); ++s) {
       structures[s].held_out.clear();
@@ -190,7 +205,8 @@ class GapWork {
       for (std::size_t p = 0; p < start.bounds.size(); ++p) {
         const double none = type->parameters[p].none;
         const Bounds& b = start.bounds[p];
-        start.effect.parameters[p] = std::isnan(none) ? start.from_coordinate(p, 0.5) : std::clamp(none, b.minimum, b.maximum);
+        start.effect.parameters[p] =
+            std::isnan(none) ? start.from_coordinate(p, 0.5) : std::clamp(none, b.minimum, b.maximum);
       }
       for (const Candidate& known : base.effects)
         if (known.effect.effect == start.effect.effect && known.effect.port == port) start = known;
@@ -276,7 +292,8 @@ std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run) {
     part.rig = run.recording.rig;
     part.channels = run.recording.channels;
     for (std::size_t k = half ? middle : 0; k < (half ? rows : middle); ++k) part.append(run.recording.sample(k));
-    parts.push_back(prepare_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part), gap_segment(sheet)));
+    parts.push_back(prepare_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part),
+                                gap_segment(sheet)));
   }
   return parts;
 }
@@ -285,8 +302,8 @@ std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run) {
 
 std::size_t gap_segment(const Datasheet&) { return kSegment; }
 
-GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout, const GapSettings& settings,
-                       const GapProgress& progress) {
+GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
+                       const GapSettings& settings, const GapProgress& progress) {
   const auto begin = std::chrono::steady_clock::now();
   GapResult result;
   result.rig = sheet.rig;
@@ -296,7 +313,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   if (runs.empty()) throw InputError("gap: no run was given");
   if (runs.size() == 1 && holdout.empty()) {
     if (runs.front().recording.rows() < 4 * gap_segment(sheet))
-      throw InputError(fmt::format("{}: too short to be cut in two; a single run needs at least {:g} s", runs.front().name,
+      throw InputError(fmt::format("{}: too short to be cut in two; a single run needs at least {:g} s",
+                                   runs.front().name,
                                    static_cast<double>(4 * gap_segment(sheet)) * sheet.sample_period));
     runs = cut_in_two(sheet, runs.front());
   }
@@ -363,12 +381,14 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     std::vector<Scored> again(1);
     again.front().effects = base.effects;
     work.score(base, again, from + width, from + width);
-    now_losses = sum(again.front().score) < sum(structures.front().score) ? again.front().held_out : structures.front().held_out;
+    now_losses =
+        sum(again.front().score) < sum(structures.front().score) ? again.front().held_out : structures.front().held_out;
   }
   // What all the library's effects at the place could win together.
   double closure_gain = 0, named_gain = 0;
-  const std::string located = base.effects.empty() ? (screened_first.empty() ? "" : screened_first.front().effects.back().effect.port)
-                                                 : base.effects.front().effect.port;
+  const std::string located = base.effects.empty()
+                                  ? (screened_first.empty() ? "" : screened_first.front().effects.back().effect.port)
+                                  : base.effects.front().effect.port;
   if (!located.empty() && refit_excess > kQuiet) {
     std::vector<Scored> closure = {work.closure(base, located)};
     for (const Candidate& known : base.effects)
@@ -411,7 +431,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     const std::vector<double> behind = minus(s.score, first_ranked.front().score);
     cause.behind = sum(behind);
     cause.standard_error = standard_error(behind);
-    const double scale = std::max({1.0, cause.standard_error, kRivalShare * (sum(first_base) - sum(first_ranked.front().score))});
+    const double scale =
+        std::max({1.0, cause.standard_error, kRivalShare * (sum(first_base) - sum(first_ranked.front().score))});
     cause.effect.probability = std::exp(-0.5 * std::pow(cause.behind / scale, 2));
     weights += cause.effect.probability;
     result.ranked.push_back(cause);
@@ -450,7 +471,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     for (std::size_t e = 0; e < base.effects.size(); ++e) {
       NamedEffect effect = named(base.effects[e], base, e);
       for (const RankedCause& cause : result.ranked)
-        if (cause.effect.effect == effect.effect && cause.effect.port == effect.port) effect.probability = cause.effect.probability;
+        if (cause.effect.effect == effect.effect && cause.effect.port == effect.port)
+          effect.probability = cause.effect.probability;
       if (e > 0) effect.probability = 1;
       result.effects.push_back(effect);
     }
@@ -460,7 +482,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
         result.equivalent.push_back(cause.effect);
     }
     if (!result.equivalent.empty())
-      result.why_equivalent = fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors", kRivalErrors);
+      result.why_equivalent =
+          fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors", kRivalErrors);
   }
   result.closable = found && closure_gain > 0 ? std::clamp(named_gain / closure_gain, 0.0, 1.0) : 0;
   if (found && result.shrink_refit >= kEnough && result.closable >= kEnoughOfClosure)
@@ -479,17 +502,22 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     result.shrink_interval = {};
     result.closable = 0;
   }
-  result.where_kind = result.verdict == "none" || result.verdict == "miscalibrated" || result.places.empty() ? "none" : result.places.front().kind;
+  result.where_kind = result.verdict == "none" || result.verdict == "miscalibrated" || result.places.empty()
+                          ? "none"
+                          : result.places.front().kind;
 
   if (result.verdict == "named" && !result.equivalent.empty()) {
     work.tell(0.95, "looking for a run that separates");
     const NamedEffect& rival = result.equivalent.front();
     for (const Scored& s : first_ranked)
       if (s.effects.back().effect.effect == rival.effect && s.effects.back().effect.port == rival.port)
-        result.next = separating_runs(sheet, GapWork::with({first_ranked.front().everywhere.effects.back()}, first_ranked.front().everywhere.model.parameters),
+        result.next = separating_runs(sheet,
+                                      GapWork::with({first_ranked.front().everywhere.effects.back()},
+                                                    first_ranked.front().everywhere.model.parameters),
                                       GapWork::with({s.everywhere.effects.back()}, s.everywhere.model.parameters),
-                                      first_ranked.front().effects.back().effect.effect + "@" + first_ranked.front().effects.back().effect.port + " and " +
-                                          rival.effect + "@" + rival.port,
+                                      first_ranked.front().effects.back().effect.effect + "@" +
+                                          first_ranked.front().effects.back().effect.port + " and " + rival.effect +
+                                          "@" + rival.port,
                                       gap_segment(sheet), kNextDuration, settings.jobs);
   }
   measure_levels(work.model(), nominal, refitted, base, result);

@@ -27,8 +27,8 @@ struct GapSettings {
 using GapProgress = std::function<void(double share, const std::string& text)>;
 
 // `runs` to learn from; `holdout` to score on (empty: the runs score each other; one run is cut in two). Throws InputError.
-GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout, const GapSettings& settings,
-                       const GapProgress& progress);
+GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
+                       const GapSettings& settings, const GapProgress& progress);
 
 // Samples between restarts of the states.
 std::size_t gap_segment(const Datasheet& sheet);

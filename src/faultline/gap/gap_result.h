@@ -16,17 +16,17 @@ struct Interval {
 struct ChannelGap {
   std::string channel;
   std::string unit;
-  double noise_std = 0;                   // what the recording's own noise is
-  std::map<std::string, double> rms;      // by horizon: "1", "10", "100" samples, "segment"
-  std::map<std::string, double> nrmse;    // rms over the channel's standard deviation
-  std::map<std::string, double> fit;      // 1 - nrmse, in percent; 100 is perfect
-  double excess = 0;                      // max(0, rms^2 - noise^2)/noise^2 on segments
+  double noise_std = 0;                 // what the recording's own noise is
+  std::map<std::string, double> rms;    // by horizon: "1", "10", "100" samples, "segment"
+  std::map<std::string, double> nrmse;  // rms over the channel's standard deviation
+  std::map<std::string, double> fit;    // 1 - nrmse, in percent; 100 is perfect
+  double excess = 0;                    // max(0, rms^2 - noise^2)/noise^2 on segments
 };
 
 struct GapLevel {
   std::string name;  // nominal | refit | explained
   std::vector<ChannelGap> channels;
-  double excess = 0;  // mean over the channels
+  double excess = 0;                         // mean over the channels
   std::map<std::string, double> parameters;  // that differ from nominal: factor on the nominal value
 };
 
@@ -41,9 +41,9 @@ struct Region {
 struct PlaceScore {
   std::string port;
   std::string component;
-  std::string kind;      // process | sensor
-  double score = 0;      // gain in log likelihood that something at this place can win
-  double share = 0;      // 0..1, posterior share over places
+  std::string kind;                      // process | sensor
+  double score = 0;                      // gain in log likelihood that something at this place can win
+  double share = 0;                      // 0..1, posterior share over places
   std::vector<std::string> inseparable;  // places whose signature this excitation cannot tell from this one
 };
 
@@ -58,8 +58,8 @@ struct NamedEffect {
 
 struct RankedCause {
   NamedEffect effect;
-  double gain = 0;           // held-out log likelihood over the refitted model
-  double behind = 0;         // how far behind the best
+  double gain = 0;            // held-out log likelihood over the refitted model
+  double behind = 0;          // how far behind the best
   double standard_error = 0;  // of that
 };
 
@@ -72,10 +72,10 @@ struct NextRun {
 
 // The deciding run and what the three levels make of it, at most 4000 rows: every n-th row as it is, so that columns may be subtracted.
 struct GapSeries {
-  std::size_t run = 0;                // position among the runs and then the held-out runs, as they were given
+  std::size_t run = 0;  // position among the runs and then the held-out runs, as they were given
   std::vector<std::string> channels;
-  std::vector<double> time;           // s from the start of that run
-  std::vector<double> values;         // per row and channel: measured, nominal, refit, explained
+  std::vector<double> time;    // s from the start of that run
+  std::vector<double> values;  // per row and channel: measured, nominal, refit, explained
 };
 
 struct GapResult {
@@ -87,7 +87,7 @@ struct GapResult {
   std::string where_kind;  // process | sensor | none
   std::vector<Region> regions;
   std::vector<Region> bands;  // frequency bands of the residual, enrichment over white
-  std::string verdict;     // none | miscalibrated | named | unknown
+  std::string verdict;        // none | miscalibrated | named | unknown
   std::string sentence;
   std::vector<NamedEffect> effects;
   std::vector<NamedEffect> equivalent;

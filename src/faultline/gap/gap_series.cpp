@@ -22,7 +22,8 @@ Eigen::MatrixXf settled_residuals(const ResidualModel& model, const GapModel& at
     Eigen::VectorXd against(n);
     for (Eigen::Index i = 0; i < n; ++i) {
       against[i] = static_cast<double>(column(i).cwiseProduct(part).sum());
-      for (Eigen::Index j = 0; j < n; ++j) information(i, j) += static_cast<double>(column(i).cwiseProduct(column(j)).sum());
+      for (Eigen::Index j = 0; j < n; ++j)
+        information(i, j) += static_cast<double>(column(i).cwiseProduct(column(j)).sum());
     }
     const Eigen::VectorXd move = information.ldlt().solve(against);
     for (Eigen::Index i = 0; i < n; ++i) part -= static_cast<float>(move[i]) * column(i);
@@ -37,7 +38,8 @@ GapSeries gap_series(const ResidualModel& model, std::size_t run, const GapModel
   const double start = model.runs()[cut ? 0 : run].recording.time.front();
   GapSeries series;
   series.run = cut ? 0 : run;
-  for (const int channel : model.outputs()) series.channels.push_back(model.sheet().channels[static_cast<std::size_t>(channel)].name);
+  for (const int channel : model.outputs())
+    series.channels.push_back(model.sheet().channels[static_cast<std::size_t>(channel)].name);
   const Eigen::MatrixXf levels[] = {settled_residuals(model, nominal, run), settled_residuals(model, refitted, run),
                                     settled_residuals(model, explained, run)};
   const std::size_t every = (recording.rows() + kRows - 1) / kRows;
@@ -47,7 +49,8 @@ GapSeries gap_series(const ResidualModel& model, std::size_t run, const GapModel
       const double measured = recording.at(k, static_cast<std::size_t>(model.outputs()[o]));
       series.values.push_back(measured);
       for (const Eigen::MatrixXf& level : levels)
-        series.values.push_back(measured - model.noise()[o] * static_cast<double>(level(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(o))));
+        series.values.push_back(measured - model.noise()[o] * static_cast<double>(level(static_cast<Eigen::Index>(k),
+                                                                                        static_cast<Eigen::Index>(o))));
     }
   }
   return series;

@@ -17,13 +17,15 @@ constexpr double kBound = 3.5;        // tolerances a parameter may move
 constexpr double kStep = 0.1;         // tolerances, for differences
 constexpr double kEffectStep = 2e-3;  // of a coordinate, for differences
 
-std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at, const std::vector<std::size_t>& runs) {
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
+                                          const std::vector<std::size_t>& runs) {
   std::vector<Eigen::MatrixXf> result;
   for (const std::size_t run : runs) result.push_back(model.residuals(at, run));
   return result;
 }
 
-std::vector<Eigen::MatrixXf> difference(const std::vector<Eigen::MatrixXf>& a, const std::vector<Eigen::MatrixXf>& b, double step) {
+std::vector<Eigen::MatrixXf> difference(const std::vector<Eigen::MatrixXf>& a, const std::vector<Eigen::MatrixXf>& b,
+                                        double step) {
   std::vector<Eigen::MatrixXf> result;
   for (std::size_t i = 0; i < a.size(); ++i) result.push_back((a[i] - b[i]) / static_cast<float>(step));
   return result;
@@ -34,7 +36,8 @@ void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& fr
   for (std::size_t i = 0; i < free.size(); ++i) {
     const Parameter& p = sheet.parameters[free[i]];
     const double unit = p.nominal * p.tolerance;
-    const double z = std::clamp((parameters[free[i]] - p.nominal) / unit + step[static_cast<Eigen::Index>(i)], -kBound, kBound);
+    const double z =
+        std::clamp((parameters[free[i]] - p.nominal) / unit + step[static_cast<Eigen::Index>(i)], -kBound, kBound);
     parameters[free[i]] = p.nominal + z * unit;
   }
 }
@@ -63,7 +66,9 @@ void parallel(std::size_t count, int jobs, const std::function<void(std::size_t)
   if (failure) std::rethrow_exception(failure);
 }
 
-bool Candidate::logarithmic(std::size_t i) const { return bounds[i].minimum > 0 && bounds[i].maximum / bounds[i].minimum > 20; }
+bool Candidate::logarithmic(std::size_t i) const {
+  return bounds[i].minimum > 0 && bounds[i].maximum / bounds[i].minimum > 20;
+}
 
 double Candidate::to_coordinate(std::size_t i, double value) const {
   const Bounds& b = bounds[i];
@@ -78,14 +83,16 @@ double Candidate::from_coordinate(std::size_t i, double coordinate) const {
   return b.minimum + c * (b.maximum - b.minimum);
 }
 
-std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without) {
+std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without, double duration) {
   std::vector<Candidate> result;
   for (const Port& port : sheet.ports)
     for (const FittingEffect& fitting : port.effects) {
       const EffectType* type = find_effect_type(fitting.effect);
       if (!type) continue;
       const std::string whole = fitting.effect + "@" + port.name;
-      if (std::any_of(without.begin(), without.end(), [&](const std::string& w) { return w == whole || w == fitting.effect; })) continue;
+      if (std::any_of(without.begin(), without.end(),
+                      [&](const std::string& w) { return w == whole || w == fitting.effect; }))
+        continue;
       Candidate candidate;
       candidate.effect.effect = fitting.effect;
       candidate.effect.port = port.name;
@@ -94,7 +101,7 @@ std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std:
         const auto found = fitting.bounds.find(parameter.name);
         // A parameter without a range here keeps its no-effect value.
         Bounds bounds = found == fitting.bounds.end() ? Bounds{parameter.none, parameter.none} : found->second;
-        if (!std::isfinite(bounds.maximum)) bounds.maximum = 1e4;  // "from" of a stuck sensor: any time of the run
+        if (!std::isfinite(bounds.maximum)) bounds.maximum = duration;  // "from" of a stuck sensor: any time of the run
         candidate.bounds.push_back(bounds);
         candidate.effect.parameters.push_back(parameter.none);
       }
@@ -116,6 +123,8 @@ std::vector<std::vector<double>> starting_points(const Candidate& candidate) {
     } else if (i > 0 || std::isnan(none)) {
       for (const double c : {0.15, 0.5, 0.85}) values.push_back(candidate.from_coordinate(i, c));
       if (i > 0 && !std::isnan(none)) values.push_back(std::clamp(none, b.minimum, b.maximum));
+    } else if (candidate.family == "stuck") {  // a time: its loss has a narrow valley
+      for (int k = 0; k < 12; ++k) values.push_back(candidate.from_coordinate(i, (k + 0.5) / 12));
     } else if (candidate.logarithmic(i) || std::isinf(none)) {
       for (const double c : {0.1, 0.3, 0.5, 0.7, 0.9}) values.push_back(candidate.from_coordinate(i, c));
     } else {
@@ -135,7 +144,8 @@ std::vector<std::vector<double>> starting_points(const Candidate& candidate) {
   return points;
 }
 
-Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t>& free, const std::vector<double>& parameters) {
+Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t>& free,
+                           const std::vector<double>& parameters) {
   Eigen::VectorXd z(static_cast<Eigen::Index>(free.size()));
   for (std::size_t i = 0; i < free.size(); ++i) {
     const Parameter& p = sheet.parameters[free[i]];
@@ -144,7 +154,8 @@ Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t
   return z;
 }
 
-Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs, int jobs)
+Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs,
+                             int jobs)
     : residuals_(residuals), runs_(std::move(runs)) {
   const Datasheet& sheet = residuals.sheet();
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
@@ -179,10 +190,11 @@ void Linearisation::prepare() {
       Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
       for (Eigen::Index i = 0; i < n; ++i)
         for (Eigen::Index j = 0; j <= i; ++j) {
-          const double sum = static_cast<double>(s[static_cast<std::size_t>(i)]
-                                                     .middleRows(first, length)
-                                                     .cwiseProduct(s[static_cast<std::size_t>(j)].middleRows(first, length))
-                                                     .sum());
+          const double sum =
+              static_cast<double>(s[static_cast<std::size_t>(i)]
+                                      .middleRows(first, length)
+                                      .cwiseProduct(s[static_cast<std::size_t>(j)].middleRows(first, length))
+                                      .sum());
           information(i, j) += sum;
           if (i != j) information(j, i) += sum;
         }
@@ -200,10 +212,11 @@ void Linearisation::prepare() {
       Eigen::MatrixXd cross(static_cast<Eigen::Index>(starts_[r].size()), parameters);
       for (Eigen::Index i = 0; i < cross.rows(); ++i)
         for (Eigen::Index j = 0; j < parameters; ++j)
-          cross(i, j) = static_cast<double>(starts_[r][static_cast<std::size_t>(i)]
-                                                .middleRows(first, length)
-                                                .cwiseProduct(columns_[static_cast<std::size_t>(j)][r].middleRows(first, length))
-                                                .sum());
+          cross(i, j) =
+              static_cast<double>(starts_[r][static_cast<std::size_t>(i)]
+                                      .middleRows(first, length)
+                                      .cwiseProduct(columns_[static_cast<std::size_t>(j)][r].middleRows(first, length))
+                                      .sum());
       cross_[r].push_back(cross);
     }
   std::vector<const std::vector<Eigen::MatrixXf>*> all;
@@ -238,13 +251,15 @@ double Linearisation::square(const std::vector<Eigen::MatrixXf>& residuals, Eige
       const auto part = residuals[r].middleRows(first, length);
       Eigen::VectorXd against(n);
       for (Eigen::Index i = 0; i < n; ++i)
-        against[i] = static_cast<double>(starts_[r][static_cast<std::size_t>(i)].middleRows(first, length).cwiseProduct(part).sum());
+        against[i] = static_cast<double>(
+            starts_[r][static_cast<std::size_t>(i)].middleRows(first, length).cwiseProduct(part).sum());
       const Eigen::VectorXd solved = inverse_[r][g] * against;
       const double w = *weight++;
       total += w * (static_cast<double>(part.squaredNorm()) - against.dot(solved));
       for (Eigen::Index j = 0; j < parameters; ++j)
-        against_parameters[j] += w * static_cast<double>(
-            columns_[static_cast<std::size_t>(j)][r].middleRows(first, length).cwiseProduct(part).sum());
+        against_parameters[j] +=
+            w * static_cast<double>(
+                    columns_[static_cast<std::size_t>(j)][r].middleRows(first, length).cwiseProduct(part).sum());
       against_parameters -= w * cross_[r][g].transpose() * solved;
     }
   }
@@ -267,8 +282,10 @@ std::vector<double> Linearisation::segment_losses(const std::vector<Eigen::Matri
       const auto part = residuals[r].middleRows(static_cast<Eigen::Index>(g) * length, length);
       Eigen::VectorXd against(n);
       for (Eigen::Index i = 0; i < n; ++i)
-        against[i] = static_cast<double>(
-            starts_[r][static_cast<std::size_t>(i)].middleRows(static_cast<Eigen::Index>(g) * length, length).cwiseProduct(part).sum());
+        against[i] = static_cast<double>(starts_[r][static_cast<std::size_t>(i)]
+                                             .middleRows(static_cast<Eigen::Index>(g) * length, length)
+                                             .cwiseProduct(part)
+                                             .sum());
       losses.push_back(0.5 * (static_cast<double>(part.squaredNorm()) - against.dot(inverse_[r][g] * against)));
     }
   }
@@ -289,7 +306,8 @@ Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::M
       for (Eigen::Index i = 0; i < n + shown; ++i) {
         const Eigen::MatrixXf& column =
             i < n ? (*columns[static_cast<std::size_t>(i)])[r] : starts_[r][static_cast<std::size_t>(i - n)];
-        for (Eigen::Index o = 0; o < outputs; ++o) stacked.col(i).segment(o * length, length) = column.col(o).segment(first, length);
+        for (Eigen::Index o = 0; o < outputs; ++o)
+          stacked.col(i).segment(o * length, length) = column.col(o).segment(first, length);
       }
       const Eigen::MatrixXd all = (stacked.transpose() * stacked).cast<double>();
       const auto cross = all.bottomLeftCorner(shown, n);
@@ -299,7 +317,8 @@ Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::M
   return total;
 }
 
-double projected_loss(const Linearisation& linear, const std::vector<Eigen::MatrixXf>& residuals, const Eigen::VectorXd& z) {
+double projected_loss(const Linearisation& linear, const std::vector<Eigen::MatrixXf>& residuals,
+                      const Eigen::VectorXd& z) {
   Eigen::VectorXd gradient;
   const double square = linear.square(residuals, gradient);
   Eigen::MatrixXd hessian = linear.parameter_gram();
@@ -350,7 +369,8 @@ FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const s
       const double c = moved[e].to_coordinate(p, moved[e].effect.parameters[p]);
       const double step = c > 0.5 ? -kEffectStep : kEffectStep;
       moved[e].effect.parameters[p] = moved[e].from_coordinate(p, c + step);
-      effect_columns[i] = difference(residuals_of(residuals, with_effects(moved, result.model.parameters), linear.runs()), now, step);
+      effect_columns[i] =
+          difference(residuals_of(residuals, with_effects(moved, result.model.parameters), linear.runs()), now, step);
     }
     std::vector<const std::vector<Eigen::MatrixXf>*> columns = {&now};
     for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
@@ -377,7 +397,8 @@ FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const s
       for (std::size_t i = 0; i < coordinates.size(); ++i) {
         auto& [e, p] = coordinates[i];
         const double c = moved[e].to_coordinate(p, moved[e].effect.parameters[p]);
-        moved[e].effect.parameters[p] = moved[e].from_coordinate(p, c + move[parameters + static_cast<Eigen::Index>(i)]);
+        moved[e].effect.parameters[p] =
+            moved[e].from_coordinate(p, c + move[parameters + static_cast<Eigen::Index>(i)]);
       }
       const GapModel model = with_effects(moved, values);
       std::vector<Eigen::MatrixXf> tried = residuals_of(residuals, model, linear.runs());

@@ -17,16 +17,18 @@ namespace faultline {
 
 // An effect at a port with the range of each of its parameters.
 struct Candidate {
-  EffectSpec effect;           // parameters filled while fitting
+  EffectSpec effect;  // parameters filled while fitting
   std::string family;
   std::vector<Bounds> bounds;  // per parameter of the type
   bool logarithmic(std::size_t parameter) const;
-  double to_coordinate(std::size_t parameter, double value) const;    // 0..1 over the bounds
+  double to_coordinate(std::size_t parameter, double value) const;  // 0..1 over the bounds
   double from_coordinate(std::size_t parameter, double coordinate) const;
 };
 
-// Every effect at every fitting port of the datasheet, but for those in `without` ("effect" or "effect@port").
-std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without);
+// Every effect at every fitting port of the datasheet, but for those in `without` ("effect" or "effect@port"). `duration`: s, of the
+// longest run: where an unbounded time may lie.
+std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without,
+                                  double duration = 60);
 
 // Starting points over a candidate's range: few for the size, few for a shape.
 std::vector<std::vector<double>> starting_points(const Candidate& candidate);
@@ -65,9 +67,9 @@ class Linearisation {
   std::vector<std::size_t> free_;
   std::vector<Eigen::MatrixXf> at_model_;
   std::vector<std::vector<Eigen::MatrixXf>> columns_;
-  std::vector<std::vector<Eigen::MatrixXf>> starts_;       // per run, per shown state
-  std::vector<std::vector<Eigen::MatrixXd>> inverse_;      // per run and segment: (S'S + I)^-1
-  std::vector<std::vector<Eigen::MatrixXd>> cross_;        // per run and segment: S'J
+  std::vector<std::vector<Eigen::MatrixXf>> starts_;   // per run, per shown state
+  std::vector<std::vector<Eigen::MatrixXd>> inverse_;  // per run and segment: (S'S + I)^-1
+  std::vector<std::vector<Eigen::MatrixXd>> cross_;    // per run and segment: S'J
   Eigen::MatrixXd parameter_gram_;
   std::vector<double> weights_;  // per segment, runs one after the other
 };
@@ -93,6 +95,7 @@ double projected_loss(const Linearisation& linear, const std::vector<Eigen::Matr
                       const Eigen::VectorXd& z);
 
 // Deviation of each free parameter in tolerances.
-Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t>& free, const std::vector<double>& parameters);
+Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t>& free,
+                           const std::vector<double>& parameters);
 
 }  // namespace faultline

@@ -28,22 +28,22 @@
 namespace faultline {
 
 struct LiveGapSettings {
-  std::size_t segment = 500;       // samples
-  std::size_t smoothing = 10;      // segments of the means, the regions and the place
-  std::size_t least = 4;           // segments before anything is judged
-  std::size_t locate_after = 5;    // segments after leaving normal, so that the window shows the trouble
-  std::size_t locate_every = 20;   // segments; bounds the effort
-  double jump = 1;                 // s of missing time, forwards, from which all begins anew; backwards any
+  std::size_t segment = 500;      // samples
+  std::size_t smoothing = 10;     // segments of the means, the regions and the place
+  std::size_t least = 4;          // segments before anything is judged
+  std::size_t locate_after = 5;   // segments after leaving normal, so that the window shows the trouble
+  std::size_t locate_every = 20;  // segments; bounds the effort
+  double jump = 1;                // s of missing time, forwards, from which all begins anew; backwards any
 };
 
 struct LiveChannelGap {
   std::string channel;
   std::string unit;
-  double rms = 0;       // of the last segment
-  double noise = 0;     // standard deviation, of the same samples
-  double excess = 0;    // of the last segment
+  double rms = 0;     // of the last segment
+  double noise = 0;   // standard deviation, of the same samples
+  double excess = 0;  // of the last segment
   double smoothed = 0;
-  double normal = 0;    // largest smoothed excess that is normal; NaN: the datasheet says nothing
+  double normal = 0;  // largest smoothed excess that is normal; NaN: the datasheet says nothing
   bool left = false;
 };
 
@@ -54,25 +54,25 @@ struct LiveRegion {
 };
 
 struct LivePlace {
-  std::string port;       // empty: not sought, or nothing fits
+  std::string port;  // empty: not sought, or nothing fits
   std::string component;
-  std::string effect;     // that fits best there, to first order
-  double share = 0;       // of the residual beyond noise and tolerances that it explains
+  std::string effect;                    // that fits best there, to first order
+  double share = 0;                      // of the residual beyond noise and tolerances that it explains
   std::vector<std::string> inseparable;  // other ports that explain nearly as much
-  double time = 0;        // s, end of the window it was found in
+  double time = 0;                       // s, end of the window it was found in
 };
 
 struct LiveGapState {
-  double time = 0;              // s, of the last sample of the segment
-  std::size_t segments = 0;     // over which the means go
+  double time = 0;           // s, of the last sample of the segment
+  std::size_t segments = 0;  // over which the means go
   std::vector<LiveChannelGap> channels;
   std::vector<LiveRegion> regions;  // where the residual is clearly larger than elsewhere, worst first
-  bool judged = false;          // enough segments
-  bool left = false;            // some channel is out of normal
-  double since = 0;             // s, end of the segment at which it left
-  double worst = 0;             // largest smoothed excess over its normal limit
+  bool judged = false;              // enough segments
+  bool left = false;                // some channel is out of normal
+  double since = 0;                 // s, end of the segment at which it left
+  double worst = 0;                 // largest smoothed excess over its normal limit
   LivePlace place;
-  std::string text;             // one sentence
+  std::string text;  // one sentence
 };
 
 struct LiveGapCounts {
@@ -91,8 +91,8 @@ class LiveGap {
 
  private:
   struct Segment {
-    std::vector<double> squares;    // per channel: sum of squared normalised residuals over rows
-    std::vector<float> row_square;  // per row: sum over channels
+    std::vector<double> excess;     // per channel that counts
+    std::vector<float> row_square;  // per row: squared normalised residuals, sum over channels
     Recording rows;
   };
 
@@ -109,9 +109,8 @@ class LiveGap {
   LiveGapSettings settings_;
   GapModel nominal_;
   std::vector<double> normal_;    // per channel of the datasheet; NaN: not given
-  std::vector<LiveRegion> regions_;
   std::deque<Recording> window_;  // whole segments without a break, newest last
-  std::deque<Segment> measured_;
+  std::deque<Segment> measured_;  // of those the last that were measured; breaks between them do not matter
   Recording filling_;
   bool started_ = false;
   double last_time_ = 0;

@@ -10,8 +10,8 @@
 namespace faultline {
 namespace {
 
-constexpr double kStandstill = 0.02;    // of a channel's 95 % range: near zero
-constexpr double kNotable = 1.25;       // enrichment from which a region is told
+constexpr double kStandstill = 0.02;  // of a channel's 95 % range: near zero
+constexpr double kNotable = 1.25;     // enrichment from which a region is told
 constexpr std::size_t kMostRegions = 6;
 
 ChannelGap channel_gap(const ResidualModel& model, std::size_t output) {
@@ -40,15 +40,18 @@ GapLevel level(const ResidualModel& model, const std::string& name, const GapMod
   result.name = name;
   const std::size_t outputs = model.outputs().size();
   for (std::size_t o = 0; o < outputs; ++o) result.channels.push_back(channel_gap(model, o));
-  const std::pair<const char*, std::size_t> horizons[] = {{"1", 1}, {"10", 10}, {"100", 100}, {"segment", model.segment()}};
+  const std::pair<const char*, std::size_t> horizons[] = {
+      {"1", 1}, {"10", 10}, {"100", 100}, {"segment", model.segment()}};
   for (const auto& [name_of_horizon, horizon] : horizons) {
     const std::string key = name_of_horizon;
     std::vector<double> squares(outputs, 0);
     double rows = 0;
     for (std::size_t r = 0; r < model.runs().size(); ++r) {
-      const Eigen::MatrixXf residuals = horizon == model.segment() ? settled_residuals(model, at, r) : model.residuals(at, r, horizon);
+      const Eigen::MatrixXf residuals =
+          horizon == model.segment() ? settled_residuals(model, at, r) : model.residuals(at, r, horizon);
       rows += static_cast<double>(residuals.rows());
-      for (std::size_t o = 0; o < outputs; ++o) squares[o] += static_cast<double>(residuals.col(static_cast<Eigen::Index>(o)).squaredNorm());
+      for (std::size_t o = 0; o < outputs; ++o)
+        squares[o] += static_cast<double>(residuals.col(static_cast<Eigen::Index>(o)).squaredNorm());
     }
     for (std::size_t o = 0; o < outputs; ++o) {
       ChannelGap& gap = result.channels[o];
@@ -78,7 +81,8 @@ double band_energy(const std::vector<Eigen::MatrixXf>& residuals, Eigen::Index n
     for (Eigen::Index first = 0; first + wide <= matrix.rows(); first += wide) {
       const Eigen::RowVectorXf whole = matrix.middleRows(first, wide).colwise().mean();
       for (Eigen::Index i = 0; i < 4; ++i)
-        energy += static_cast<double>((matrix.middleRows(first + i * narrow, narrow).colwise().mean() - whole).squaredNorm()) *
+        energy += static_cast<double>(
+                      (matrix.middleRows(first + i * narrow, narrow).colwise().mean() - whole).squaredNorm()) *
                   static_cast<double>(narrow);
     }
   return energy;
@@ -105,14 +109,18 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
       for (std::size_t k = 0; k < run.recording.rows(); k += 7) sorted.push_back(run.recording.at(k, c));
     std::sort(sorted.begin(), sorted.end());
     const double low = sorted[sorted.size() / 10], high = sorted[sorted.size() - 1 - sorted.size() / 10];
-    const double span = std::max(std::abs(sorted[sorted.size() / 40]), std::abs(sorted[sorted.size() - 1 - sorted.size() / 40]));
+    const double span =
+        std::max(std::abs(sorted[sorted.size() / 40]), std::abs(sorted[sorted.size() - 1 - sorted.size() / 40]));
     const bool both_signs = low < 0 && high > 0;
     struct Part {
       std::string name;
       double sum = 0, count = 0, explained = 0;
     };
-    std::vector<Part> parts = {{channel.name + " positive"}, {channel.name + " negative"}, {channel.name + " near zero"},
-                               {channel.name + " among its highest tenth"}, {channel.name + " among its lowest tenth"}};
+    std::vector<Part> parts = {{channel.name + " positive"},
+                               {channel.name + " negative"},
+                               {channel.name + " near zero"},
+                               {channel.name + " among its highest tenth"},
+                               {channel.name + " among its lowest tenth"}};
     for (std::size_t r = 0; r < residuals.size(); ++r)
       for (Eigen::Index k = 0; k < squares[r].size(); ++k) {
         const double v = model.runs()[r].recording.at(static_cast<std::size_t>(k), c);
@@ -131,8 +139,8 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
       }
     for (const Part& part : parts)
       if (part.count > 0.01 * rows && part.sum / part.count > kNotable * mean)
-        result.regions.push_back({part.name, part.sum / part.count / mean, part.count / rows, part.sum / part.count / outputs,
-                                  part.explained / part.count / outputs});
+        result.regions.push_back({part.name, part.sum / part.count / mean, part.count / rows,
+                                  part.sum / part.count / outputs, part.explained / part.count / outputs});
   }
   std::stable_sort(result.regions.begin(), result.regions.end(),
                    [](const Region& a, const Region& b) { return a.enrichment > b.enrichment; });
@@ -143,15 +151,15 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
   for (Eigen::Index b = 1; b <= 64; b *= 4) {
     const double rate = 1 / sheet.sample_period, width = static_cast<double>(b);
     const double energy = band_energy(residuals, b), share = energy / std::max(total, 1e-300);
-    result.bands.push_back({fmt::format("{:.3g} to {:.3g} Hz", rate / (8 * width), rate / (2 * width)), share / (0.75 / width), share,
-                            energy / values, band_energy(explained, b) / values});
+    result.bands.push_back({fmt::format("{:.3g} to {:.3g} Hz", rate / (8 * width), rate / (2 * width)),
+                            share / (0.75 / width), share, energy / values, band_energy(explained, b) / values});
   }
 }
 
 }  // namespace
 
-void measure_levels(const ResidualModel& model, const GapModel& nominal, const GapModel& refitted, const FitResult& explained,
-                    GapResult& result) {
+void measure_levels(const ResidualModel& model, const GapModel& nominal, const GapModel& refitted,
+                    const FitResult& explained, GapResult& result) {
   GapModel best = explained.model;
   best.effects.clear();
   for (const Candidate& candidate : explained.effects) best.effects.push_back(candidate.effect);
@@ -181,16 +189,21 @@ void describe(const Datasheet& sheet, GapResult& result) {
     std::string moved;
     for (const auto& [name, factor] : result.gap[1].parameters) {
       const Parameter& p = sheet.parameters[static_cast<std::size_t>(sheet.parameter(name))];
-      if (std::abs(factor - 1) > p.tolerance) moved += fmt::format("{}{} x {:.3f}", moved.empty() ? "" : ", ", name, factor);
+      if (std::abs(factor - 1) > p.tolerance)
+        moved += fmt::format("{}{} x {:.3f}", moved.empty() ? "" : ", ", name, factor);
     }
-    result.sentence = "The structure fits; the parameters are off" + (moved.empty() ? std::string(" within their tolerances.") : ": " + moved + ".");
+    result.sentence = "The structure fits; the parameters are off" +
+                      (moved.empty() ? std::string(" within their tolerances.") : ": " + moved + ".");
   } else if (result.verdict == "named") {
-    for (const NamedEffect& e : result.effects) result.sentence += fmt::format("{}{} at {}", result.sentence.empty() ? "" : " and ", e.effect, e.port);
+    for (const NamedEffect& e : result.effects)
+      result.sentence += fmt::format("{}{} at {}", result.sentence.empty() ? "" : " and ", e.effect, e.port);
     result.sentence += fmt::format(" closes {:.0f} % of what the refit leaves.", 100 * result.shrink_refit);
-    if (!result.equivalent.empty()) result.sentence += fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
+    if (!result.equivalent.empty())
+      result.sentence += fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
   } else {
     result.sentence = fmt::format("Something the library does not know{}; the best known effect closes only {:.0f} %.",
-                                  result.places.empty() ? "" : " at or near " + result.places.front().port, 100 * std::max(0.0, result.shrink_refit));
+                                  result.places.empty() ? "" : " at or near " + result.places.front().port,
+                                  100 * std::max(0.0, result.shrink_refit));
   }
 }
 

@@ -11,8 +11,8 @@ constexpr std::size_t kMost = 3;
 
 }  // namespace
 
-std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second, const std::string& between,
-                                     std::size_t segment, double duration, int jobs) {
+std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second,
+                                     const std::string& between, std::size_t segment, double duration, int jobs) {
   std::vector<NextRun> result;
   for (const Profile& profile : sheet.profiles) {
     SimulationSetup setup;

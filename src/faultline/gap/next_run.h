@@ -8,7 +8,7 @@
 namespace faultline {
 
 // Best first; only profiles that separate the two by more than chance. `duration` s each; `jobs` threads.
-std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second, const std::string& between,
-                                     std::size_t segment, double duration, int jobs);
+std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second,
+                                     const std::string& between, std::size_t segment, double duration, int jobs);
 
 }  // namespace faultline

@@ -56,8 +56,8 @@ double noise_floor(const Recording& recording, std::size_t column) {
   std::vector<double> sizes;
   sizes.reserve(recording.rows());
   for (std::size_t k = 3; k < recording.rows(); ++k)
-    sizes.push_back(std::abs(recording.at(k, column) - 3 * recording.at(k - 1, column) + 3 * recording.at(k - 2, column) -
-                             recording.at(k - 3, column)));
+    sizes.push_back(std::abs(recording.at(k, column) - 3 * recording.at(k - 1, column) +
+                             3 * recording.at(k - 2, column) - recording.at(k - 3, column)));
   if (sizes.empty()) return 0;
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
   std::nth_element(sizes.begin(), middle, sizes.end());
@@ -66,13 +66,14 @@ double noise_floor(const Recording& recording, std::size_t column) {
 
 GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording recording, std::size_t segment) {
   if (recording.rows() < 2 * segment)
-    throw InputError(fmt::format("{}: {} samples are too few; a gap needs at least {} ({:g} s)", name, recording.rows(), 2 * segment,
-                                 static_cast<double>(2 * segment) * sheet.sample_period));
+    throw InputError(fmt::format("{}: {} samples are too few; a gap needs at least {} ({:g} s)", name, recording.rows(),
+                                 2 * segment, static_cast<double>(2 * segment) * sheet.sample_period));
   for (std::size_t k = 1; k < recording.rows(); ++k) {
     const double dt = recording.time[k] - recording.time[k - 1];
     if (std::abs(dt - sheet.sample_period) > 0.2 * sheet.sample_period)
-      throw InputError(fmt::format("{}: {:g} s between the samples at {:.3f} s, the rig has {:g} s; cut the run there or resample it",
-                                   name, dt, recording.time[k] - recording.time.front(), sheet.sample_period));
+      throw InputError(fmt::format(
+          "{}: {:g} s between the samples at {:.3f} s, the rig has {:g} s; cut the run there or resample it", name, dt,
+          recording.time[k] - recording.time.front(), sheet.sample_period));
   }
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     const Channel& channel = sheet.channels[c];
@@ -81,8 +82,8 @@ GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording re
       if (channel.ground_truth || channel.role == Role::setpoint)
         value = 0;
       else if (!std::isfinite(value))
-        throw InputError(fmt::format("{}: channel {} is not a number at {:.3f} s; the gap needs every sample", name, channel.name,
-                                     recording.time[k] - recording.time.front()));
+        throw InputError(fmt::format("{}: channel {} is not a number at {:.3f} s; the gap needs every sample", name,
+                                     channel.name, recording.time[k] - recording.time.front()));
     }
   }
   GapRun run;
@@ -100,7 +101,8 @@ ResidualModel::ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, s
     outputs_.push_back(static_cast<int>(c));
     double floor = 0;
     for (const GapRun& run : runs_) floor += noise_floor(run.recording, c) / static_cast<double>(runs_.size());
-    noise_.push_back(std::max({floor, 0.3 * channel.noise_std, channel.resolution / std::sqrt(12.0), 1e-12 * (channel.maximum - channel.minimum)}));
+    noise_.push_back(std::max({floor, 0.3 * channel.noise_std, channel.resolution / std::sqrt(12.0),
+                               1e-12 * (channel.maximum - channel.minimum)}));
   }
   for (const State& state : sheet_.states) {
     const int channel = find_channel(sheet_.channels, state.name);
@@ -118,11 +120,13 @@ ResidualModel::ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, s
     run.start_states.clear();
     for (const std::size_t row : run.restarts)
       for (const int channel : state_channel_)
-        run.start_states.push_back(channel < 0 ? std::nan("") : smoothed(run.recording, row, static_cast<std::size_t>(channel)));
+        run.start_states.push_back(channel < 0 ? std::nan("")
+                                               : smoothed(run.recording, row, static_cast<std::size_t>(channel)));
   }
 }
 
-Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run, const std::vector<std::size_t>& restarts,
+Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run,
+                                        const std::vector<std::size_t>& restarts,
                                         const std::vector<double>& starts) const {
   SimulationSetup setup;
   setup.parameters = model.parameters;
@@ -139,7 +143,8 @@ Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run
       const double shown = std::clamp(channels[c], channel.minimum, channel.maximum);
       double r = (measured[c] - shown) / noise_[i];
       if (!std::isfinite(r)) r = kLargest;
-      result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) = static_cast<float>(std::clamp(r, -kLargest, kLargest));
+      result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) =
+          static_cast<float>(std::clamp(r, -kLargest, kLargest));
     }
   });
   return result;
@@ -155,7 +160,8 @@ Eigen::MatrixXf ResidualModel::residuals(const GapModel& model, std::size_t run,
   for (std::size_t k = 0; k < runs_[run].recording.rows(); k += horizon) {
     restarts.push_back(k);
     for (const int channel : state_channel_)
-      starts.push_back(channel < 0 ? std::nan("") : smoothed(runs_[run].recording, k, static_cast<std::size_t>(channel)));
+      starts.push_back(channel < 0 ? std::nan("")
+                                   : smoothed(runs_[run].recording, k, static_cast<std::size_t>(channel)));
   }
   return simulate(model, runs_[run], restarts, starts);
 }

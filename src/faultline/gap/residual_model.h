@@ -15,17 +15,17 @@
 namespace faultline {
 
 struct GapModel {
-  std::vector<double> parameters;    // in the datasheet's order
+  std::vector<double> parameters;  // in the datasheet's order
   std::vector<EffectSpec> effects;
 };
 
 // One recording, prepared once.
 struct GapRun {
   std::string name;
-  Recording recording;                  // ground truth removed
-  std::vector<std::size_t> restarts;    // first row of each segment
-  std::vector<double> start_states;     // segments x states; NaN where no channel shows the state
-  std::vector<double> start_std;        // per state: standard error of the smoothed start
+  Recording recording;                // ground truth removed
+  std::vector<std::size_t> restarts;  // first row of each segment
+  std::vector<double> start_states;   // segments x states; NaN where no channel shows the state
+  std::vector<double> start_std;      // per state: standard error of the smoothed start
   std::size_t segments() const { return restarts.size(); }
 };
 
@@ -36,8 +36,8 @@ class ResidualModel {
 
   const Datasheet& sheet() const { return sheet_; }
   const std::vector<GapRun>& runs() const { return runs_; }
-  const std::vector<int>& outputs() const { return outputs_; }      // channels that count
-  const std::vector<double>& noise() const { return noise_; }       // per output, channel's unit
+  const std::vector<int>& outputs() const { return outputs_; }  // channels that count
+  const std::vector<double>& noise() const { return noise_; }   // per output, channel's unit
   std::size_t segment() const { return segment_; }
 
   // Normalised residuals of one run, rows x outputs. A model that leaves all bounds gives large but finite numbers.

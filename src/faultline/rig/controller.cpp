@@ -24,12 +24,13 @@ bool register_controller(ControllerType type) {
 std::unique_ptr<Controller> make_controller(const Datasheet& sheet, const Profile& profile, std::uint64_t seed) {
   const auto settings = sheet.controllers.find(profile.controller);
   if (settings == sheet.controllers.end())
-    throw InputError(fmt::format("{}: profile '{}' asks for controller '{}', which has no entry under 'controllers'", sheet.file,
-                                 profile.name, profile.controller));
+    throw InputError(fmt::format("{}: profile '{}' asks for controller '{}', which has no entry under 'controllers'",
+                                 sheet.file, profile.name, profile.controller));
   for (const auto& type : registry())
     if (type.rig == sheet.rig && type.name == profile.controller)
       return type.make(sheet, settings->second, make_excitation(profile.shape, profile.settings, seed));
-  throw InputError(fmt::format("{}: this build has no controller '{}' for {}", sheet.file, profile.controller, sheet.rig));
+  throw InputError(
+      fmt::format("{}: this build has no controller '{}' for {}", sheet.file, profile.controller, sheet.rig));
 }
 
 }  // namespace faultline

@@ -23,7 +23,8 @@ struct ControllerType {
   std::string rig;
   std::string name;
   // `raw`: the raw set point, before any filter of the controller.
-  std::unique_ptr<Controller> (*make)(const Datasheet& sheet, const Settings& settings, std::unique_ptr<Excitation> raw);
+  std::unique_ptr<Controller> (*make)(const Datasheet& sheet, const Settings& settings,
+                                      std::unique_ptr<Excitation> raw);
 };
 
 const std::vector<ControllerType>& controller_types();

@@ -17,8 +17,8 @@ struct Parameter {
   std::string symbol;
   std::string unit;
   double nominal = 0;
-  double tolerance = 0;  // relative, one sigma, between this rig and the datasheet
-  std::string from;      // where the number comes from
+  double tolerance = 0;   // relative, one sigma, between this rig and the datasheet
+  std::string from;       // where the number comes from
   bool identify = false;  // `faultline fit` estimates it
 };
 
@@ -40,11 +40,12 @@ class Settings {
   // Throw InputError where the key is missing, or the value is not finite or outside [minimum, maximum].
   double number(const std::string& key, double minimum, double maximum) const;
   double number_or(const std::string& key, double fallback, double minimum, double maximum) const;
-  std::vector<double> list(const std::string& key, std::size_t size, double minimum, double maximum) const;  // size 0: any
+  std::vector<double> list(const std::string& key, std::size_t size, double minimum,
+                           double maximum) const;  // size 0: any
   std::string word(const std::string& key) const;
   std::string word_or(const std::string& key, const std::string& fallback) const;
   bool has(const std::string& key) const;
-  void check_used() const;  // InputError if a key was never asked for
+  void check_used() const;                             // InputError if a key was never asked for
   const std::string& where() const { return where_; }  // file and key path, for messages
   void set(const std::string& key, double value);      // overrides one number (tuning, command line)
 
@@ -109,7 +110,7 @@ struct Datasheet {
   std::string rig;
   std::string title;
   std::string source;
-  double sample_period = 0;  // s
+  double sample_period = 0;           // s
   std::vector<std::string> branches;  // expanded in the names below; empty for most rigs
   std::vector<Channel> channels;
   std::vector<Channel> not_recorded;  // internal variables that a simulator can show
@@ -122,7 +123,7 @@ struct Datasheet {
   std::map<std::string, Settings> controllers;
   std::vector<Profile> profiles;
   std::vector<Fault> faults;
-  std::vector<std::string> nuisance;       // small effects that every rig recording carries, as effect@port:...
+  std::vector<std::string> nuisance;         // small effects that every rig recording carries, as effect@port:...
   std::vector<std::string> nominal_effects;  // effects that the nominal model has adopted, as effect@port:...
   std::vector<StageSpec> estimators;
   std::vector<StageSpec> detectors;

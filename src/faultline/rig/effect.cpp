@@ -83,8 +83,8 @@ EffectSpec parse_effect(const std::string& text) {
   const auto at = text.find('@');
   const auto colon = text.find(':', at == std::string::npos ? 0 : at);
   if (at == std::string::npos || at == 0)
-    throw InputError(fmt::format("effect '{}': write effect@port:name=value,..., as in coulomb_friction@force.piston:force=100",
-                                 text));
+    throw InputError(fmt::format(
+        "effect '{}': write effect@port:name=value,..., as in coulomb_friction@force.piston:force=100", text));
   spec.effect = text.substr(0, at);
   spec.port = text.substr(at + 1, colon == std::string::npos ? std::string::npos : colon - at - 1);
   const EffectType* type = find_effect_type(spec.effect);
@@ -94,8 +94,8 @@ EffectSpec parse_effect(const std::string& text) {
     throw InputError(fmt::format("effect '{}': there is no effect '{}'; known are {}", text, spec.effect, names));
   }
   if (!type->fits_kind(port_kind(spec.port)))
-    throw InputError(fmt::format("effect '{}': {} does not fit a {} port", text, spec.effect,
-                                 to_string(port_kind(spec.port))));
+    throw InputError(
+        fmt::format("effect '{}': {} does not fit a {} port", text, spec.effect, to_string(port_kind(spec.port))));
 
   std::vector<bool> given(type->parameters.size(), false);
   for (const auto& p : type->parameters) spec.parameters.push_back(p.none);
@@ -112,7 +112,8 @@ EffectSpec parse_effect(const std::string& text) {
     if (index >= 0) {
       const auto& p = type->parameters[static_cast<std::size_t>(index)];
       if (value != p.none && (value < p.minimum || value > p.maximum))
-        throw InputError(fmt::format("effect '{}': {}={} is outside {}..{} {}", text, key, value, p.minimum, p.maximum, p.unit));
+        throw InputError(
+            fmt::format("effect '{}': {}={} is outside {}..{} {}", text, key, value, p.minimum, p.maximum, p.unit));
       spec.parameters[static_cast<std::size_t>(index)] = value;
       given[static_cast<std::size_t>(index)] = true;
     } else if ((key == "from" || key == "to") && value == -kInfinity) {
@@ -124,8 +125,8 @@ EffectSpec parse_effect(const std::string& text) {
       spec.to = value;
       to_given = true;
     } else {
-      throw InputError(fmt::format("effect '{}': {} has no parameter '{}'; it has {}, and from, to in s", text, spec.effect, key,
-                                   parameter_names(*type)));
+      throw InputError(fmt::format("effect '{}': {} has no parameter '{}'; it has {}, and from, to in s", text,
+                                   spec.effect, key, parameter_names(*type)));
     }
   }
   for (std::size_t i = 0; i < given.size(); ++i)

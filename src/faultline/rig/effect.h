@@ -21,18 +21,18 @@ constexpr int kMaximumEffectParameters = 4;
 
 struct EffectParameter {
   std::string name;
-  std::string unit;       // of the port's quantity where it depends on it: "port"
-  double none;            // value at which nothing changes; NaN: a shape parameter, which alone changes nothing
-  double minimum;         // what physics allows; a port may narrow it
+  std::string unit;  // of the port's quantity where it depends on it: "port"
+  double none;       // value at which nothing changes; NaN: a shape parameter, which alone changes nothing
+  double minimum;    // what physics allows; a port may narrow it
   double maximum;
 };
 
 // Where an effect works: what it may need to know of its port.
 struct PortContext {
-  double range = 1;          // full scale of what passes, for curves
-  double noise_std = 0;      // of the channel, for signal ports
-  double step = 1e-3;        // s, time between calls of signal()
-  std::uint64_t seed = 0;    // for effects that draw random numbers
+  double range = 1;        // full scale of what passes, for curves
+  double noise_std = 0;    // of the channel, for signal ports
+  double step = 1e-3;      // s, time between calls of signal()
+  std::uint64_t seed = 0;  // for effects that draw random numbers
   // s, when the effect starts to grow; NaN: it does not grow, it is there from time 0 at the size that is set.
   double start = std::numeric_limits<double>::quiet_NaN();
 };
@@ -54,7 +54,7 @@ class Effect {
   // What must have gone in, for the given thing to come out: for sensors whose reading drives the model. Static effects only.
   virtual double undo_signal(double value, double /*time*/) { return value; }
   virtual void force(const Motion&, BodyForces&) const {}
-  virtual double flow(const LeakPath&) const { return 0; }                                       // m^3/s, added
+  virtual double flow(const LeakPath&) const { return 0; }  // m^3/s, added
   virtual double opening(double opening) const { return opening; }
   virtual double bulk_modulus(double modulus, double /*absolute_pressure*/) const { return modulus; }  // Pa
   virtual double boundary(double value, double /*flow*/, double /*time*/) const { return value; }
@@ -118,5 +118,4 @@ double growth(const EffectSpec& spec, double time);  // size in 0..1 at `time`
 }  // namespace faultline
 
 // At namespace scope of an effect's own file: registers it before main starts.
-#define FAULTLINE_EFFECT(name, ...) \
-  const bool registered_##name = ::faultline::register_effect(__VA_ARGS__)
+#define FAULTLINE_EFFECT(name, ...) const bool registered_##name = ::faultline::register_effect(__VA_ARGS__)

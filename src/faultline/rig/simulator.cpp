@@ -26,13 +26,17 @@ std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<Ef
 class Plant {
  public:
   Plant(const Datasheet& sheet, const SimulationSetup& setup)
-      : sheet_(sheet), substeps_(substeps(sheet, setup)), substep_(sheet.sample_period / substeps_),
+      : sheet_(sheet),
+        substeps_(substeps(sheet, setup)),
+        substep_(sheet.sample_period / substeps_),
         effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
     const RigType* type = find_rig_type(sheet.rig);
-    if (!type) throw InputError(fmt::format("{}: this build has the datasheet of '{}' but not its equations", sheet.file, sheet.rig));
+    if (!type)
+      throw InputError(
+          fmt::format("{}: this build has the datasheet of '{}' but not its equations", sheet.file, sheet.rig));
     if (!setup.parameters.empty() && setup.parameters.size() != sheet.parameters.size())
-      throw InputError(fmt::format("{}: {} parameter values are given, the rig has {}", sheet.rig, setup.parameters.size(),
-                                   sheet.parameters.size()));
+      throw InputError(fmt::format("{}: {} parameter values are given, the rig has {}", sheet.rig,
+                                   setup.parameters.size(), sheet.parameters.size()));
     rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
     integrator_ = make_integrator(*rig_);
     for (const Port& port : sheet.ports) {
@@ -40,8 +44,10 @@ class Plant {
       if (chain.empty() || port.channel.empty()) continue;
       const auto channel = static_cast<std::size_t>(sheet.channel(port.channel));
       if (port.kind == PortKind::command) commands_.push_back({channel, &chain});
-      if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::output) sensors_.push_back({channel, &chain});
-      if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::input) inputs_.push_back({channel, &chain});
+      if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::output)
+        sensors_.push_back({channel, &chain});
+      if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::input)
+        inputs_.push_back({channel, &chain});
     }
     for (std::size_t i = 0; i < sheet.states.size(); ++i)
       for (const auto& [channel, chain] : sensors_)
@@ -128,7 +134,8 @@ class InputSource {
     if (signal.wander_std <= 0) return;
     for (int k = 0; k < kWanderTones; ++k) {
       const double share = (k + random.uniform()) / kWanderTones;
-      tones_.push_back({signal.wander_low * std::pow(signal.wander_high / signal.wander_low, share), random.uniform(0, 2 * kPi)});
+      tones_.push_back(
+          {signal.wander_low * std::pow(signal.wander_high / signal.wander_low, share), random.uniform(0, 2 * kPi)});
     }
     amplitude_ = signal.wander_std * std::sqrt(2.0 / kWanderTones);
   }
@@ -155,7 +162,8 @@ double table_value(const CommandTable& table, double time) {
 }  // namespace
 
 struct Simulator::Parts {
-  Parts(const Datasheet& datasheet, const SimulationSetup& given) : sheet(datasheet), setup(given), plant(sheet, setup) {
+  Parts(const Datasheet& datasheet, const SimulationSetup& given)
+      : sheet(datasheet), setup(given), plant(sheet, setup) {
     const Profile& profile = setup.profile.empty() ? sheet.profile(first_profile()) : sheet.profile(setup.profile);
     controller = make_controller(sheet, profile, setup.seed);
     for (const CommandTable& table : setup.commands) {
@@ -220,7 +228,8 @@ struct Simulator::Parts {
       if (role == Role::setpoint) sample.values[c] = 0;
       if (role == Role::command) sample.values[c] = driving[c];
     }
-    for (const auto& [channel, chain] : plant.input_sensors()) sample.values[channel] = chain->signal(sample.values[channel], time);
+    for (const auto& [channel, chain] : plant.input_sensors())
+      sample.values[channel] = chain->signal(sample.values[channel], time);
     for (std::size_t c = 0; c < sample.values.size(); ++c)
       if (sheet.channels[c].role == Role::input) sample.values[c] = measured(c, sample.values[c]);
     controller->step(time, sample.values.data());
@@ -247,7 +256,8 @@ struct Simulator::Parts {
   Sample sample;
 };
 
-Simulator::Simulator(const Datasheet& sheet, const SimulationSetup& setup) : parts_(std::make_unique<Parts>(sheet, setup)) {}
+Simulator::Simulator(const Datasheet& sheet, const SimulationSetup& setup)
+    : parts_(std::make_unique<Parts>(sheet, setup)) {}
 Simulator::~Simulator() = default;
 void Simulator::reset() { parts_->reset(); }
 const Sample& Simulator::step() { return parts_->step(); }
@@ -272,9 +282,12 @@ struct DrivenModel::Parts {
   // What reaches the plant: a sensor whose reading drives the model shows the true value through its effects.
   void take(const Recording& recording, std::size_t row, std::vector<double>& values) {
     std::copy_n(recording.row(row), values.size(), values.begin());
-    for (const auto& [channel, chain] : plant.input_sensors()) values[channel] = chain->undo_signal(values[channel], time(recording, row));
+    for (const auto& [channel, chain] : plant.input_sensors())
+      values[channel] = chain->undo_signal(values[channel], time(recording, row));
   }
-  static double time(const Recording& recording, std::size_t row) { return recording.time[row] - recording.time.front(); }
+  static double time(const Recording& recording, std::size_t row) {
+    return recording.time[row] - recording.time.front();
+  }
 
   const Datasheet sheet;
   const SimulationSetup setup;
@@ -282,7 +295,8 @@ struct DrivenModel::Parts {
   std::vector<double> now, next;
 };
 
-DrivenModel::DrivenModel(const Datasheet& sheet, const SimulationSetup& setup) : parts_(std::make_unique<Parts>(sheet, setup)) {}
+DrivenModel::DrivenModel(const Datasheet& sheet, const SimulationSetup& setup)
+    : parts_(std::make_unique<Parts>(sheet, setup)) {}
 DrivenModel::~DrivenModel() = default;
 
 void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {

@@ -10,13 +10,13 @@ namespace {
 
 enum { kPosition, kVelocity, kPressureA, kPressureB, kSpool, kLeakSpool, kMeter };
 
-constexpr double kTransition = 1000;           // Pa, below which orifices turn laminar
-constexpr double kSpoolLimit = 10;             // V
-constexpr double kValveNodeShare = 0.2;        // of V_0, on the valve side of a hose
-constexpr double kSmallestInertance = 2e5;     // Pa s^2/m^3; less resonates above 1 kHz, faster than the step can follow
-constexpr double kAtmosphere = 101325;         // Pa, between gauge and absolute
-constexpr double kContactStiffness = 2.0e7;    // N/m, of a coupling that is stiff: steel on steel, as the stops
-constexpr double kContactDamping = 2.0e3;      // N s/m
+constexpr double kTransition = 1000;         // Pa, below which orifices turn laminar
+constexpr double kSpoolLimit = 10;           // V
+constexpr double kValveNodeShare = 0.2;      // of V_0, on the valve side of a hose
+constexpr double kSmallestInertance = 2e5;   // Pa s^2/m^3; less resonates above 1 kHz, faster than the step can follow
+constexpr double kAtmosphere = 101325;       // Pa, between gauge and absolute
+constexpr double kContactStiffness = 2.0e7;  // N/m, of a coupling that is stiff: steel on steel, as the stops
+constexpr double kContactDamping = 2.0e3;    // N s/m
 const double kRootTwo = std::sqrt(2.0);
 
 }  // namespace
@@ -168,7 +168,8 @@ double ServoActuator::supply(double time, const double* state, const double* cha
   const double chamber = opening > 0 ? node_a : node_b;
   double drawn = 0, pressure = before;
   for (int i = 0; i < 3; ++i) {
-    drawn = std::max(0.0, flow_coefficient_ * std::abs(opening) * kRootTwo * signed_root(pressure - chamber, kTransition));
+    drawn =
+        std::max(0.0, flow_coefficient_ * std::abs(opening) * kRootTwo * signed_root(pressure - chamber, kTransition));
     pressure = 0.5 * (pressure + supply_port_.boundary(measured, drawn, time));
   }
   return pressure;
@@ -218,13 +219,15 @@ void ServoActuator::derivative(double time, const double* state, const double* c
 
   const Body body = piston(state, channels);
   rate[kPosition] = velocity;
-  rate[kVelocity] =
-      piston_friction_.stuck() ? 0 : (body.force - piston_friction_.force(body.sliding_plus, body.sliding_minus)) / body.mass;
+  rate[kVelocity] = piston_friction_.stuck()
+                        ? 0
+                        : (body.force - piston_friction_.force(body.sliding_plus, body.sliding_minus)) / body.mass;
   if (has_load_) {
     const Body other = load(state, channels);
     rate[load_] = state[load_ + 1];
-    rate[load_ + 1] =
-        load_friction_.stuck() ? 0 : (other.force - load_friction_.force(other.sliding_plus, other.sliding_minus)) / other.mass;
+    rate[load_ + 1] = load_friction_.stuck()
+                          ? 0
+                          : (other.force - load_friction_.force(other.sliding_plus, other.sliding_minus)) / other.mass;
   }
 
   rate[kSpool] = (spool_gain_ * channels[command_] - state[kSpool]) / spool_time_;

@@ -14,9 +14,9 @@
 namespace faultline {
 namespace {
 
-constexpr double kCommandLimit = 10;       // V
-constexpr double kSmallestMargin = 1e5;    // Pa, of supply over load pressure, so that the division stays bounded
-constexpr double kMovingSpeed = 1e-3;      // m/s, above which the set point counts as moving
+constexpr double kCommandLimit = 10;     // V
+constexpr double kSmallestMargin = 1e5;  // Pa, of supply over load pressure, so that the division stays bounded
+constexpr double kMovingSpeed = 1e-3;    // m/s, above which the set point counts as moving
 
 double rounded(double value, double resolution) {
   return resolution > 0 ? std::round(value / resolution) * resolution : value;
@@ -78,7 +78,10 @@ class PositionControl : public Controller {
                           channels[load_force_];
     const double wanted_rate = mass_ * jerk - position_gain_ * (channels[velocity_] - v_);
     const double n = area_ * area_ * channels[velocity_] / compliance_ + wanted_rate - force_gain_ * (force - wanted);
-    const double margin = std::max(channels[supply_] - (n > 0 ? load_pressure : n < 0 ? -load_pressure : 0.0), kSmallestMargin);
+    const double margin = std::max(channels[supply_] - (n > 0   ? load_pressure
+                                                        : n < 0 ? -load_pressure
+                                                                : 0.0),
+                                   kSmallestMargin);
     const double b = area_ * flow_coefficient_ * std::sqrt(margin) / compliance_;
     channels[reference_] = x_;
     channels[command_] = rounded(std::clamp(n / (b * spool_gain_), -kCommandLimit, kCommandLimit), resolution_);
@@ -86,8 +89,10 @@ class PositionControl : public Controller {
 
  private:
   std::unique_ptr<Excitation> raw_;
-  double period_, area_ = 0, mass_ = 0, damping_ = 0, coulomb_ = 0, compliance_ = 0, flow_coefficient_ = 0, spool_gain_ = 0;
-  double position_gain_ = 0, velocity_gain_ = 0, force_gain_ = 0, slew_limit_ = 0, pole_ = 0, friction_lag_ = 0, resolution_ = 0;
+  double period_, area_ = 0, mass_ = 0, damping_ = 0, coulomb_ = 0, compliance_ = 0, flow_coefficient_ = 0,
+                  spool_gain_ = 0;
+  double position_gain_ = 0, velocity_gain_ = 0, force_gain_ = 0, slew_limit_ = 0, pole_ = 0, friction_lag_ = 0,
+         resolution_ = 0;
   int reference_, command_, position_, velocity_, load_pressure_, supply_, load_force_;
   bool started_ = false;
   double slewed_ = 0, x_ = 0, v_ = 0, a_ = 0, sign_ = 0, smooth_sign_ = 0;

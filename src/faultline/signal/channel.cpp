@@ -10,10 +10,14 @@ int find_channel(const std::vector<Channel>& channels, const std::string& name) 
 
 std::string to_string(Role role) {
   switch (role) {
-    case Role::setpoint: return "setpoint";
-    case Role::command: return "command";
-    case Role::input: return "input";
-    case Role::output: return "output";
+    case Role::setpoint:
+      return "setpoint";
+    case Role::command:
+      return "command";
+    case Role::input:
+      return "input";
+    case Role::output:
+      return "output";
   }
   return "";
 }

@@ -18,10 +18,10 @@ struct Channel {
   std::string symbol;
   std::string unit;  // SI, as written in the datasheet
   Role role = Role::output;
-  double minimum = 0;     // what transducer and converter can show, in `unit`
+  double minimum = 0;  // what transducer and converter can show, in `unit`
   double maximum = 0;
-  double noise_std = 0;   // white, per sample, in `unit`
-  double resolution = 0;  // rounding after the noise, in `unit`; 0: none
+  double noise_std = 0;       // white, per sample, in `unit`
+  double resolution = 0;      // rounding after the noise, in `unit`; 0: none
   bool ground_truth = false;  // a simulator knows it; no diagnosis may use it
   std::string predicted_by;   // for an input that the model also predicts: the command it follows; else empty
   std::string meaning;

@@ -1,0 +1,349 @@
+#include "faultline/gap/live_gap.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <Eigen/Cholesky>
+
+#include "faultline/gap/gap_series.h"
+#include "faultline/gap/least_squares.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kReturn = 0.7;    // of the normal limit, below which a channel is back
+constexpr double kUneven = 0.2;    // of a sample period, that a stamp may be off
+constexpr double kNotable = 1.25;  // enrichment from which a region is told
+constexpr double kRest = 0.02;     // of a channel's largest magnitude in the window: near zero
+constexpr std::size_t kMostRegions = 4;
+constexpr double kModest = 0.3;        // of an effect's range, in its coordinate
+constexpr double kModestLinear = 0.1;  // ... of the way from no effect to an end of its range
+constexpr double kNearly = 0.85;       // of the best gain, from which two places are not told apart
+constexpr double kWorthNaming = 0.05;  // share of the residual that a place must explain
+
+// Velocities and commands: what friction, valves and leaks depend on.
+bool shows_regions(const Channel& channel) {
+  if (channel.ground_truth) return false;
+  return channel.role == Role::command ||
+         (channel.role == Role::output && (channel.unit == "m/s" || channel.unit == "rad/s"));
+}
+
+struct Trial {
+  Candidate candidate;
+  bool both_signs = false;  // the effect's size may go either way from none
+};
+
+// One modest size for each candidate; shapes at the middle of their range. Effects that hold or round a signal have no
+// first-order signature and stay out.
+std::vector<Trial> trials(const Datasheet& sheet) {
+  std::vector<Trial> result;
+  for (const Candidate& candidate : candidates(sheet, {})) {
+    if (candidate.family == "stuck" || candidate.family == "resolution" || candidate.family == "noise") continue;
+    Trial trial;
+    trial.candidate = candidate;
+    const EffectType* type = find_effect_type(candidate.effect.effect);
+    for (std::size_t p = 0; p < candidate.bounds.size(); ++p) {
+      const Bounds& b = candidate.bounds[p];
+      const double none = type->parameters[p].none;
+      double& value = trial.candidate.effect.parameters[p];
+      if (b.minimum >= b.maximum) {
+        value = b.minimum;
+      } else if (std::isnan(none)) {
+        value = candidate.from_coordinate(p, 0.5);
+      } else if (b.minimum < none && none < b.maximum) {
+        value = none + kModestLinear * (b.maximum - none);
+        trial.both_signs = trial.both_signs || p == 0;
+      } else if (candidate.logarithmic(p) || std::isinf(none)) {
+        // A size that runs over decades and changes nothing at its far end is modest near that end.
+        value = candidate.from_coordinate(p, none > b.maximum ? 1 - kModest : kModest);
+      } else {
+        value = none + kModestLinear * ((none <= b.minimum ? b.maximum : b.minimum) - none);
+        value = std::clamp(value, b.minimum, b.maximum);
+      }
+    }
+    result.push_back(trial);
+  }
+  return result;
+}
+
+}  // namespace
+
+LiveGap::LiveGap(const Datasheet& sheet, const LiveGapSettings& settings) : sheet_(sheet), settings_(settings) {
+  if (settings.segment < 20 || settings.smoothing < 2 || settings.least < 1 || settings.least > settings.smoothing ||
+      settings.locate_every < 1 || !(settings.jump > 0))
+    throw InputError(fmt::format(
+        "live gap of {}: segments of at least 20 samples, at least 2 of them, of which 1 or more judge, are allowed",
+        sheet.rig));
+  nominal_.parameters = sheet.nominal();
+  for (const std::string& adopted : sheet.nominal_effects)
+    parse_effect(adopted);  // the model takes them itself; here only checked
+  for (const Channel& channel : sheet.channels) {
+    const auto found = sheet.normal_gap.find(channel.name);
+    normal_.push_back(found == sheet.normal_gap.end() ? std::numeric_limits<double>::quiet_NaN() : found->second);
+  }
+  reset();
+}
+
+void LiveGap::reset() {
+  cut();
+  measured_.clear();
+  started_ = false;
+  until_locate_ = 0;
+  state_ = LiveGapState();
+}
+
+void LiveGap::cut() {
+  window_.clear();
+  filling_ = Recording();
+  filling_.rig = sheet_.rig;
+  filling_.channels = sheet_.channels;
+}
+
+bool LiveGap::usable(const Sample& sample) const {
+  if (sample.values.size() != sheet_.channels.size()) return false;
+  for (std::size_t c = 0; c < sheet_.channels.size(); ++c)
+    if (!sheet_.channels[c].ground_truth && sheet_.channels[c].role != Role::setpoint &&
+        !std::isfinite(sample.values[c]))
+      return false;
+  return true;
+}
+
+bool LiveGap::process(const Sample& sample) {
+  ++counts_.samples;
+  if (started_) {
+    const double step = sample.time - last_time_;
+    if (step == 0) return false;  // a duplicate
+    if (step < 0 || step > settings_.jump) {
+      reset();
+      ++counts_.restarts;
+    } else if (std::abs(step - sheet_.sample_period) > kUneven * sheet_.sample_period) {
+      cut();
+      ++counts_.cuts;
+    }
+  }
+  started_ = true;
+  last_time_ = sample.time;
+  if (!usable(sample)) {
+    cut();
+    ++counts_.cuts;
+    return false;
+  }
+  filling_.append(sample);
+  if (filling_.rows() < settings_.segment) return false;
+  Recording whole = std::move(filling_);
+  filling_ = Recording();
+  filling_.rig = sheet_.rig;
+  filling_.channels = sheet_.channels;
+  window_.push_back(std::move(whole));
+  if (window_.size() > settings_.smoothing) window_.pop_front();
+  // The first after a break only gives the next one's start states their past.
+  if (window_.size() < 2) return false;
+  ++counts_.segments;
+  measure();
+  judge();
+  find_regions();
+  if (state_.left) {
+    if (until_locate_ > 0) --until_locate_;
+    if (until_locate_ == 0 && window_.size() == settings_.smoothing) {
+      locate();
+      until_locate_ = settings_.locate_every;
+    }
+  }
+  state_.text = sentence();
+  return true;
+}
+
+Recording LiveGap::joined(std::size_t last) const {
+  Recording result;
+  result.rig = sheet_.rig;
+  result.channels = sheet_.channels;
+  for (std::size_t i = window_.size() - last; i < window_.size(); ++i) {
+    result.time.insert(result.time.end(), window_[i].time.begin(), window_[i].time.end());
+    result.sequence.insert(result.sequence.end(), window_[i].sequence.begin(), window_[i].sequence.end());
+    result.values.insert(result.values.end(), window_[i].values.begin(), window_[i].values.end());
+  }
+  return result;
+}
+
+void LiveGap::measure() {
+  const ResidualModel model(sheet_, {prepare_run(sheet_, "live", joined(2), settings_.segment)}, settings_.segment);
+  const auto length = static_cast<Eigen::Index>(settings_.segment);
+  const Eigen::MatrixXf residuals = settled_residuals(model, nominal_, 0).bottomRows(length);
+  Segment segment;
+  segment.rows = window_.back();
+  state_.time = window_.back().time.back();
+  state_.channels.resize(model.outputs().size());
+  for (std::size_t o = 0; o < model.outputs().size(); ++o) {
+    const auto c = static_cast<std::size_t>(model.outputs()[o]);
+    const double square =
+        static_cast<double>(residuals.col(static_cast<Eigen::Index>(o)).squaredNorm()) / static_cast<double>(length);
+    LiveChannelGap& gap = state_.channels[o];
+    gap.channel = sheet_.channels[c].name;
+    gap.unit = sheet_.channels[c].unit;
+    gap.noise = model.noise()[o];
+    gap.rms = gap.noise * std::sqrt(square);
+    gap.excess = std::max(0.0, square - 1);
+    gap.normal = normal_[c];
+    segment.excess.push_back(gap.excess);
+  }
+  segment.row_square.resize(settings_.segment);
+  for (Eigen::Index k = 0; k < length; ++k)
+    segment.row_square[static_cast<std::size_t>(k)] = residuals.row(k).squaredNorm();
+  measured_.push_back(std::move(segment));
+  if (measured_.size() > settings_.smoothing) measured_.pop_front();
+}
+
+void LiveGap::judge() {
+  state_.segments = measured_.size();
+  state_.judged = measured_.size() >= settings_.least;
+  state_.worst = 0;
+  bool left = false;
+  for (std::size_t o = 0; o < state_.channels.size(); ++o) {
+    LiveChannelGap& gap = state_.channels[o];
+    gap.smoothed = 0;
+    for (const Segment& segment : measured_) gap.smoothed += segment.excess[o] / static_cast<double>(measured_.size());
+    if (!state_.judged || std::isnan(gap.normal)) continue;
+    gap.left = gap.smoothed > (gap.left ? kReturn : 1.0) * gap.normal;
+    left = left || gap.left;
+    state_.worst = std::max(state_.worst, gap.smoothed / std::max(gap.normal, 1e-9));
+  }
+  if (left && !state_.left) {
+    state_.since = state_.time;
+    until_locate_ = settings_.locate_after;
+  }
+  if (!left) {
+    state_.since = 0;
+    state_.place = LivePlace();
+  }
+  state_.left = left;
+}
+
+void LiveGap::find_regions() {
+  state_.regions.clear();
+  double total = 0, rows = 0;
+  for (const Segment& segment : measured_)
+    for (const float s : segment.row_square) total += static_cast<double>(s), rows += 1;
+  const double mean = total / rows;
+  for (std::size_t c = 0; c < sheet_.channels.size(); ++c) {
+    const Channel& channel = sheet_.channels[c];
+    if (!shows_regions(channel)) continue;
+    double least = std::numeric_limits<double>::infinity(), most = -least;
+    for (const Segment& segment : measured_)
+      for (std::size_t k = 0; k < segment.rows.rows(); ++k) {
+        least = std::min(least, segment.rows.at(k, c));
+        most = std::max(most, segment.rows.at(k, c));
+      }
+    const double largest = std::max(std::abs(least), std::abs(most)),
+                 rest = std::max(kRest * largest, 3 * channel.noise_std);
+    struct Part {
+      std::string name;
+      double sum = 0, count = 0;
+    };
+    Part parts[] = {{channel.name + " positive"},
+                    {channel.name + " negative"},
+                    {channel.name + " near zero"},
+                    {channel.name + " large"}};
+    for (const Segment& segment : measured_)
+      for (std::size_t k = 0; k < segment.rows.rows(); ++k) {
+        const double v = segment.rows.at(k, c), s = static_cast<double>(segment.row_square[k]);
+        const bool inside[] = {v > rest, v<-rest, std::abs(v) <= rest, std::abs(v)> std::max(rest, 0.5 * largest)};
+        for (std::size_t i = 0; i < 4; ++i)
+          if (inside[i]) parts[i].sum += s, parts[i].count += 1;
+      }
+    for (const Part& part : parts)
+      if (part.count > 0.01 * rows && part.sum / part.count > kNotable * mean)
+        state_.regions.push_back({part.name, part.sum / part.count / mean, part.count / rows});
+  }
+  std::stable_sort(state_.regions.begin(), state_.regions.end(),
+                   [](const LiveRegion& a, const LiveRegion& b) { return a.enrichment > b.enrichment; });
+  if (state_.regions.size() > kMostRegions) state_.regions.resize(kMostRegions);
+}
+
+void LiveGap::locate() {
+  ++counts_.located;
+  const ResidualModel model(sheet_, {prepare_run(sheet_, "live", joined(window_.size()), settings_.segment)},
+                            settings_.segment);
+  const Linearisation linear(model, nominal_, {0}, 1);
+  const std::vector<Trial> tried = trials(sheet_);
+  std::vector<std::vector<Eigen::MatrixXf>> signatures;
+  for (const Trial& trial : tried) {
+    GapModel with = nominal_;
+    with.effects.push_back(trial.candidate.effect);
+    signatures.push_back({model.residuals(with, 0) - linear.at_model()[0]});
+  }
+  std::vector<const std::vector<Eigen::MatrixXf>*> columns;
+  for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
+  columns.push_back(&linear.at_model());
+  for (const auto& signature : signatures) columns.push_back(&signature);
+  const Eigen::MatrixXd gram = linear.gram(columns);
+  const auto parameters = static_cast<Eigen::Index>(linear.parameter_columns().size());
+  const Eigen::Index rest = gram.rows() - parameters;
+  const Eigen::MatrixXd prior =
+      gram.topLeftCorner(parameters, parameters) + Eigen::MatrixXd::Identity(parameters, parameters);
+  const Eigen::MatrixXd projected =
+      gram.bottomRightCorner(rest, rest) -
+      gram.bottomLeftCorner(rest, parameters) * prior.ldlt().solve(gram.topRightCorner(parameters, rest));
+
+  // What is left to explain: beyond noise, with the weights of the segments.
+  double noise = 0;
+  for (std::size_t g = 0; g < model.runs()[0].segments(); ++g)
+    noise += linear.weight(g) * static_cast<double>(model.segment() * model.outputs().size());
+  const double beyond = std::max(1.0, projected(0, 0) - noise);
+
+  struct Found {
+    std::string port, effect;
+    double gain = 0;
+  };
+  std::vector<Found> ports;
+  for (std::size_t i = 0; i < tried.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(i) + 1;
+    const double against = -projected(at, 0), size = projected(at, at);
+    if (!(size > 1) || (against < 0 && !tried[i].both_signs)) continue;
+    const double gain = against * against / (size + 1);
+    const EffectSpec& effect = tried[i].candidate.effect;
+    auto port = std::find_if(ports.begin(), ports.end(), [&](const Found& f) { return f.port == effect.port; });
+    if (port == ports.end()) port = ports.insert(ports.end(), {effect.port, effect.effect, 0});
+    if (gain > port->gain) *port = {effect.port, effect.effect, gain};
+  }
+  std::stable_sort(ports.begin(), ports.end(), [](const Found& a, const Found& b) { return a.gain > b.gain; });
+  state_.place = LivePlace();
+  state_.place.time = state_.time;
+  if (ports.empty() || ports.front().gain < kWorthNaming * beyond) return;
+  state_.place.port = ports.front().port;
+  state_.place.component = sheet_.port(ports.front().port).component;
+  state_.place.effect = ports.front().effect;
+  state_.place.share = std::min(1.0, ports.front().gain / beyond);
+  for (std::size_t i = 1; i < ports.size() && ports[i].gain > kNearly * ports.front().gain; ++i)
+    state_.place.inseparable.push_back(ports[i].port);
+}
+
+std::string LiveGap::sentence() const {
+  if (!state_.judged) return fmt::format("{} of {} segments seen", state_.segments, settings_.least);
+  if (!state_.left) {
+    const bool stated = std::any_of(state_.channels.begin(), state_.channels.end(),
+                                    [](const LiveChannelGap& c) { return !std::isnan(c.normal); });
+    return stated ? "the gap is normal" : "the gap is measured; the datasheet does not say what is normal";
+  }
+  std::vector<std::string> channels;
+  for (const LiveChannelGap& channel : state_.channels)
+    if (channel.left)
+      channels.push_back(
+          fmt::format("{} {:.1f} times", channel.channel, channel.smoothed / std::max(channel.normal, 1e-9)));
+  std::string text = fmt::format("the gap has left normal: {}", fmt::join(channels, ", "));
+  if (!state_.regions.empty()) text += fmt::format("; mostly at {}", state_.regions.front().name);
+  if (!state_.place.port.empty()) {
+    text += fmt::format("; {} ({}) explains {:.0f} % to first order", state_.place.component, state_.place.port,
+                        100 * state_.place.share);
+    if (!state_.place.inseparable.empty())
+      text += fmt::format(", not told apart from {}", fmt::join(state_.place.inseparable, ", "));
+  } else if (state_.place.time > 0) {
+    text += "; no single place explains it";
+  }
+  return text;
+}
+
+}  // namespace faultline
