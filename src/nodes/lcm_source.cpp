@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdlib>
+#include <fstream>
 #include <memory>
 #include <utility>
 
@@ -15,7 +17,9 @@
 namespace faultline {
 namespace {
 
-constexpr int kIdle = 100;  // ms
+constexpr int kIdle = 100;                                         // ms
+constexpr long kReceiveBuffer = 4194304;                           // bytes
+constexpr char kDefaultUrl[] = "udpm://239.255.76.67:7667?ttl=0";  // LCM's own
 
 struct Handler {
   LcmSource::Take take;
@@ -26,13 +30,26 @@ struct Handler {
 
 }  // namespace
 
+std::string with_receive_buffer(const std::string& url, long allowed) {
+  std::string whole = url;
+  if (whole.empty()) {
+    const char* chosen = std::getenv("LCM_DEFAULT_URL");
+    whole = chosen && *chosen ? chosen : kDefaultUrl;
+  }
+  if (whole.rfind("udpm:", 0) != 0 || whole.find("recv_buf_size=") != std::string::npos || allowed <= 0) return whole;
+  return fmt::format("{}{}recv_buf_size={}", whole, whole.find('?') == std::string::npos ? "?" : "&",
+                     std::min(allowed, kReceiveBuffer));
+}
+
 LcmSource::~LcmSource() {
   stop_ = true;
   if (thread_.joinable()) thread_.join();
 }
 
 void LcmSource::listen(const std::string& url, const std::string& rig, Take take, Idle idle) {
-  auto link = std::make_shared<lcm::LCM>(url);
+  long allowed = 0;
+  std::ifstream("/proc/sys/net/core/rmem_max") >> allowed;  // stays 0 where there is none
+  auto link = std::make_shared<lcm::LCM>(with_receive_buffer(url, allowed));
   if (!link->good())
     throw InputError(
         fmt::format("parameter ~lcm_url: LCM cannot open '{}'; udpm://ADDRESS:PORT?ttl=N, file://PATH or memq:// is "

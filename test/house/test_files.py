@@ -69,7 +69,7 @@ class Parsing(unittest.TestCase):
 
     def test_yaml(self):
         for name in repository_files():
-            if name.suffix in (".yaml", ".rviz"):
+            if name.suffix in (".yaml", ".rviz") and "corpus" not in name.parts:  # a fuzz corpus is broken on purpose
                 with self.subTest(file=str(name)):
                     self.assertIsNotNone(yaml.safe_load((ROOT / name).read_text()))
 

@@ -11,7 +11,7 @@ import time
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
-from faultline.msg import AlarmArray, Estimate, Sample
+from faultline.msg import AlarmArray, Estimate, Gap, Sample
 
 rig, quiet, file_name, topics = sys.argv[1], float(sys.argv[2]), sys.argv[3], sys.argv[4:]
 file = open(file_name, "w")
@@ -41,6 +41,12 @@ def alarms(message):
         for alarm in message.alarms]})
 
 
+def gap(message):
+    write({"topic": "gap", "time": message.header.stamp.to_nsec(), "channels": list(message.channels), "smoothed": list(message.smoothed),
+           "judged": message.judged, "left_normal": message.left_normal, "since": message.since.to_nsec(), "port": message.port,
+           "effect": message.effect, "share": message.share, "text": message.text})
+
+
 def diagnostics(message):
     entry = {"topic": "diagnostics", "status": [
         {"name": status.name, "level": status.level, "message": status.message,
@@ -52,7 +58,7 @@ def diagnostics(message):
 rospy.init_node("listener", disable_signals=True)
 stopped = []
 signal.signal(signal.SIGINT, lambda *_: stopped.append(True))
-kinds = {"sample": (Sample, sample), "estimate": (Estimate, estimate), "alarms": (AlarmArray, alarms)}
+kinds = {"sample": (Sample, sample), "estimate": (Estimate, estimate), "alarms": (AlarmArray, alarms), "gap": (Gap, gap)}
 for topic in topics:
     if topic == "diagnostics":
         rospy.Subscriber("/diagnostics", DiagnosticArray, diagnostics, queue_size=1000)

@@ -18,10 +18,14 @@ HERE = pathlib.Path(__file__).resolve()
 SECONDS = 6
 
 
-def inside():
-    """In the namespace: runs the chain and prints one line of JSON."""
+def network():
     for command in (["ip", "link", "set", "lo", "up"], ["ip", "route", "add", "224.0.0.0/4", "dev", "lo"]):
         subprocess.run(command, check=True)
+
+
+def inside():
+    """In the namespace: runs the chain and prints one line of JSON."""
+    network()
     with Graph() as graph:
         heard = graph.path / "heard"
         listener = graph.start(["python3", str(HERE.parent / "listen.py"), RIG, "30", str(heard), "sample", "diagnostics"])
@@ -40,14 +44,43 @@ def inside():
                           "status": status[-1] if status else None}))
 
 
+def inside_launch():
+    """The same through servo_actuator.launch: what a user types."""
+    network()
+    with Graph() as graph:
+        heard = graph.path / "heard"
+        listener = graph.start(["python3", str(HERE.parent / "listen.py"), RIG, "30", str(heard), "sample", "estimate", "alarms"])
+        launch = graph.start(["roslaunch", "faultline", "servo_actuator.launch", "link:=lcm", f"duration:={SECONDS}", f"lcm_url:={URL}"])
+        code, said = graph.wait(launch, SECONDS + 30)
+        graph.end(listener)
+        entries = [json.loads(line) for line in heard.read_text().splitlines()]
+        sequence = {topic: [entry["sequence"] for entry in entries if entry["topic"] == topic] for topic in ("sample", "estimate")}
+        reports = [entry for entry in entries if entry["topic"] == "alarms"]
+        print(json.dumps({"code": code, "said": said, "sequence": sequence, "alarms": reports[-1]["alarms"] if reports else None}))
+
+
 class Udp(unittest.TestCase):
-    def test_a_second_process_hears_every_sample(self):
+    def run_inside(self, what):
         unshare = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
         environment = dict(os.environ, FAULTLINE_BUILD=str(BUILD))
-        ran = subprocess.run([*unshare, sys.executable, str(HERE), "inside"], env=environment, stdout=subprocess.PIPE,
+        ran = subprocess.run([*unshare, sys.executable, str(HERE), what], env=environment, stdout=subprocess.PIPE,
                              stderr=subprocess.PIPE, text=True, timeout=90)
         self.assertEqual(ran.returncode, 0, ran.stderr)
-        answer = json.loads(ran.stdout.splitlines()[-1])
+        return json.loads(ran.stdout.splitlines()[-1])
+
+    def test_the_launch_file_joins_the_nodes_over_lcm(self):
+        answer = self.run_inside("inside_launch")
+        self.assertEqual(answer["code"], 0, answer["said"])
+        for topic, sequence in answer["sequence"].items():
+            # roslaunch starts all nodes at once: what the simulator sends before the driver listens is unheard, not lost.
+            self.assertTrue(sequence, topic)
+            self.assertLess(sequence[0], 4000, topic)
+            self.assertEqual(sequence, list(range(sequence[0], sequence[-1] + 1)), topic)
+            self.assertGreaterEqual(sequence[-1], 1000 * SECONDS - 200, topic)
+        self.assertEqual([alarm for alarm in answer["alarms"] if alarm["kind"] == "fault"], [])
+
+    def test_a_second_process_hears_every_sample(self):
+        answer = self.run_inside("inside")
         self.assertEqual(answer["code"], 0, answer["said"])
         self.assertEqual(answer["driver"], 0, answer["driver_said"])
         first = answer["sequence"][0]
@@ -62,5 +95,7 @@ class Udp(unittest.TestCase):
 if __name__ == "__main__":
     if sys.argv[1:] == ["inside"]:
         inside()
+    elif sys.argv[1:] == ["inside_launch"]:
+        inside_launch()
     else:
         unittest.main()

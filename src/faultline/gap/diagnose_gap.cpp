@@ -30,7 +30,7 @@ constexpr double kEnoughOfClosure =
 constexpr double kNextDuration = 20;      // s
 constexpr double kRivalErrors = 2;        // standard errors within which a rival cannot be told apart
 constexpr double kRivalShare = 0.02;      // ... or this share of the gain
-constexpr double kSegmentsCorrelate = 2;  // neighbouring segments share errors: the standard error counts half of them
+constexpr double kSamplesCorrelate = 20;  // samples of a misfit that say the same
 constexpr int kBootstraps = 400;
 
 struct Fold {
@@ -39,12 +39,12 @@ struct Fold {
 
 double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
+// Of a sum of differences in log likelihood: the variance of a log likelihood ratio is about twice its size, and neighbouring samples
+// of a residual that is not white count for one. Differences between segments are no uncertainty: an effect may show in a few only.
 double standard_error(const std::vector<double>& values) {
-  const double n = static_cast<double>(values.size());
-  const double mean = sum(values) / n;
-  double squares = 0;
-  for (const double v : values) squares += (v - mean) * (v - mean);
-  return std::sqrt(squares / std::max(1.0, n - 1) * n * kSegmentsCorrelate);
+  double size = 0;
+  for (const double v : values) size += std::abs(v);
+  return std::sqrt(2 * kSamplesCorrelate * size);
 }
 
 std::vector<double> minus(const std::vector<double>& a, const std::vector<double>& b) {

@@ -74,7 +74,7 @@ std::vector<Trial> trials(const Datasheet& sheet) {
 
 LiveGap::LiveGap(const Datasheet& sheet, const LiveGapSettings& settings) : sheet_(sheet), settings_(settings) {
   if (settings.segment < 20 || settings.smoothing < 2 || settings.least < 1 || settings.least > settings.smoothing ||
-      settings.locate_every < 1 || !(settings.jump > 0))
+      settings.locate_after < 2 || settings.locate_every < 1 || !(settings.jump > 0))
     throw InputError(fmt::format(
         "live gap of {}: segments of at least 20 samples, at least 2 of them, of which 1 or more judge, are allowed",
         sheet.rig));
@@ -93,6 +93,7 @@ void LiveGap::reset() {
   measured_.clear();
   started_ = false;
   until_locate_ = 0;
+  out_ = 0;
   state_ = LiveGapState();
 }
 
@@ -148,8 +149,9 @@ bool LiveGap::process(const Sample& sample) {
   find_regions();
   if (state_.left) {
     if (until_locate_ > 0) --until_locate_;
-    if (until_locate_ == 0 && window_.size() == settings_.smoothing) {
-      locate();
+    const std::size_t segments = std::min(window_.size(), ++out_);
+    if (until_locate_ == 0 && segments >= std::min(settings_.locate_after, settings_.smoothing)) {
+      locate(segments);
       until_locate_ = settings_.locate_every;
     }
   }
@@ -216,6 +218,7 @@ void LiveGap::judge() {
     until_locate_ = settings_.locate_after;
   }
   if (!left) {
+    out_ = 0;
     state_.since = 0;
     state_.place = LivePlace();
   }
@@ -263,9 +266,9 @@ void LiveGap::find_regions() {
   if (state_.regions.size() > kMostRegions) state_.regions.resize(kMostRegions);
 }
 
-void LiveGap::locate() {
+void LiveGap::locate(std::size_t segments) {
   ++counts_.located;
-  const ResidualModel model(sheet_, {prepare_run(sheet_, "live", joined(window_.size()), settings_.segment)},
+  const ResidualModel model(sheet_, {prepare_run(sheet_, "live", joined(segments), settings_.segment)},
                             settings_.segment);
   const Linearisation linear(model, nominal_, {0}, 1);
   const std::vector<Trial> tried = trials(sheet_);

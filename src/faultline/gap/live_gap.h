@@ -102,7 +102,7 @@ class LiveGap {
   void measure();
   void judge();
   void find_regions();
-  void locate();
+  void locate(std::size_t segments);
   std::string sentence() const;
 
   Datasheet sheet_;
@@ -114,7 +114,7 @@ class LiveGap {
   Recording filling_;
   bool started_ = false;
   double last_time_ = 0;
-  std::size_t until_locate_ = 0;
+  std::size_t until_locate_ = 0, out_ = 0;  // segments: to the next search, since leaving normal
   LiveGapState state_;
   LiveGapCounts counts_;
 };

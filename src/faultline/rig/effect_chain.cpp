@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "faultline/signal/error.h"
 
@@ -37,14 +38,22 @@ PortContext context_of(const Datasheet& sheet, const Port& port, const EffectSpe
   return context;
 }
 
+bool changes_nothing(const EffectType& type, const EffectSpec& spec) {
+  for (std::size_t p = 0; p < type.parameters.size(); ++p)
+    if (!std::isnan(type.parameters[p].none) && spec.parameters[p] != type.parameters[p].none) return false;
+  return true;
+}
+
 }  // namespace
 
-EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed)
-    : specs_(specs) {
-  for (std::size_t i = 0; i < specs_.size(); ++i) {
-    const EffectSpec& spec = specs_[i];
+EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed) {
+  for (std::size_t i = 0; i < specs.size(); ++i) {
+    const EffectSpec& spec = specs[i];
     check_effect(sheet, spec);
     const EffectType& type = *find_effect_type(spec.effect);
+    // An effect that changes nothing is left out, so that a rig need not carry its states (a second body, a hose).
+    if (changes_nothing(type, spec)) continue;
+    specs_.push_back(spec);
     std::vector<double> none;
     for (const auto& p : type.parameters) none.push_back(p.none);
     effects_.push_back(type.make());
