@@ -22,6 +22,7 @@ constexpr double kRest = 0.02;     // of a channel's largest magnitude in the wi
 constexpr std::size_t kMostRegions = 4;
 constexpr double kModest = 0.3;        // of an effect's range, in its coordinate
 constexpr double kModestLinear = 0.1;  // ... of the way from no effect to an end of its range
+constexpr std::size_t kAgain = 8;      // effects that are simulated again at their amount
 constexpr double kNearly = 0.85;       // of the best gain, from which two places are not told apart
 constexpr double kWorthNaming = 0.05;  // share of the residual that a place must explain
 
@@ -68,6 +69,20 @@ std::vector<Trial> trials(const Datasheet& sheet) {
     result.push_back(trial);
   }
   return result;
+}
+
+// The trial's effect with its size times `amount`, within its range.
+EffectSpec scaled(const Trial& trial, double amount) {
+  EffectSpec effect = trial.candidate.effect;
+  const double none = find_effect_type(effect.effect)->parameters[0].none;
+  const Bounds& b = trial.candidate.bounds[0];
+  double& value = effect.parameters[0];
+  if (std::isinf(none))
+    value /= std::max(amount, 1e-3);
+  else if (std::isfinite(none))
+    value = none + amount * (value - none);
+  value = std::clamp(value, b.minimum, b.maximum);
+  return effect;
 }
 
 }  // namespace
@@ -297,17 +312,36 @@ void LiveGap::locate(std::size_t segments) {
     noise += linear.weight(g) * static_cast<double>(model.segment() * model.outputs().size());
   const double beyond = std::max(1.0, projected(0, 0) - noise);
 
+  // Ranked to first order; the best are simulated again at their amount, since large effects bend.
+  struct Amount {
+    std::size_t trial = 0;
+    double amount = 0, gain = 0;  // gain: of the square, twice that of the log likelihood
+  };
+  std::vector<Amount> amounts;
+  for (std::size_t i = 0; i < tried.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(i) + 1;
+    const double against = -projected(at, 0), size = projected(at, at);
+    if (!(size > 1) || (against < 0 && !tried[i].both_signs)) continue;
+    amounts.push_back({i, against / (size + 1), against * against / (size + 1)});
+  }
+  std::stable_sort(amounts.begin(), amounts.end(), [](const Amount& x, const Amount& y) { return x.gain > y.gain; });
+  if (amounts.size() > kAgain) amounts.resize(kAgain);
+  const Eigen::VectorXd datasheet_values = Eigen::VectorXd::Zero(parameters);
+  const double before = projected_loss(linear, linear.at_model(), datasheet_values);
   struct Found {
     std::string port, effect;
     double gain = 0;
   };
   std::vector<Found> ports;
-  for (std::size_t i = 0; i < tried.size(); ++i) {
-    const auto at = static_cast<Eigen::Index>(i) + 1;
-    const double against = -projected(at, 0), size = projected(at, at);
-    if (!(size > 1) || (against < 0 && !tried[i].both_signs)) continue;
-    const double gain = against * against / (size + 1);
-    const EffectSpec& effect = tried[i].candidate.effect;
+  for (const Amount& amount : amounts) {
+    const Trial& trial = tried[amount.trial];
+    double gain = 0;
+    for (const double share : {1.0, 0.5}) {
+      GapModel with = nominal_;
+      with.effects.push_back(scaled(trial, share * amount.amount));
+      gain = std::max(gain, 2 * (before - projected_loss(linear, {model.residuals(with, 0)}, datasheet_values)));
+    }
+    const EffectSpec& effect = trial.candidate.effect;
     auto port = std::find_if(ports.begin(), ports.end(), [&](const Found& f) { return f.port == effect.port; });
     if (port == ports.end()) port = ports.insert(ports.end(), {effect.port, effect.effect, 0});
     if (gain > port->gain) *port = {effect.port, effect.effect, gain};
@@ -339,7 +373,7 @@ std::string LiveGap::sentence() const {
   std::string text = fmt::format("the gap has left normal: {}", fmt::join(channels, ", "));
   if (!state_.regions.empty()) text += fmt::format("; mostly at {}", state_.regions.front().name);
   if (!state_.place.port.empty()) {
-    text += fmt::format("; {} ({}) explains {:.0f} % to first order", state_.place.component, state_.place.port,
+    text += fmt::format("; {} ({}) explains about {:.0f} %", state_.place.component, state_.place.port,
                         100 * state_.place.share);
     if (!state_.place.inseparable.empty())
       text += fmt::format(", not told apart from {}", fmt::join(state_.place.inseparable, ", "));

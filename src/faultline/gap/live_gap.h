@@ -9,8 +9,8 @@
 //
 //   gain = 1/2 (d'Pr)^2/(d'Pd + 1)      of the best amount, of a sign that the effect can have
 //
-// The port of the largest gain is the place; ports that gain nearly as much cannot be told apart from it on this window. First
-// order: large effects and effects that start within the window are located roughly, `faultline gap` does it properly.
+// ranks them to first order; the best are simulated again at that amount and at half of it. The port of the largest gain is the
+// place; ports that gain nearly as much cannot be told apart from it on this window. `faultline gap` does it properly.
 //
 // Deterministic in the samples, reads no clock, knows no rig. Not thread safe; process() may take a second when a place is sought,
 // so a live caller gives it a thread of its own. A missing, invalid or late sample cuts the window; a jump of time begins anew.
@@ -56,7 +56,7 @@ struct LiveRegion {
 struct LivePlace {
   std::string port;  // empty: not sought, or nothing fits
   std::string component;
-  std::string effect;                    // that fits best there, to first order
+  std::string effect;                    // that fits best there
   double share = 0;                      // of the residual beyond noise and tolerances that it explains
   std::vector<std::string> inseparable;  // other ports that explain nearly as much
   double time = 0;                       // s, end of the window it was found in
