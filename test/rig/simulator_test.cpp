@@ -375,8 +375,6 @@ TEST_P(EveryEffect, StaysFiniteAndShows) {
 
 TEST_P(EveryEffect, NoEffectValueChangesNothing) {
   const EffectType& type = *find_effect_type(GetParam().effect);
-  // A hose without inertia and a coupling without play still add states, which is not the same equations.
-  if (GetParam().port == "line.valve_cylinder" || GetParam().port == "transmission.rod") GTEST_SKIP();
   SimulationSetup setup = servo_setup("multisine");
   const Recording plain = simulate(servo(), setup, 1.5);
   EffectSpec spec = sized(GetParam(), 0.5);
