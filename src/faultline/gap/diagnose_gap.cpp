@@ -1,13 +1,12 @@
 #include "faultline/gap/diagnose_gap.h"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
-#include <numeric>
 
 #include <fmt/format.h>
 
+#include "faultline/gap/gap_trials.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
 #include "faultline/rig/random.h"
@@ -27,234 +26,10 @@ constexpr double kRefitMatters = 0.05;  // excess that the refit must remove to 
 constexpr double kEnough = 0.55;        // share of the excess that named effects must close, else "unknown"
 constexpr double kEnoughOfClosure =
     0.6;  // share of what all effects at the place together win that the named ones must win
-constexpr double kNextDuration = 20;      // s
-constexpr double kRivalErrors = 2;        // standard errors within which a rival cannot be told apart
-constexpr double kRivalShare = 0.02;      // ... or this share of the gain
-constexpr double kSamplesCorrelate = 20;  // samples of a misfit that say the same
+constexpr double kNextDuration = 20;  // s
+constexpr double kRivalErrors = 2;    // standard errors within which a rival cannot be told apart
+constexpr double kRivalShare = 0.02;  // ... or this share of the gain
 constexpr int kBootstraps = 400;
-
-struct Fold {
-  std::vector<std::size_t> train, test;  // positions of runs
-};
-
-double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
-
-// Of a sum of differences in log likelihood: the variance of a log likelihood ratio is about twice its size, and neighbouring samples
-// of a residual that is not white count for one. Differences between segments are no uncertainty: an effect may show in a few only.
-double standard_error(const std::vector<double>& values) {
-  double size = 0;
-  for (const double v : values) size += std::abs(v);
-  return std::sqrt(2 * kSamplesCorrelate * size);
-}
-
-std::vector<double> minus(const std::vector<double>& a, const std::vector<double>& b) {
-  std::vector<double> result(a.size());
-  for (std::size_t i = 0; i < a.size(); ++i) result[i] = a[i] - b[i];
-  return result;
-}
-
-// Loss of a segment on a scale where one segment in which the model goes astray does not outweigh all others: the negative log
-// likelihood with that segment's own noise level, n/2 log(2 loss/n). Near the noise it equals the loss but for a constant.
-std::vector<double> robust(const std::vector<double>& losses, double values_per_segment) {
-  std::vector<double> result;
-  for (const double loss : losses)
-    result.push_back(0.5 * values_per_segment * std::log(std::max(2 * loss / values_per_segment, 0.2)));
-  return result;
-}
-
-// One structure: which effects, fitted per fold and scored on what the fold left out.
-struct Scored {
-  std::vector<Candidate> effects;  // starting points
-  std::vector<double> held_out;    // loss per segment of all tests
-  std::vector<double> score;       // the same on the scale of robust()
-  double screened = 0;             // gain in the screening
-  FitResult everywhere;            // fitted to all learning runs
-};
-
-class GapWork {
- public:
-  GapWork(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds,
-          const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress)
-      : sheet_(sheet),
-        settings_(settings),
-        progress_(progress),
-        model_(sheet, std::move(runs), gap_segment(sheet)),
-        folds_(folds),
-        learn_(learn) {
-    double duration = 0;
-    for (const GapRun& run : model_.runs())
-      duration = std::max(duration, static_cast<double>(run.recording.rows()) * sheet.sample_period);
-    all_ = candidates(sheet, settings.without, duration);
-    for (std::size_t i = 0; i < model_.runs().size(); ++i) every_.push_back(i);
-  }
-
-  const ResidualModel& model() const { return model_; }
-  const std::vector<Candidate>& all() const { return all_; }
-
-  void tell(double share, const std::string& text) const {
-    if (progress_) progress_(share, text);
-  }
-
-  // Refits the parameters around `effects`, twice linearised; leaves the linearisation of all runs at the result.
-  FitResult refit(const GapModel& start, const std::vector<Candidate>& effects, int rounds) {
-    FitResult fit;
-    fit.model = start;
-    fit.effects = effects;
-    for (int round = 0; round < rounds; ++round) {
-      linear_ =
-          std::make_unique<Linearisation>(model_, with(fit.effects, fit.model.parameters), every_, settings_.jobs);
-      fit = fit_gap(model_, fit.model, fit.effects, linear_->subset(learn_), 3);
-    }
-    linear_ = std::make_unique<Linearisation>(model_, with(fit.effects, fit.model.parameters), every_, settings_.jobs);
-    return fit;
-  }
-
-  // Gain of each candidate over the linearised model, and its best starting point.
-  std::vector<Scored> screen(const FitResult& base, double from, double to) {
-    struct Point {
-      std::size_t candidate;
-      std::vector<double> values;
-      double loss = 0;
-    };
-    std::vector<Point> points;
-    for (std::size_t c = 0; c < all_.size(); ++c) {
-      const bool there = std::any_of(base.effects.begin(), base.effects.end(), [&](const Candidate& e) {
-        return e.effect.effect == all_[c].effect.effect && e.effect.port == all_[c].effect.port;
-      });
-      if (there) continue;
-      for (auto& values : starting_points(all_[c])) points.push_back({c, values});
-    }
-    const Eigen::VectorXd z = deviations(sheet_, linear_->free_parameters(), base.model.parameters);
-    const double before = projected_loss(*linear_, linear_->at_model(), z);
-    std::atomic<std::size_t> done{0};
-    parallel(points.size(), settings_.jobs, [&](std::size_t i) {
-      std::vector<Candidate> effects = base.effects;
-      effects.push_back(all_[points[i].candidate]);
-      effects.back().effect.parameters = points[i].values;
-      const GapModel model = with(effects, base.model.parameters);
-      std::vector<Eigen::MatrixXf> residuals;
-      for (const std::size_t run : every_) residuals.push_back(model_.residuals(model, run));
-      points[i].loss = projected_loss(*linear_, residuals, z);
-      const std::size_t now = ++done;
-      if (progress_)
-        progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(points.size()), "trying effects");
-    });
-    std::vector<Scored> result;
-    for (std::size_t c = 0; c < all_.size(); ++c) {
-      const Point* best = nullptr;
-      for (const Point& point : points)
-        if (point.candidate == c && (!best || point.loss < best->loss)) best = &point;
-      if (!best) continue;
-      Scored scored;
-      scored.effects = base.effects;
-      scored.effects.push_back(all_[c]);
-      scored.effects.back().effect.parameters = best->values;
-      scored.screened = before - best->loss;
-      result.push_back(std::move(scored));
-    }
-    std::stable_sort(result.begin(), result.end(),
-                     [](const Scored& a, const Scored& b) { return a.screened > b.screened; });
-    return result;
-  }
-
-  // Fits each structure per fold and everywhere, and scores it.
-  void score(const FitResult& base, std::vector<Scored>& structures, double from, double to) {
-    const std::size_t parts = folds_.size() + 1;
-    std::vector<Linearisation> train, test;
-    for (const Fold& fold : folds_) {
-      train.push_back(linear_->subset(fold.train));
-      test.push_back(linear_->subset(fold.test));
-    }
-    const Linearisation learn = linear_->subset(learn_);
-    std::vector<std::vector<double>> losses(structures.size() * folds_.size());
-    std::atomic<std::size_t> done{0};
-    parallel(structures.size() * parts, settings_.jobs, [&](std::size_t i) {
-      Scored& structure = structures[i / parts];
-      const std::size_t part = i % parts;
-      if (part == folds_.size()) {
-        structure.everywhere = fit_gap(model_, base.model, structure.effects, learn, 8);
-      } else {
-        const FitResult fit = fit_gap(model_, base.model, structure.effects, train[part], 8);
-        std::vector<Eigen::MatrixXf> residuals;
-        for (const std::size_t run : folds_[part].test) residuals.push_back(model_.residuals(fit.model, run));
-        losses[i / parts * folds_.size() + part] = test[part].segment_losses(residuals);
-      }
-      const std::size_t now = ++done;
-      if (progress_)
-        progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size() * parts),
-                  "fitting the best");
-    });
-    for (std::size_t s = 0; s < structures.size(); ++s) {
-      structures[s].held_out.clear();
-      for (std::size_t f = 0; f < folds_.size(); ++f) {
-        const auto& part = losses[s * folds_.size() + f];
-        structures[s].held_out.insert(structures[s].held_out.end(), part.begin(), part.end());
-      }
-      structures[s].score = robust(structures[s].held_out, segment_values());
-    }
-  }
-
-  // Everything smooth that the library has at a port, at once: what a flexible model of that place could win. Each effect starts as
-  // small as its range allows.
-  Scored closure(const FitResult& base, const std::string& port) const {
-    Scored all;
-    for (const Candidate& candidate : all_) {
-      if (candidate.effect.port != port || candidate.family == "stuck" || candidate.family == "resolution") continue;
-      Candidate start = candidate;
-      const EffectType* type = find_effect_type(candidate.effect.effect);
-      for (std::size_t p = 0; p < start.bounds.size(); ++p) {
-        const double none = type->parameters[p].none;
-        const Bounds& b = start.bounds[p];
-        start.effect.parameters[p] =
-            std::isnan(none) ? start.from_coordinate(p, 0.5) : std::clamp(none, b.minimum, b.maximum);
-      }
-      for (const Candidate& known : base.effects)
-        if (known.effect.effect == start.effect.effect && known.effect.port == port) start = known;
-      all.effects.push_back(start);
-    }
-    return all;
-  }
-
-  // Losses per held-out segment of a model as it is.
-  std::vector<double> held_out(const GapModel& model) const {
-    std::vector<double> result;
-    for (const Fold& fold : folds_) {
-      const Linearisation test = linear_->subset(fold.test);
-      std::vector<Eigen::MatrixXf> residuals;
-      for (const std::size_t run : fold.test) residuals.push_back(model_.residuals(model, run));
-      const auto part = test.segment_losses(residuals);
-      result.insert(result.end(), part.begin(), part.end());
-    }
-    return result;
-  }
-
-  double segment_values() const { return static_cast<double>(model_.segment() * model_.outputs().size()); }
-
-  double held_out_values() const {
-    double count = 0;
-    for (const Fold& fold : folds_)
-      for (const std::size_t run : fold.test)
-        count += static_cast<double>(model_.runs()[run].segments() * model_.segment() * model_.outputs().size());
-    return count;
-  }
-
-  static GapModel with(const std::vector<Candidate>& effects, const std::vector<double>& parameters) {
-    GapModel model;
-    model.parameters = parameters;
-    for (const Candidate& candidate : effects) model.effects.push_back(candidate.effect);
-    return model;
-  }
-
- private:
-  const Datasheet& sheet_;
-  const GapSettings& settings_;
-  const GapProgress& progress_;
-  ResidualModel model_;
-  std::vector<Fold> folds_;
-  std::vector<std::size_t> learn_, every_;
-  std::vector<Candidate> all_;
-  std::unique_ptr<Linearisation> linear_;
-};
 
 NamedEffect named(const Candidate& candidate, const FitResult& fit, std::size_t position) {
   NamedEffect result;
@@ -338,7 +113,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     folds = {even, odd};
   }
 
-  GapWork work(sheet, std::move(runs), folds, learn, settings, progress);
+  GapTrials work(sheet, std::move(runs), folds, learn, settings, progress);
   const double values = work.held_out_values();
   const auto excess = [&](const std::vector<double>& losses) { return std::max(0.0, 2 * sum(losses) / values - 1); };
 
@@ -512,9 +287,9 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     for (const Scored& s : first_ranked)
       if (s.effects.back().effect.effect == rival.effect && s.effects.back().effect.port == rival.port)
         result.next = separating_runs(sheet,
-                                      GapWork::with({first_ranked.front().everywhere.effects.back()},
-                                                    first_ranked.front().everywhere.model.parameters),
-                                      GapWork::with({s.everywhere.effects.back()}, s.everywhere.model.parameters),
+                                      GapTrials::with({first_ranked.front().everywhere.effects.back()},
+                                                      first_ranked.front().everywhere.model.parameters),
+                                      GapTrials::with({s.everywhere.effects.back()}, s.everywhere.model.parameters),
                                       first_ranked.front().effects.back().effect.effect + "@" +
                                           first_ranked.front().effects.back().effect.port + " and " + rival.effect +
                                           "@" + rival.port,
