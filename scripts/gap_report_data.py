@@ -1,9 +1,7 @@
 """What the report of a gap reads: the answer of `faultline gap --json` (docs/gap.schema.json) and what it needs of a datasheet."""
-import json
-
 import yaml
 
-from report_data import ReportError
+from report_data import ReportError, read_json
 
 VERDICTS = ("none", "miscalibrated", "named", "unknown")
 REMEDY = "make the file with `faultline gap RUN... --json FILE`"
@@ -16,13 +14,7 @@ def _check(path, condition, key):
 
 def read_gap(path):
     """The JSON answer, with the keys that the report uses checked."""
-    try:
-        with open(path, encoding="utf-8") as file:
-            answer = json.load(file)
-    except OSError as error:
-        raise ReportError("{}: cannot be read: {}".format(path, error.strerror))
-    except ValueError as error:
-        raise ReportError("{}: is not JSON: {}".format(path, error))
+    answer = read_json(path)
     _check(path, isinstance(answer, dict), "rig")
     for key, kind in (("rig", str), ("runs", list), ("holdout", list), ("gap", dict), ("where", dict), ("cause", dict), ("shrink", dict),
                       ("next", list)):

@@ -104,15 +104,19 @@ def _is_number(value):
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def read_answer(path):
-    """The JSON answer, with every key that the report uses checked."""
+def read_json(path):
     try:
         with open(path, encoding="utf-8") as file:
-            answer = json.load(file)
+            return json.load(file)
     except OSError as error:
         raise ReportError("{}: cannot be read: {}".format(path, error.strerror))
     except ValueError as error:
         raise ReportError("{}: is not JSON: {}".format(path, error))
+
+
+def read_answer(path):
+    """The JSON answer, with every key that the report uses checked."""
+    answer = read_json(path)
     if not isinstance(answer, dict):
         raise ReportError("{}: is not an answer of `faultline diagnose --json`: a JSON object is wanted".format(path))
     for key in ("rig", "duration", "verdict", "alarms"):
