@@ -15,12 +15,15 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kSegment = 500;   // samples
-constexpr std::size_t kFinalists = 10;  // candidates that are fitted after screening
+constexpr std::size_t kSegment = 250;   // samples
+constexpr std::size_t kFinalists = 10;  // candidates that are fitted after screening ...
+constexpr std::size_t kSurvivors = 3;   // ... and of those followed to the end,
+constexpr double kFollow = 0.4;         // if they win this share of what the best one wins
 constexpr double kSignificance = 3;     // standard errors that a gain must exceed
 constexpr double kMaterial = 0.04;      // share of the mean squared residual that a first effect must remove
 constexpr double kMaterialNext = 0.10;  // ... and a further one
-constexpr double kQuiet = 0.06;         // excess below which there is nothing left to explain
+constexpr double kQuiet = 0.05;         // excess below which there is nothing left to explain
+constexpr double kQuietShare = 0.02;    // ... plus this share of what there was
 constexpr double kUnexplained = 0.25;   // excess from which something that no effect explains is worth a word
 constexpr double kRefitMatters = 0.05;  // excess that the refit must remove to speak of miscalibration
 constexpr double kEnough = 0.55;        // share of the excess that named effects must close, else "unknown"
@@ -31,7 +34,8 @@ constexpr double kRivalErrors = 2;    // standard errors within which a rival ca
 constexpr double kRivalShare = 0.02;  // ... or this share of the gain
 constexpr int kBootstraps = 400;
 
-NamedEffect named(const Candidate& candidate, const FitResult& fit, std::size_t position) {
+NamedEffect named(const FitResult& fit, std::size_t position) {
+  const Candidate& candidate = fit.effects[position];
   NamedEffect result;
   result.effect = candidate.effect.effect;
   result.port = candidate.effect.port;
@@ -120,59 +124,55 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   work.tell(0.02, "refitting parameters");
   GapModel nominal;
   nominal.parameters = sheet.nominal();
-  FitResult base = work.refit(nominal, {}, 2);
+  FitResult base = work.refit(nominal, {});
   const GapModel refitted = base.model;
   const std::vector<double> nominal_losses = work.held_out(nominal);
-
-  // The refitted model, scored like every other: fitted per fold.
-  std::vector<Scored> plain(1);
-  work.score(base, plain, 0.08, 0.1);
-  const std::vector<double> refit_losses = plain.front().held_out;
-  std::vector<double> now_losses = refit_losses;
+  const Structure plain = work.score(base);  // the refitted model, scored like every other
+  const std::vector<double>& refit_losses = plain.held_out;
   const double refit_excess = excess(refit_losses), nominal_excess = excess(nominal_losses);
 
-  std::vector<Scored> first_ranked;
-  const std::vector<double> first_base = robust(refit_losses, work.segment_values());
-  std::vector<Scored> screened_first;
+  std::vector<Structure> first_ranked, screened_first;
+  std::vector<double> now_losses = refit_losses, now_score = plain.score;
   for (int round = 0; round < settings.most_effects; ++round) {
-    if (round > 0 && excess(now_losses) < kQuiet) break;
+    if (round > 0 && excess(now_losses) < kQuiet + kQuietShare * refit_excess) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
-    std::vector<Scored> structures = work.screen(base, from, from + 0.7 * width);
+    std::vector<Structure> structures = work.screen(base, from, from + 0.5 * width);
     if (round == 0) screened_first = structures;
+    if (structures.empty() || refit_excess < kQuiet) break;
     if (structures.size() > kFinalists) structures.resize(kFinalists);
-    if (structures.empty()) break;
-    work.score(base, structures, from + 0.7 * width, from + width);
+    work.shortlist(base, structures, from + 0.5 * width, from + 0.65 * width);
+    std::size_t kept = 1;
+    while (kept < structures.size() && kept < kSurvivors && structures[kept].quick > kFollow * structures.front().quick)
+      ++kept;
+    const std::vector<Structure> rest(structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
+    structures.resize(kept);
+    work.refine(structures, from + 0.65 * width, from + width);
     std::stable_sort(structures.begin(), structures.end(),
-                     [](const Scored& a, const Scored& b) { return sum(a.score) < sum(b.score); });
-    const std::vector<double> gain = minus(robust(now_losses, work.segment_values()), structures.front().score);
+                     [](const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); });
+    const Structure best = structures.front();
+    if (round == 0) {
+      first_ranked = structures;
+      first_ranked.insert(first_ranked.end(), rest.begin(), rest.end());
+    }
+    const std::vector<double> gain = minus(now_score, best.score);
     // Mean over the segments of the log of their loss: the share by which a typical segment shrinks.
     const double share = 1 - std::exp(-sum(gain) / (0.5 * values));
     const bool significant = sum(gain) > kSignificance * standard_error(gain);
-    if (round == 0) {
-      first_ranked = structures;
-    }
     if (!significant || share < (round == 0 ? kMaterial : kMaterialNext)) break;
-    base = work.refit(structures.front().everywhere.model, structures.front().everywhere.effects, 1);
-    std::vector<Scored> again(1);
-    again.front().effects = base.effects;
-    work.score(base, again, from + width, from + width);
-    now_losses =
-        sum(again.front().score) < sum(structures.front().score) ? again.front().held_out : structures.front().held_out;
+    base = work.refit(best.fit.model, best.fit.effects);
+    base.covariance = best.fit.covariance;
+    now_losses = best.held_out;
+    now_score = best.score;
   }
   // What all the library's effects at the place could win together.
   double closure_gain = 0, named_gain = 0;
-  const std::string located = base.effects.empty()
-                                  ? (screened_first.empty() ? "" : screened_first.front().effects.back().effect.port)
-                                  : base.effects.front().effect.port;
-  if (!located.empty() && refit_excess > kQuiet) {
-    std::vector<Scored> closure = {work.closure(base, located)};
-    for (const Candidate& known : base.effects)
-      if (known.effect.port != located) closure.front().effects.push_back(known);
-    if (closure.front().effects.size() > base.effects.size()) {
-      work.score(base, closure, 0.88, 0.93);
-      closure_gain = sum(robust(refit_losses, work.segment_values())) - sum(closure.front().score);
+  if (!base.effects.empty()) {
+    std::vector<Structure> closure = {work.closure(base, base.effects.front().effect.port)};
+    if (closure.front().fit.effects.size() > base.effects.size()) {
+      work.refine(closure, 0.88, 0.93);
+      closure_gain = sum(plain.score) - sum(closure.front().score);
     }
-    named_gain = sum(robust(refit_losses, work.segment_values())) - sum(robust(now_losses, work.segment_values()));
+    named_gain = sum(plain.score) - sum(now_score);
     closure_gain = std::max(closure_gain, named_gain);
   }
   work.tell(0.93, "measuring the gap");
@@ -197,31 +197,38 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   if (!shrinks.empty())
     result.shrink_interval = {shrinks[shrinks.size() / 20], shrinks[shrinks.size() - 1 - shrinks.size() / 20]};
 
-  // Ranked causes and rivals of the first effect.
-  double weights = 0;
-  for (const Scored& s : first_ranked) {
+  // Ranked causes and rivals of the first effect. Those that were not followed to the end are as far behind as their quick fits.
+  double weights = 0, last = 0;
+  for (const Structure& s : first_ranked) {
     RankedCause cause;
-    cause.effect = named(s.everywhere.effects.back(), s.everywhere, s.everywhere.effects.size() - 1);
-    cause.gain = sum(first_base) - sum(s.score);
-    const std::vector<double> behind = minus(s.score, first_ranked.front().score);
-    cause.behind = sum(behind);
-    cause.standard_error = standard_error(behind);
+    cause.effect = named(s.fit, s.fit.effects.size() - 1);
+    if (!s.score.empty()) {
+      const std::vector<double> behind = minus(s.score, first_ranked.front().score);
+      cause.gain = sum(plain.score) - sum(s.score);
+      cause.behind = sum(behind);
+      cause.standard_error = standard_error(behind);
+      last = cause.behind;
+    } else {
+      cause.behind = std::max(last, first_ranked.front().quick - s.quick);
+      cause.gain = sum(plain.score) - sum(first_ranked.front().score) - cause.behind;
+      cause.standard_error = standard_error({cause.behind});
+    }
     const double scale =
-        std::max({1.0, cause.standard_error, kRivalShare * (sum(first_base) - sum(first_ranked.front().score))});
+        std::max({1.0, cause.standard_error, kRivalShare * (sum(plain.score) - sum(first_ranked.front().score))});
     cause.effect.probability = std::exp(-0.5 * std::pow(cause.behind / scale, 2));
     weights += cause.effect.probability;
     result.ranked.push_back(cause);
   }
+  std::stable_sort(result.ranked.begin(), result.ranked.end(),
+                   [](const RankedCause& a, const RankedCause& b) { return a.behind < b.behind; });
   for (RankedCause& cause : result.ranked) cause.effect.probability /= std::max(weights, 1e-300);
 
   // Places: the best candidate of each port.
-  double best_gain = 0;
   std::map<std::string, double> place_gain;
-  for (const Scored& s : screened_first) {
-    double& gain = place_gain[s.effects.back().effect.port];
+  for (const Structure& s : screened_first) {
+    double& gain = place_gain[s.fit.effects.back().effect.port];
     gain = std::max(gain, s.screened);
   }
-  for (const RankedCause& cause : result.ranked) best_gain = std::max(best_gain, cause.gain);
   std::map<std::string, double> place_share;
   for (const RankedCause& cause : result.ranked) place_share[cause.effect.port] += cause.effect.probability;
   for (const auto& [port, gain] : place_gain) {
@@ -244,7 +251,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   const bool found = !base.effects.empty();
   if (found) {
     for (std::size_t e = 0; e < base.effects.size(); ++e) {
-      NamedEffect effect = named(base.effects[e], base, e);
+      NamedEffect effect = named(base, e);
       for (const RankedCause& cause : result.ranked)
         if (cause.effect.effect == effect.effect && cause.effect.port == effect.port)
           effect.probability = cause.effect.probability;
@@ -284,16 +291,16 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   if (result.verdict == "named" && !result.equivalent.empty()) {
     work.tell(0.95, "looking for a run that separates");
     const NamedEffect& rival = result.equivalent.front();
-    for (const Scored& s : first_ranked)
-      if (s.effects.back().effect.effect == rival.effect && s.effects.back().effect.port == rival.port)
-        result.next = separating_runs(sheet,
-                                      GapTrials::with({first_ranked.front().everywhere.effects.back()},
-                                                      first_ranked.front().everywhere.model.parameters),
-                                      GapTrials::with({s.everywhere.effects.back()}, s.everywhere.model.parameters),
-                                      first_ranked.front().effects.back().effect.effect + "@" +
-                                          first_ranked.front().effects.back().effect.port + " and " + rival.effect +
-                                          "@" + rival.port,
-                                      gap_segment(sheet), kNextDuration, settings.jobs);
+    const auto model_of = [&](const NamedEffect& wanted) -> const FitResult& {
+      for (const Structure& s : first_ranked)
+        if (s.fit.effects.back().effect.effect == wanted.effect && s.fit.effects.back().effect.port == wanted.port)
+          return s.fit;
+      return base;
+    };
+    const NamedEffect& best = result.ranked.front().effect;
+    result.next = separating_runs(sheet, model_of(best).model, model_of(rival).model,
+                                  best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port,
+                                  gap_segment(sheet), kNextDuration, settings.jobs);
   }
   measure_levels(work.model(), nominal, refitted, base, result);
   describe(sheet, result);

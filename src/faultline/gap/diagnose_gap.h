@@ -11,8 +11,8 @@
 
 #include <functional>
 
+#include "faultline/gap/fit_gap.h"
 #include "faultline/gap/gap_result.h"
-#include "faultline/gap/least_squares.h"
 
 namespace faultline {
 

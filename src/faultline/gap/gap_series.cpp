@@ -12,6 +12,7 @@ constexpr std::size_t kRows = 4000;
 Eigen::MatrixXf settled_residuals(const ResidualModel& model, const GapModel& at, std::size_t run) {
   Eigen::MatrixXf residuals = model.residuals(at, run);
   const std::vector<Eigen::MatrixXf> starts = model.start_sensitivity(at, run);
+  const Eigen::MatrixXd shift = model.start_shift(run);
   const auto n = static_cast<Eigen::Index>(starts.size()), length = static_cast<Eigen::Index>(model.segment());
   for (std::size_t g = 0; g < model.runs()[run].segments(); ++g) {
     auto part = residuals.middleRows(static_cast<Eigen::Index>(g) * length, length);
@@ -21,7 +22,7 @@ Eigen::MatrixXf settled_residuals(const ResidualModel& model, const GapModel& at
     Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
     Eigen::VectorXd against(n);
     for (Eigen::Index i = 0; i < n; ++i) {
-      against[i] = static_cast<double>(column(i).cwiseProduct(part).sum());
+      against[i] = shift(static_cast<Eigen::Index>(g), i) + static_cast<double>(column(i).cwiseProduct(part).sum());
       for (Eigen::Index j = 0; j < n; ++j)
         information(i, j) += static_cast<double>(column(i).cwiseProduct(column(j)).sum());
     }

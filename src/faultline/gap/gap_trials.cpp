@@ -5,10 +5,19 @@
 #include <cmath>
 #include <numeric>
 
+#include "faultline/gap/parallel.h"
+
 namespace faultline {
 namespace {
 
 constexpr double kSamplesCorrelate = 20;  // samples of a misfit that say the same
+constexpr int kSteps = 4;                 // Gauss-Newton steps around one linearisation
+constexpr int kQuickSteps = 3;
+constexpr int kMostRounds = 5;         // linearisations of the refit
+constexpr int kRefineRounds = 2;       // ... and of a structure that is followed
+constexpr double kSettled = 100;       // gain in log likelihood that is not worth another linearisation
+constexpr double kLongestReach = 3;    // times the size of a starting point
+constexpr std::size_t kFollowed = 20;  // candidates of which all starting points are tried
 
 }  // namespace
 
@@ -52,23 +61,36 @@ void GapTrials::tell(double share, const std::string& text) const {
   if (progress_) progress_(share, text);
 }
 
-FitResult GapTrials::refit(const GapModel& start, const std::vector<Candidate>& effects, int rounds) {
+std::unique_ptr<Linearisation> GapTrials::settle(ResidualModel& model, const GapModel& at, int jobs) const {
+  std::vector<std::vector<Eigen::MatrixXf>> starts(every_.size());
+  parallel(every_.size(), jobs, [&](std::size_t i) { starts[i] = model.settle_starts(at, every_[i]); });
+  return std::make_unique<Linearisation>(model, at, every_, jobs, std::move(starts));
+}
+
+FitResult GapTrials::refit(const GapModel& start, const std::vector<Candidate>& effects) {
   FitResult fit;
-  fit.model = start;
+  fit.model = with_effects(effects, start.parameters);
   fit.effects = effects;
-  for (int round = 0; round < rounds; ++round) {
-    linear_ = std::make_unique<Linearisation>(model_, with(fit.effects, fit.model.parameters), every_, settings_.jobs);
-    fit = fit_gap(model_, fit.model, fit.effects, linear_->subset(learn_), 3);
+  double before = 0;
+  for (int round = 0; round <= kMostRounds; ++round) {
+    linear_ = settle(model_, fit.model, settings_.jobs);
+    const Linearisation learn = linear_->subset(learn_);
+    const double now = sum(robust(learn.segment_losses(learn.at_model()), segment_values()));
+    if (round == kMostRounds || (round > 1 && before - now < kSettled)) break;
+    before = now;
+    const FitResult better = fit_gap(model_, fit.model, fit.effects, learn, kSteps);
+    fit = better;
   }
-  linear_ = std::make_unique<Linearisation>(model_, with(fit.effects, fit.model.parameters), every_, settings_.jobs);
   return fit;
 }
 
-std::vector<Scored> GapTrials::screen(const FitResult& base, double from, double to) {
+std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   struct Point {
     std::size_t candidate;
     std::vector<double> values;
-    double loss = 0;
+    double loss = 0;   // at these values
+    double reach = 0;  // what any size of this shape would have, the shape taken as fixed
+    bool tried = false;
   };
   std::vector<Point> points;
   for (std::size_t c = 0; c < all_.size(); ++c) {
@@ -79,76 +101,143 @@ std::vector<Scored> GapTrials::screen(const FitResult& base, double from, double
     for (auto& values : starting_points(all_[c])) points.push_back({c, values});
   }
   const Eigen::VectorXd z = deviations(sheet_, linear_->free_parameters(), base.model.parameters);
-  const double before = projected_loss(*linear_, linear_->at_model(), z);
+  const std::vector<Eigen::MatrixXf>& at_model = linear_->at_model();
+  const double before = projected_loss(*linear_, at_model, z);
   std::atomic<std::size_t> done{0};
-  parallel(points.size(), settings_.jobs, [&](std::size_t i) {
+  const auto attempt = [&](Point& point) {
     std::vector<Candidate> effects = base.effects;
-    effects.push_back(all_[points[i].candidate]);
-    effects.back().effect.parameters = points[i].values;
-    const GapModel model = with(effects, base.model.parameters);
-    std::vector<Eigen::MatrixXf> residuals;
-    for (const std::size_t run : every_) residuals.push_back(model_.residuals(model, run));
-    points[i].loss = projected_loss(*linear_, residuals, z);
+    effects.push_back(all_[point.candidate]);
+    effects.back().effect.parameters = point.values;
+    std::vector<Eigen::MatrixXf> residuals = residuals_of(model_, with_effects(effects, base.model.parameters), every_);
+    point.loss = projected_loss(*linear_, residuals, z);
+    // Along the line from the model to this point the projected loss is a parabola.
+    for (std::size_t r = 0; r < residuals.size(); ++r) residuals[r] = 0.5f * (residuals[r] + at_model[r]);
+    const double middle = projected_loss(*linear_, residuals, z);
+    const double curvature = 2 * (before + point.loss - 2 * middle), slope = point.loss - before - curvature;
+    const double at = curvature > 0 ? std::clamp(-slope / (2 * curvature), 0.0, kLongestReach) : 0;
+    point.reach = std::min(point.loss, before + slope * at + curvature * at * at);
+    point.tried = true;
     const std::size_t now = ++done;
     if (progress_)
       progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(points.size()), "trying effects");
-  });
-  std::vector<Scored> result;
+  };
+  // First one point in three of each candidate, then the others of those candidates that may reach far.
+  std::vector<std::size_t> first, second;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    count = i > 0 && points[i].candidate == points[i - 1].candidate ? count + 1 : 0;
+    if (count % 3 == 1) first.push_back(i);
+    if (count == 0 && (i + 1 == points.size() || points[i + 1].candidate != points[i].candidate)) first.push_back(i);
+  }
+  parallel(first.size(), settings_.jobs, [&](std::size_t i) { attempt(points[first[i]]); });
+  std::vector<double> reach(all_.size(), before);
+  for (const Point& point : points)
+    if (point.tried) reach[point.candidate] = std::min(reach[point.candidate], point.reach);
+  std::vector<double> sorted = reach;
+  std::sort(sorted.begin(), sorted.end());
+  const double enough = sorted[std::min(kFollowed, sorted.size() - 1)];
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (!points[i].tried && reach[points[i].candidate] <= enough) second.push_back(i);
+  parallel(second.size(), settings_.jobs, [&](std::size_t i) { attempt(points[second[i]]); });
+
+  std::vector<Structure> result;
   for (std::size_t c = 0; c < all_.size(); ++c) {
     const Point* best = nullptr;
     for (const Point& point : points)
-      if (point.candidate == c && (!best || point.loss < best->loss)) best = &point;
+      if (point.candidate == c && point.tried && (!best || point.loss < best->loss)) best = &point;
     if (!best) continue;
-    Scored scored;
-    scored.effects = base.effects;
-    scored.effects.push_back(all_[c]);
-    scored.effects.back().effect.parameters = best->values;
-    scored.screened = before - best->loss;
-    result.push_back(std::move(scored));
+    Structure structure;
+    structure.fit.effects = base.effects;
+    structure.fit.effects.push_back(all_[c]);
+    structure.fit.effects.back().effect.parameters = best->values;
+    structure.screened = before - best->loss;
+    result.push_back(std::move(structure));
   }
   std::stable_sort(result.begin(), result.end(),
-                   [](const Scored& a, const Scored& b) { return a.screened > b.screened; });
+                   [](const Structure& a, const Structure& b) { return a.screened > b.screened; });
   return result;
 }
 
-void GapTrials::score(const FitResult& base, std::vector<Scored>& structures, double from, double to) {
-  const std::size_t parts = folds_.size() + 1;
-  std::vector<Linearisation> train, test;
-  for (const Fold& fold : folds_) {
-    train.push_back(linear_->subset(fold.train));
-    test.push_back(linear_->subset(fold.test));
-  }
+void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, double from, double to) const {
   const Linearisation learn = linear_->subset(learn_);
-  std::vector<std::vector<double>> losses(structures.size() * folds_.size());
+  const auto weighted = [&](const GapModel& model) {
+    return sum(robust(learn.segment_losses(residuals_of(model_, model, learn_)), segment_values()));
+  };
+  const double before = weighted(base.model);
   std::atomic<std::size_t> done{0};
-  parallel(structures.size() * parts, settings_.jobs, [&](std::size_t i) {
-    Scored& structure = structures[i / parts];
-    const std::size_t part = i % parts;
-    if (part == folds_.size()) {
-      structure.everywhere = fit_gap(model_, base.model, structure.effects, learn, 8);
-    } else {
-      const FitResult fit = fit_gap(model_, base.model, structure.effects, train[part], 8);
-      std::vector<Eigen::MatrixXf> residuals;
-      for (const std::size_t run : folds_[part].test) residuals.push_back(model_.residuals(fit.model, run));
-      losses[i / parts * folds_.size() + part] = test[part].segment_losses(residuals);
-    }
+  parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+    Structure& structure = structures[i];
+    structure.fit = fit_gap(model_, base.model, structure.fit.effects, learn, kQuickSteps);
+    structure.quick = before - weighted(structure.fit.model);
     const std::size_t now = ++done;
     if (progress_)
-      progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size() * parts),
+      progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size()),
                 "fitting the best");
   });
-  for (std::size_t s = 0; s < structures.size(); ++s) {
-    structures[s].held_out.clear();
-    for (std::size_t f = 0; f < folds_.size(); ++f) {
-      const auto& part = losses[s * folds_.size() + f];
-      structures[s].held_out.insert(structures[s].held_out.end(), part.begin(), part.end());
-    }
-    structures[s].score = robust(structures[s].held_out, segment_values());
-  }
+  std::stable_sort(structures.begin(), structures.end(),
+                   [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
 }
 
-Scored GapTrials::closure(const FitResult& base, const std::string& port) const {
-  Scored all;
+void GapTrials::refine(Structure& structure, int jobs) const {
+  auto own = std::make_unique<ResidualModel>(model_);
+  std::unique_ptr<Linearisation> linear = settle(*own, structure.fit.model, jobs);
+  const auto loss = [&](const Linearisation& at) {
+    const Linearisation learn = at.subset(learn_);
+    return sum(robust(learn.segment_losses(learn.at_model()), segment_values()));
+  };
+  double best = loss(*linear);
+  for (int round = 0; round < kRefineRounds; ++round) {
+    const FitResult fit = fit_gap(*own, structure.fit.model, structure.fit.effects, linear->subset(learn_), kSteps);
+    auto moved = std::make_unique<ResidualModel>(*own);
+    std::unique_ptr<Linearisation> around = settle(*moved, fit.model, jobs);
+    const double now = loss(*around);
+    if (now >= best) break;
+    const bool settled = best - now < kSettled;
+    best = now;
+    structure.fit = fit;
+    own = std::move(moved);
+    linear = std::move(around);
+    if (settled) break;
+  }
+  structure.fit.covariance = uncertainty(*own, structure.fit, linear->subset(learn_));
+  cross_score(*own, *linear, structure);
+}
+
+void GapTrials::cross_score(const ResidualModel& model, const Linearisation& linear, Structure& structure) const {
+  const FitResult& fit = structure.fit;
+  structure.held_out.clear();
+  for (const Fold& fold : folds_) {
+    const bool same = fold.train == learn_;
+    const FitResult part = same ? fit : fit_effects(model, fit.model, fit.effects, linear.subset(fold.train), kSteps);
+    const auto losses = linear.subset(fold.test).segment_losses(residuals_of(model, part.model, fold.test));
+    structure.held_out.insert(structure.held_out.end(), losses.begin(), losses.end());
+  }
+  structure.score = robust(structure.held_out, segment_values());
+}
+
+Structure GapTrials::score(const FitResult& fit) const {
+  Structure structure;
+  structure.fit = fit;
+  cross_score(model_, *linear_, structure);
+  return structure;
+}
+
+void GapTrials::refine(std::vector<Structure>& structures, double from, double to) const {
+  std::atomic<std::size_t> done{0};
+  const auto count = static_cast<int>(structures.size());
+  const int inner = std::max(1, settings_.jobs / std::max(1, count));
+  parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+    refine(structures[i], inner);
+    const std::size_t now = ++done;
+    if (progress_)
+      progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size()),
+                "comparing the best");
+  });
+}
+
+Structure GapTrials::closure(const FitResult& base, const std::string& port) const {
+  Structure all;
+  all.fit.model = base.model;
   for (const Candidate& candidate : all_) {
     if (candidate.effect.port != port || candidate.family == "stuck" || candidate.family == "resolution") continue;
     Candidate start = candidate;
@@ -161,8 +250,11 @@ Scored GapTrials::closure(const FitResult& base, const std::string& port) const 
     }
     for (const Candidate& known : base.effects)
       if (known.effect.effect == start.effect.effect && known.effect.port == port) start = known;
-    all.effects.push_back(start);
+    all.fit.effects.push_back(start);
   }
+  for (const Candidate& known : base.effects)
+    if (known.effect.port != port) all.fit.effects.push_back(known);
+  all.fit.model = with_effects(all.fit.effects, base.model.parameters);
   return all;
 }
 
@@ -184,13 +276,6 @@ double GapTrials::held_out_values() const {
     for (const std::size_t run : fold.test)
       count += static_cast<double>(model_.runs()[run].segments() * model_.segment() * model_.outputs().size());
   return count;
-}
-
-GapModel GapTrials::with(const std::vector<Candidate>& effects, const std::vector<double>& parameters) {
-  GapModel model;
-  model.parameters = parameters;
-  for (const Candidate& candidate : effects) model.effects.push_back(candidate.effect);
-  return model;
 }
 
 }  // namespace faultline

@@ -1,10 +1,12 @@
-// Trials of the gap diagnosis: structures (sets of effects) are screened to first order, fitted on one part of the runs and scored on
-// the other. Holds the linearisation around the model that stands at the moment. See diagnose_gap.h for the whole.
+// Trials of the gap diagnosis: structures (sets of effects) are screened to first order, the best fitted quickly, the few best of those
+// fitted with everything else - parameters, start states, sensitivities of their own - and scored on runs that a fit did not see.
+// Holds the linearisation around the model that stands at the moment. See diagnose_gap.h for the whole.
 #pragma once
 
 #include <memory>
 
 #include "faultline/gap/diagnose_gap.h"
+#include "faultline/gap/fit_gap.h"
 
 namespace faultline {
 
@@ -12,13 +14,13 @@ struct Fold {
   std::vector<std::size_t> train, test;  // positions of runs
 };
 
-// One structure: which effects, fitted per fold and scored on what the fold left out.
-struct Scored {
-  std::vector<Candidate> effects;  // starting points
-  std::vector<double> held_out;    // loss per segment of all tests
-  std::vector<double> score;       // the same on the scale of robust()
-  double screened = 0;             // gain in the screening
-  FitResult everywhere;            // fitted to all learning runs
+// One structure: which effects, how far it was followed, and how it does.
+struct Structure {
+  FitResult fit;                 // effects at their starting points until it was fitted
+  double screened = 0;           // gain in the screening
+  double quick = 0;              // gain of the quick fit
+  std::vector<double> held_out;  // loss per segment of all tests; empty until refined
+  std::vector<double> score;     // the same on the scale of robust()
 };
 
 double sum(const std::vector<double>& values);
@@ -39,33 +41,40 @@ class GapTrials {
             const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress);
 
   const ResidualModel& model() const { return model_; }
-  const std::vector<Candidate>& all() const { return all_; }
 
   void tell(double share, const std::string& text) const;
 
-  // Refits the parameters around `effects`, twice linearised; leaves the linearisation of all runs at the result.
-  FitResult refit(const GapModel& start, const std::vector<Candidate>& effects, int rounds);
+  // Refits the parameters around `effects` until nothing is gained; leaves start states and linearisation of all runs at the result.
+  FitResult refit(const GapModel& start, const std::vector<Candidate>& effects);
 
-  // Gain of each candidate over the linearised model, and its best starting point.
-  std::vector<Scored> screen(const FitResult& base, double from, double to);
+  // What refit() just returned, scored fold by fold: the parameters belong to the rig and stay as all learning runs have them; an
+  // effect is fitted again on a fold's learning runs and has to prove itself on the others.
+  Structure score(const FitResult& fit) const;
 
-  // Fits each structure per fold and everywhere, and scores it.
-  void score(const FitResult& base, std::vector<Scored>& structures, double from, double to);
+  // Every candidate beside the effects of `base`, best first, each at its best starting point, parameters adjusted to first order.
+  std::vector<Structure> screen(const FitResult& base, double from, double to) const;
+
+  // Fits each with the linearisation as it stands, and sorts them, best first.
+  void shortlist(const FitResult& base, std::vector<Structure>& structures, double from, double to) const;
+
+  // Fits each with start states and linearisation of its own and scores it in the same way.
+  void refine(std::vector<Structure>& structures, double from, double to) const;
 
   // Everything smooth that the library has at a port, at once: what a flexible model of that place could win. Each effect starts as
   // small as its range allows.
-  Scored closure(const FitResult& base, const std::string& port) const;
+  Structure closure(const FitResult& base, const std::string& port) const;
 
   // Losses per held-out segment of a model as it is.
   std::vector<double> held_out(const GapModel& model) const;
 
   double segment_values() const { return static_cast<double>(model_.segment() * model_.outputs().size()); }
-
   double held_out_values() const;
 
-  static GapModel with(const std::vector<Candidate>& effects, const std::vector<double>& parameters);
-
  private:
+  std::unique_ptr<Linearisation> settle(ResidualModel& model, const GapModel& at, int jobs) const;
+  void refine(Structure& structure, int jobs) const;
+  void cross_score(const ResidualModel& model, const Linearisation& linear, Structure& structure) const;
+
   const Datasheet& sheet_;
   const GapSettings& settings_;
   const GapProgress& progress_;

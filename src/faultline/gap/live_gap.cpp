@@ -8,8 +8,8 @@
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 
+#include "faultline/gap/fit_gap.h"
 #include "faultline/gap/gap_series.h"
-#include "faultline/gap/least_squares.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -297,7 +297,7 @@ void LiveGap::locate(std::size_t segments) {
   for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
   columns.push_back(&linear.at_model());
   for (const auto& signature : signatures) columns.push_back(&signature);
-  const Eigen::MatrixXd gram = linear.gram(columns);
+  const Eigen::MatrixXd gram = linear.gram(columns, false);
   const auto parameters = static_cast<Eigen::Index>(linear.parameter_columns().size());
   const Eigen::Index rest = gram.rows() - parameters;
   const Eigen::MatrixXd prior =

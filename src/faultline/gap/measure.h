@@ -1,8 +1,8 @@
 // How far recording and model are apart, per channel and level, and where in the operating range the residual lives.
 #pragma once
 
+#include "faultline/gap/fit_gap.h"
 #include "faultline/gap/gap_result.h"
-#include "faultline/gap/least_squares.h"
 
 namespace faultline {
 

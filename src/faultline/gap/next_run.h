@@ -2,8 +2,8 @@
 // with its parameters adjusted to first order, is held against that. The loss that remains is the predicted log likelihood between them.
 #pragma once
 
+#include "faultline/gap/fit_gap.h"
 #include "faultline/gap/gap_result.h"
-#include "faultline/gap/least_squares.h"
 
 namespace faultline {
 

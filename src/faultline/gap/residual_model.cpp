@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <Eigen/Cholesky>
 
 #include "faultline/signal/error.h"
 
@@ -11,43 +12,56 @@ namespace faultline {
 namespace {
 
 constexpr int kSmoothing = 6;            // samples on each side for start states
+constexpr double kBends = 2;             // a quadratic describes what it misses by this many noise variances
+constexpr double kStartPrior = 2;        // deviation of the prior of a start state, in the channel's noise
+constexpr double kLargestShift = 20;     // of a start state, in deviations of its prior
+constexpr double kWhite = 1.1;           // smoothing may take away this much of the noise's variance
 constexpr double kLargest = 1e4;         // residuals beyond this many sigmas are cut
 constexpr double kFirstDifference = 20;  // variance of a third difference of unit white noise: 1 + 9 + 9 + 1
 
-// Value at the centre of a quadratic fitted over 2 w + 1 samples (Savitzky-Golay), fewer at the ends.
-double smoothed(const Recording& recording, std::size_t row, std::size_t column) {
-  const auto w = static_cast<std::ptrdiff_t>(kSmoothing);
-  const auto centre = static_cast<std::ptrdiff_t>(row);
-  if (centre < w || centre + w >= static_cast<std::ptrdiff_t>(recording.rows())) {
-    double sum = 0;
-    int count = 0;
-    for (std::ptrdiff_t k = std::max<std::ptrdiff_t>(0, centre - 1);
-         k <= std::min(centre + 1, static_cast<std::ptrdiff_t>(recording.rows()) - 1); ++k, ++count)
-      sum += recording.at(static_cast<std::size_t>(k), column);
-    return sum / count;
-  }
-  double s0 = 0, s2 = 0, s4 = 0, y0 = 0, y2 = 0;
-  for (std::ptrdiff_t i = -w; i <= w; ++i) {
+// Weights that give the value at the centre of a quadratic fitted over 2 width + 1 samples (Savitzky-Golay).
+std::vector<double> quadratic_weights(int width) {
+  double s0 = 0, s2 = 0, s4 = 0;
+  for (int i = -width; i <= width; ++i) {
     const double x2 = static_cast<double>(i * i);
-    const double y = recording.at(static_cast<std::size_t>(centre + i), column);
     s0 += 1;
     s2 += x2;
     s4 += x2 * x2;
-    y0 += y;
-    y2 += x2 * y;
   }
-  return (s4 * y0 - s2 * y2) / (s0 * s4 - s2 * s2);
+  std::vector<double> weights;
+  for (int i = -width; i <= width; ++i) weights.push_back((s4 - s2 * static_cast<double>(i * i)) / (s0 * s4 - s2 * s2));
+  return weights;
 }
 
-double smoothing_factor() {  // standard error of `smoothed` per unit noise
-  double s0 = 0, s2 = 0, s4 = 0;
-  for (int i = -kSmoothing; i <= kSmoothing; ++i) {
-    const double x2 = static_cast<double>(i * i);
-    s0 += 1;
-    s2 += x2;
-    s4 += x2 * x2;
+// The signal without its noise at a row: a quadratic over as many samples as it describes; where the signal bends too fast (a spool
+// that jumps), the sample itself.
+double smoothed(const Recording& recording, std::size_t row, std::size_t column, double noise) {
+  for (const int width : {6, 3}) {
+    const auto w = static_cast<std::size_t>(width);
+    if (row < w || row + w >= recording.rows()) continue;
+    const std::vector<double> weights = quadratic_weights(width);
+    double value = 0, slope = 0, s2 = 0, s4 = 0, against = 0;
+    for (std::size_t i = 0; i <= 2 * w; ++i) {
+      const double x = static_cast<double>(i) - width, y = recording.at(row - w + i, column);
+      value += weights[i] * y;
+      slope += x * y;
+      s2 += x * x;
+    }
+    slope /= s2;
+    for (std::size_t i = 0; i <= 2 * w; ++i) {
+      const double x = static_cast<double>(i) - width, y = recording.at(row - w + i, column);
+      against += x * x * (y - value);
+      s4 += x * x * x * x;
+    }
+    const double curvature = against / s4;
+    double misfit = 0;
+    for (std::size_t i = 0; i <= 2 * w; ++i) {
+      const double x = static_cast<double>(i) - width, y = recording.at(row - w + i, column);
+      misfit += std::pow(y - value - slope * x - curvature * x * x, 2);
+    }
+    if (misfit < kBends * noise * noise * static_cast<double>(2 * w - 2)) return value;
   }
-  return std::sqrt(s4 / (s0 * s4 - s2 * s2));
+  return recording.at(row, column);
 }
 
 }  // namespace
@@ -62,6 +76,32 @@ double noise_floor(const Recording& recording, std::size_t column) {
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
   std::nth_element(sizes.begin(), middle, sizes.end());
   return *middle / 0.67449 / std::sqrt(kFirstDifference);
+}
+
+void smooth_inputs(const Datasheet& sheet, Recording& recording) {
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    if (sheet.channels[c].role != Role::input || sheet.channels[c].ground_truth) continue;
+    const double noise = noise_floor(recording, c);
+    for (const int width : {12, 6, 3, 2}) {  // the widest that takes only noise away
+      const std::vector<double> weights = quadratic_weights(width);
+      const auto w = static_cast<std::size_t>(width);
+      if (noise <= 0 || recording.rows() < 2 * w + 1) break;
+      std::vector<double> smooth(recording.rows());
+      double taken = 0;
+      for (std::size_t k = 0; k < recording.rows(); ++k) {
+        smooth[k] = recording.at(k, c);
+        if (k < w || k + w >= recording.rows()) continue;
+        double sum = 0;
+        for (std::size_t i = 0; i <= 2 * w; ++i) sum += weights[i] * recording.at(k - w + i, c);
+        smooth[k] = sum;
+        taken += std::pow(recording.at(k, c) - sum, 2);
+      }
+      const double expected = (1 - weights[w]) * noise * noise * static_cast<double>(recording.rows() - 2 * w);
+      if (taken > kWhite * expected) continue;
+      for (std::size_t k = 0; k < recording.rows(); ++k) recording.values[k * recording.columns() + c] = smooth[k];
+      break;
+    }
+  }
 }
 
 GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording recording, std::size_t segment) {
@@ -86,6 +126,7 @@ GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording re
                                      channel.name, recording.time[k] - recording.time.front()));
     }
   }
+  smooth_inputs(sheet, recording);
   GapRun run;
   run.name = name;
   for (std::size_t k = 0; k + segment <= recording.rows(); k += segment) run.restarts.push_back(k);
@@ -109,20 +150,24 @@ ResidualModel::ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, s
     const bool shown = channel >= 0 && std::find(outputs_.begin(), outputs_.end(), channel) != outputs_.end();
     state_channel_.push_back(shown ? channel : -1);
   }
-  const double factor = smoothing_factor();
   for (GapRun& run : runs_) {
     run.start_std.assign(state_channel_.size(), 0);
     for (std::size_t s = 0; s < state_channel_.size(); ++s)
       if (state_channel_[s] >= 0) {
         const auto output = std::find(outputs_.begin(), outputs_.end(), state_channel_[s]) - outputs_.begin();
-        run.start_std[s] = factor * noise_[static_cast<std::size_t>(output)];
+        run.start_std[s] = kStartPrior * noise_[static_cast<std::size_t>(output)];
       }
     run.start_states.clear();
+    run.start_shift.assign(run.restarts.size() * state_channel_.size(), 0.0);
     for (const std::size_t row : run.restarts)
-      for (const int channel : state_channel_)
-        run.start_states.push_back(channel < 0 ? std::nan("")
-                                               : smoothed(run.recording, row, static_cast<std::size_t>(channel)));
+      for (const int channel : state_channel_) run.start_states.push_back(start_at(run, row, channel));
   }
+}
+
+double ResidualModel::start_at(const GapRun& run, std::size_t row, int channel) const {
+  if (channel < 0) return std::nan("");
+  const auto output = std::find(outputs_.begin(), outputs_.end(), channel) - outputs_.begin();
+  return smoothed(run.recording, row, static_cast<std::size_t>(channel), noise_[static_cast<std::size_t>(output)]);
 }
 
 Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run,
@@ -151,7 +196,11 @@ Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run
 }
 
 Eigen::MatrixXf ResidualModel::residuals(const GapModel& model, std::size_t run) const {
-  return simulate(model, runs_[run], runs_[run].restarts, runs_[run].start_states);
+  Eigen::MatrixXf result = simulate(model, runs_[run], runs_[run].restarts, runs_[run].start_states);
+  // The row of a restart still shows where the segment before it ended, which is not what this segment's states explain.
+  for (std::size_t g = 1; g < runs_[run].segments(); ++g)
+    result.row(static_cast<Eigen::Index>(runs_[run].restarts[g])).setZero();
+  return result;
 }
 
 Eigen::MatrixXf ResidualModel::residuals(const GapModel& model, std::size_t run, std::size_t horizon) const {
@@ -159,9 +208,7 @@ Eigen::MatrixXf ResidualModel::residuals(const GapModel& model, std::size_t run,
   std::vector<double> starts;
   for (std::size_t k = 0; k < runs_[run].recording.rows(); k += horizon) {
     restarts.push_back(k);
-    for (const int channel : state_channel_)
-      starts.push_back(channel < 0 ? std::nan("")
-                                   : smoothed(runs_[run].recording, k, static_cast<std::size_t>(channel)));
+    for (const int channel : state_channel_) starts.push_back(start_at(runs_[run], k, channel));
   }
   return simulate(model, runs_[run], restarts, starts);
 }
@@ -171,15 +218,75 @@ std::vector<Eigen::MatrixXf> ResidualModel::start_sensitivity(const GapModel& mo
   std::vector<Eigen::MatrixXf> result;
   for (std::size_t s = 0; s < state_channel_.size(); ++s) {
     if (state_channel_[s] < 0) continue;
-    // Central difference over one standard error: the sensitivity per standard error.
+    // Central difference over one deviation.
     std::vector<double> plus = run.start_states, minus = run.start_states;
     for (std::size_t i = s; i < plus.size(); i += state_channel_.size()) {
       plus[i] += run.start_std[s];
       minus[i] -= run.start_std[s];
     }
     result.push_back((simulate(model, run, run.restarts, plus) - simulate(model, run, run.restarts, minus)) * 0.5f);
+    for (std::size_t g = 1; g < run.segments(); ++g)
+      result.back().row(static_cast<Eigen::Index>(run.restarts[g])).setZero();
   }
   return result;
+}
+
+Eigen::MatrixXd ResidualModel::start_shift(std::size_t index) const {
+  const GapRun& run = runs_[index];
+  const auto shown = std::count_if(state_channel_.begin(), state_channel_.end(), [](int c) { return c >= 0; });
+  Eigen::MatrixXd result(static_cast<Eigen::Index>(run.segments()), shown);
+  for (std::size_t g = 0; g < run.segments(); ++g) {
+    Eigen::Index column = 0;
+    for (std::size_t s = 0; s < state_channel_.size(); ++s)
+      if (state_channel_[s] >= 0)
+        result(static_cast<Eigen::Index>(g), column++) = run.start_shift[g * state_channel_.size() + s];
+  }
+  return result;
+}
+
+std::vector<Eigen::MatrixXf> ResidualModel::settle_starts(const GapModel& model, std::size_t index) {
+  GapRun& run = runs_[index];
+  const Eigen::MatrixXf before = residuals(model, index);
+  std::vector<Eigen::MatrixXf> sensitivity = start_sensitivity(model, index);
+  const Eigen::MatrixXd shift = start_shift(index);
+  const std::vector<double> old_states = run.start_states, old_shift = run.start_shift;
+  const auto length = static_cast<Eigen::Index>(segment_);
+  const auto n = static_cast<Eigen::Index>(sensitivity.size());
+  for (std::size_t g = 0; g < run.segments(); ++g) {
+    const auto first = static_cast<Eigen::Index>(g) * length;
+    const auto part = [&](const Eigen::MatrixXf& m) { return m.middleRows(first, length); };
+    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
+    Eigen::VectorXd gradient = shift.row(static_cast<Eigen::Index>(g)).transpose();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto& column = sensitivity[static_cast<std::size_t>(i)];
+      gradient[i] += static_cast<double>(part(column).cwiseProduct(part(before)).sum());
+      for (Eigen::Index j = 0; j < n; ++j)
+        information(i, j) +=
+            static_cast<double>(part(column).cwiseProduct(part(sensitivity[static_cast<std::size_t>(j)])).sum());
+    }
+    const Eigen::VectorXd move = -information.ldlt().solve(gradient);
+    Eigen::Index column = 0;
+    for (std::size_t s = 0; s < state_channel_.size(); ++s) {
+      if (state_channel_[s] < 0) continue;
+      const std::size_t at = g * state_channel_.size() + s;
+      const double to = std::clamp(old_shift[at] + move[column++], -kLargestShift, kLargestShift);
+      run.start_states[at] += (to - old_shift[at]) * run.start_std[s];
+      run.start_shift[at] = to;
+    }
+  }
+  const Eigen::MatrixXf after = residuals(model, index);
+  const Eigen::MatrixXd moved = start_shift(index);
+  for (std::size_t g = 0; g < run.segments(); ++g) {
+    const auto first = static_cast<Eigen::Index>(g) * length, row = static_cast<Eigen::Index>(g);
+    if (static_cast<double>(after.middleRows(first, length).squaredNorm()) + moved.row(row).squaredNorm() <
+        static_cast<double>(before.middleRows(first, length).squaredNorm()) + shift.row(row).squaredNorm())
+      continue;
+    for (std::size_t s = 0; s < state_channel_.size(); ++s) {
+      run.start_states[g * state_channel_.size() + s] = old_states[g * state_channel_.size() + s];
+      run.start_shift[g * state_channel_.size() + s] = old_shift[g * state_channel_.size() + s];
+    }
+  }
+  return sensitivity;
 }
 
 }  // namespace faultline

@@ -1,5 +1,6 @@
 // The fit of a gap: candidates and their coordinates, the linearisation against direct computation, and what a fit recovers.
-#include "faultline/gap/least_squares.h"
+#include "faultline/gap/fit_gap.h"
+#include "faultline/gap/parallel.h"
 
 #include <gtest/gtest.h>
 
@@ -190,20 +191,21 @@ TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
   setup.parameters = servo().nominal();
   setup.parameters[parameter("viscous_damping")] *= 1.2;
   setup.parameters[parameter("compliance")] *= 0.7;
-  const ResidualModel residuals = model_of(setup, 6, 500);
+  ResidualModel residuals = model_of(setup, 6, 500);
   FitResult fit;
   fit.model = nominal();
-  for (int round = 0; round < 2; ++round) {
+  for (int round = 0; round < 3; ++round) {
+    residuals.settle_starts(fit.model, 0);
     const Linearisation linear(residuals, fit.model, {0}, 2);
     const double before = total(linear.segment_losses(residuals_of(residuals, fit.model)));
     fit = fit_gap(residuals, fit.model, {}, linear, 4);
-    EXPECT_LE(total(linear.segment_losses(residuals_of(residuals, fit.model))), before);
+    EXPECT_LE(total(linear.segment_losses(residuals_of(residuals, fit.model))), 1.001 * before);
   }
   const Eigen::VectorXd z = deviations(
       servo(), {parameter("viscous_damping"), parameter("compliance"), parameter("moving_mass")}, fit.model.parameters);
-  EXPECT_NEAR(z[0], 2, 0.4);
-  EXPECT_NEAR(z[1], -2, 0.4);
-  EXPECT_NEAR(z[2], 0, 1);
+  EXPECT_NEAR(z[0], 2, 0.3);
+  EXPECT_NEAR(z[1], -2, 0.1);
+  EXPECT_NEAR(z[2], 0, 0.5);
 }
 
 TEST(FitGap, FindsTheSizeOfAnEffect) {

@@ -1,0 +1,86 @@
+#include "faultline/gap/candidates.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace faultline {
+
+bool Candidate::logarithmic(std::size_t i) const {
+  return bounds[i].minimum > 0 && bounds[i].maximum / bounds[i].minimum > 20;
+}
+
+double Candidate::to_coordinate(std::size_t i, double value) const {
+  const Bounds& b = bounds[i];
+  if (logarithmic(i)) return std::log(std::max(value, 1e-300) / b.minimum) / std::log(b.maximum / b.minimum);
+  return (value - b.minimum) / (b.maximum - b.minimum);
+}
+
+double Candidate::from_coordinate(std::size_t i, double coordinate) const {
+  const Bounds& b = bounds[i];
+  const double c = std::clamp(coordinate, 0.0, 1.0);
+  if (logarithmic(i)) return b.minimum * std::pow(b.maximum / b.minimum, c);
+  return b.minimum + c * (b.maximum - b.minimum);
+}
+
+std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without, double duration) {
+  std::vector<Candidate> result;
+  for (const Port& port : sheet.ports)
+    for (const FittingEffect& fitting : port.effects) {
+      const EffectType* type = find_effect_type(fitting.effect);
+      if (!type) continue;
+      const std::string whole = fitting.effect + "@" + port.name;
+      if (std::any_of(without.begin(), without.end(),
+                      [&](const std::string& w) { return w == whole || w == fitting.effect; }))
+        continue;
+      Candidate candidate;
+      candidate.effect.effect = fitting.effect;
+      candidate.effect.port = port.name;
+      candidate.family = type->family;
+      for (const EffectParameter& parameter : type->parameters) {
+        const auto found = fitting.bounds.find(parameter.name);
+        // A parameter without a range here keeps its no-effect value.
+        Bounds bounds = found == fitting.bounds.end() ? Bounds{parameter.none, parameter.none} : found->second;
+        if (!std::isfinite(bounds.maximum)) bounds.maximum = duration;  // "from" of a stuck sensor: any time of the run
+        candidate.bounds.push_back(bounds);
+        candidate.effect.parameters.push_back(parameter.none);
+      }
+      result.push_back(candidate);
+    }
+  return result;
+}
+
+std::vector<std::vector<double>> starting_points(const Candidate& candidate) {
+  // Sizes over the range on both sides of no effect; a second parameter is a shape and gets three values.
+  const EffectType* type = find_effect_type(candidate.effect.effect);
+  std::vector<std::vector<double>> points = {{}};
+  for (std::size_t i = 0; i < candidate.bounds.size(); ++i) {
+    const Bounds& b = candidate.bounds[i];
+    const double none = type->parameters[i].none;
+    std::vector<double> values;
+    if (b.minimum >= b.maximum) {
+      values = {b.minimum};
+    } else if (i > 0 || std::isnan(none)) {
+      for (const double c : {0.15, 0.5, 0.85}) values.push_back(candidate.from_coordinate(i, c));
+      if (i > 0 && !std::isnan(none)) values.push_back(std::clamp(none, b.minimum, b.maximum));
+    } else if (candidate.family == "stuck") {  // a time: its loss has a narrow valley
+      for (int k = 0; k < 12; ++k) values.push_back(candidate.from_coordinate(i, (k + 0.5) / 12));
+    } else if (candidate.logarithmic(i) || std::isinf(none)) {
+      for (const double c : {0.1, 0.3, 0.5, 0.7, 0.9}) values.push_back(candidate.from_coordinate(i, c));
+    } else {
+      for (const double share : {0.06, 0.25, 0.7}) {
+        if (b.minimum < none) values.push_back(none + share * (b.minimum - none));
+        if (b.maximum > none) values.push_back(none + share * (b.maximum - none));
+      }
+    }
+    std::vector<std::vector<double>> grown;
+    for (const auto& point : points)
+      for (const double value : values) {
+        grown.push_back(point);
+        grown.back().push_back(value);
+      }
+    points = std::move(grown);
+  }
+  return points;
+}
+
+}  // namespace faultline

@@ -1,0 +1,198 @@
+#include "faultline/gap/fit_gap.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+namespace faultline {
+namespace {
+
+constexpr double kBound = 3.5;         // tolerances a parameter may move
+constexpr double kEffectStep = 2e-3;   // of a coordinate, for differences
+constexpr double kLargestMove = 0.34;  // of a coordinate in one step
+constexpr int kAttempts = 5;
+constexpr double kSettled = 0.5;  // gain in log likelihood that is not worth another step
+
+using Coordinates = std::vector<std::pair<std::size_t, std::size_t>>;  // (effect, parameter)
+
+Coordinates coordinates_of(const std::vector<Candidate>& effects) {
+  Coordinates result;
+  for (std::size_t e = 0; e < effects.size(); ++e)
+    for (std::size_t p = 0; p < effects[e].bounds.size(); ++p)
+      if (effects[e].bounds[p].minimum < effects[e].bounds[p].maximum) result.emplace_back(e, p);
+  return result;
+}
+
+double coordinate(const std::vector<Candidate>& effects, std::pair<std::size_t, std::size_t> at) {
+  return effects[at.first].to_coordinate(at.second, effects[at.first].effect.parameters[at.second]);
+}
+
+void set_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std::size_t> at, double value) {
+  effects[at.first].effect.parameters[at.second] = effects[at.first].from_coordinate(at.second, value);
+}
+
+// Moves along the tangent in the effect's own unit: an effect that is a parameter's twin then trades with it exactly, whatever the
+// coordinate's scale. Large moves go by the coordinate.
+void move_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std::size_t> at, double step) {
+  Candidate& candidate = effects[at.first];
+  double& value = candidate.effect.parameters[at.second];
+  const double c = candidate.to_coordinate(at.second, value);
+  const double tiny = c > 0.5 ? -kEffectStep : kEffectStep;
+  const double slope = (candidate.from_coordinate(at.second, c + tiny) - value) / tiny;
+  const double tangent = value + slope * step;
+  const double along = candidate.from_coordinate(at.second, c + step);
+  const bool near = candidate.logarithmic(at.second) ? tangent > value / 3 && tangent < 3 * value : true;
+  const Bounds& b = candidate.bounds[at.second];
+  value = near ? std::clamp(tangent, b.minimum, b.maximum) : along;
+}
+
+void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& free, const Eigen::VectorXd& step,
+                      std::vector<double>& parameters) {
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const Parameter& p = sheet.parameters[free[i]];
+    const double unit = p.nominal * p.tolerance;
+    const double z =
+        std::clamp((parameters[free[i]] - p.nominal) / unit + step[static_cast<Eigen::Index>(i)], -kBound, kBound);
+    parameters[free[i]] = p.nominal + z * unit;
+  }
+}
+
+std::vector<std::vector<Eigen::MatrixXf>> effect_sensitivity(const ResidualModel& residuals, const FitResult& at,
+                                                             const Coordinates& coordinates,
+                                                             const std::vector<Eigen::MatrixXf>& now,
+                                                             const std::vector<std::size_t>& runs) {
+  std::vector<std::vector<Eigen::MatrixXf>> columns;
+  for (const auto& which : coordinates) {
+    std::vector<Candidate> moved = at.effects;
+    const double c = coordinate(moved, which);
+    const double step = c > 0.5 ? -kEffectStep : kEffectStep;
+    set_coordinate(moved, which, c + step);
+    columns.push_back(difference(residuals_of(residuals, with_effects(moved, at.model.parameters), runs), now, step));
+  }
+  return columns;
+}
+
+}  // namespace
+
+GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters) {
+  GapModel model;
+  model.parameters = parameters;
+  for (const Candidate& candidate : effects) model.effects.push_back(candidate.effect);
+  return model;
+}
+
+namespace {
+
+FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+              const Linearisation& linear, int iterations, bool parameters_move) {
+  const Datasheet& sheet = residuals.sheet();
+  const std::vector<std::size_t>& free = linear.free_parameters();
+  const auto parameters = static_cast<Eigen::Index>(parameters_move ? free.size() : 0);
+  const Coordinates coordinates = coordinates_of(effects);
+  const auto extra = static_cast<Eigen::Index>(coordinates.size());
+  const auto from_start = [&](const std::vector<Candidate>& list) {
+    Eigen::VectorXd c(extra);
+    for (Eigen::Index i = 0; i < extra; ++i) {
+      const auto& which = coordinates[static_cast<std::size_t>(i)];
+      c[i] = coordinate(list, which) - coordinate(effects, which);
+    }
+    return c;
+  };
+  const auto loss_of = [&](const std::vector<Eigen::MatrixXf>& r, const std::vector<Candidate>& list,
+                           const std::vector<double>& values) {
+    double sum = 0;
+    const std::vector<double> losses = linear.segment_losses(r);
+    for (std::size_t i = 0; i < losses.size(); ++i) sum += linear.weight(i) * losses[i];
+    return sum + 0.5 * deviations(sheet, free, values).squaredNorm() + 0.5 * from_start(list).squaredNorm();
+  };
+
+  FitResult result;
+  result.effects = effects;
+  result.model = with_effects(effects, start.parameters);
+  std::vector<Eigen::MatrixXf> now = residuals_of(residuals, result.model, linear.runs());
+  result.loss = loss_of(now, result.effects, result.model.parameters);
+  double damping = 0;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    const auto effect_columns = effect_sensitivity(residuals, result, coordinates, now, linear.runs());
+    std::vector<const std::vector<Eigen::MatrixXf>*> columns = {&now};
+    if (parameters_move)
+      for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
+    for (const auto& column : effect_columns) columns.push_back(&column);
+    const Eigen::MatrixXd gram = linear.gram(columns, true);
+    const Eigen::Index n = parameters + extra;
+    Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
+    hessian.diagonal().array() += 1;
+    Eigen::VectorXd gradient = gram.bottomLeftCorner(n, 1);
+    if (parameters_move) gradient.head(parameters) += deviations(sheet, free, result.model.parameters);
+    gradient.tail(extra) += from_start(result.effects);
+
+    bool better = false;
+    for (int attempt = 0; attempt < kAttempts && !better; ++attempt) {
+      Eigen::MatrixXd damped = hessian;
+      damped.diagonal() *= 1 + damping;
+      Eigen::VectorXd move = -damped.ldlt().solve(gradient);
+      for (Eigen::Index i = 0; i < extra; ++i)
+        move[parameters + i] = std::clamp(move[parameters + i], -kLargestMove, kLargestMove);
+      std::vector<double> values = result.model.parameters;
+      if (parameters_move) shift_parameters(sheet, free, move.head(parameters), values);
+      std::vector<Candidate> moved = result.effects;
+      for (std::size_t i = 0; i < coordinates.size(); ++i)
+        move_coordinate(moved, coordinates[i], move[parameters + static_cast<Eigen::Index>(i)]);
+      const GapModel model = with_effects(moved, values);
+      std::vector<Eigen::MatrixXf> tried = residuals_of(residuals, model, linear.runs());
+      const double loss = loss_of(tried, moved, values);
+      if (loss < result.loss) {
+        const double gain = result.loss - loss;
+        result.model = model;
+        result.effects = moved;
+        result.loss = loss;
+        now = std::move(tried);
+        damping *= 0.2;
+        better = true;
+        if (gain < kSettled && iteration > 0) return result;
+      } else {
+        damping = std::max(0.1, damping * 8);
+      }
+    }
+    if (!better) break;
+  }
+  return result;
+}
+
+}  // namespace
+
+FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+                  const Linearisation& linear, int iterations) {
+  return fit(residuals, start, effects, linear, iterations, true);
+}
+
+FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+                      const Linearisation& linear, int iterations) {
+  return fit(residuals, start, effects, linear, iterations, false);
+}
+
+Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear) {
+  const Coordinates coordinates = coordinates_of(fit.effects);
+  const std::vector<Eigen::MatrixXf>& now = linear.at_model();
+  const auto effect_columns = effect_sensitivity(residuals, fit, coordinates, now, linear.runs());
+  std::vector<const std::vector<Eigen::MatrixXf>*> columns = {&now};
+  for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
+  for (const auto& column : effect_columns) columns.push_back(&column);
+  std::vector<Eigen::VectorXd> gradients;
+  const Eigen::MatrixXd gram = linear.gram(columns, true, &gradients);
+  const Eigen::Index n = gram.rows() - 1;
+  Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
+  hessian.diagonal().array() += 1;
+  // What the segments' gradients scatter about their mean; for white residuals that is the Hessian again. The prior's one is kept.
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
+  for (const Eigen::VectorXd& gradient : gradients) mean += gradient / static_cast<double>(gradients.size());
+  Eigen::MatrixXd scatter = Eigen::MatrixXd::Identity(n, n);
+  for (const Eigen::VectorXd& gradient : gradients) scatter += (gradient - mean) * (gradient - mean).transpose();
+  const Eigen::MatrixXd inverse = hessian.inverse();
+  return inverse * scatter * inverse;
+}
+
+}  // namespace faultline

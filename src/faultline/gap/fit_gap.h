@@ -1,0 +1,37 @@
+// Fits parameters and effects of a driven model to runs, by damped Gauss-Newton steps on
+//
+//   L(z, c) = 1/2 sum over segments of w r' W r + 1/2 |z|^2 + 1/2 |c - start|^2
+//
+// z: deviation of each parameter in tolerances, bound at 3.5; c: each effect parameter's coordinate (candidates.h), known beforehand to
+// about its range. w, W: linearisation.h.
+#pragma once
+
+#include "faultline/gap/candidates.h"
+#include "faultline/gap/linearisation.h"
+
+namespace faultline {
+
+struct FitResult {
+  GapModel model;
+  double loss = 0;  // L(z, c)
+  std::vector<Candidate> effects;
+  Eigen::MatrixXd
+      covariance;  // of parameters in tolerances, then of the effects' coordinates; empty before uncertainty()
+};
+
+// Refits the free parameters and the effects' parameters from where `start` and `effects` have them, in at most `iterations`
+// steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in each step.
+FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+                  const Linearisation& linear, int iterations);
+// The same with the free parameters left as they are.
+FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+                      const Linearisation& linear, int iterations);
+
+// Covariance at a fit, robust against residuals that are not white and models that are not exact (Huber's sandwich, by segments):
+// H^-1 (sum over segments of g g') H^-1 + H^-1 for what only the prior holds. `linear` must stand at the fit.
+Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear);
+
+// The model with these effects and parameters.
+GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters);
+
+}  // namespace faultline

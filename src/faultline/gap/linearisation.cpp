@@ -1,0 +1,233 @@
+#include "faultline/gap/linearisation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "faultline/gap/parallel.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kStep = 0.1;  // tolerances, for differences
+
+}  // namespace
+
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
+                                          const std::vector<std::size_t>& runs) {
+  std::vector<Eigen::MatrixXf> result;
+  for (const std::size_t run : runs) result.push_back(model.residuals(at, run));
+  return result;
+}
+
+std::vector<Eigen::MatrixXf> difference(const std::vector<Eigen::MatrixXf>& a, const std::vector<Eigen::MatrixXf>& b,
+                                        double step) {
+  std::vector<Eigen::MatrixXf> result;
+  for (std::size_t i = 0; i < a.size(); ++i) result.push_back((a[i] - b[i]) / static_cast<float>(step));
+  return result;
+}
+
+Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t>& free,
+                           const std::vector<double>& parameters) {
+  Eigen::VectorXd z(static_cast<Eigen::Index>(free.size()));
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const Parameter& p = sheet.parameters[free[i]];
+    z[static_cast<Eigen::Index>(i)] = (parameters[free[i]] - p.nominal) / (p.nominal * p.tolerance);
+  }
+  return z;
+}
+
+Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs,
+                             int jobs, std::vector<std::vector<Eigen::MatrixXf>> starts)
+    : residuals_(residuals), runs_(std::move(runs)), starts_(std::move(starts)) {
+  const Datasheet& sheet = residuals.sheet();
+  for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
+    if (sheet.parameters[i].tolerance > 0) free_.push_back(i);
+  at_model_ = residuals_of(residuals, model, runs_);
+  columns_.resize(free_.size());
+  const bool known = !starts_.empty();
+  starts_.resize(runs_.size());
+  for (const std::size_t run : runs_) shifts_.push_back(residuals.start_shift(run));
+  parallel(free_.size() + runs_.size(), jobs, [&](std::size_t i) {
+    if (i >= free_.size()) {
+      const std::size_t run = i - free_.size();
+      if (!known) starts_[run] = residuals.start_sensitivity(model, runs_[run]);
+      return;
+    }
+    const Parameter& p = sheet.parameters[free_[i]];
+    GapModel moved = model;
+    const double unit = p.nominal * p.tolerance;
+    const double z = (model.parameters[free_[i]] - p.nominal) / unit;
+    const double step = z > 0 ? -kStep : kStep;
+    moved.parameters[free_[i]] = model.parameters[free_[i]] + step * unit;
+    columns_[i] = difference(residuals_of(residuals, moved, runs_), at_model_, step);
+  });
+  prepare();
+}
+
+void Linearisation::prepare() {
+  inverse_.resize(runs_.size());
+  const auto length = static_cast<Eigen::Index>(residuals_.segment());
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    const auto& s = starts_[r];
+    const auto n = static_cast<Eigen::Index>(s.size());
+    for (std::size_t g = 0; g < residuals_.runs()[runs_[r]].segments(); ++g) {
+      const auto first = static_cast<Eigen::Index>(g) * length;
+      Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
+      for (Eigen::Index i = 0; i < n; ++i)
+        for (Eigen::Index j = 0; j <= i; ++j) {
+          const double sum =
+              static_cast<double>(s[static_cast<std::size_t>(i)]
+                                      .middleRows(first, length)
+                                      .cwiseProduct(s[static_cast<std::size_t>(j)].middleRows(first, length))
+                                      .sum());
+          information(i, j) += sum;
+          if (i != j) information(j, i) += sum;
+        }
+      inverse_[r].push_back(information.inverse());
+    }
+  }
+  weights_.clear();
+  const double count = static_cast<double>(residuals_.segment() * residuals_.outputs().size());
+  for (const double loss : segment_losses(at_model_)) weights_.push_back(1 / std::max(1.0, 2 * loss / count));
+  cross_.assign(runs_.size(), {});
+  const auto parameters = static_cast<Eigen::Index>(columns_.size());
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
+      const auto first = static_cast<Eigen::Index>(g) * length;
+      Eigen::MatrixXd cross(static_cast<Eigen::Index>(starts_[r].size()), parameters);
+      for (Eigen::Index i = 0; i < cross.rows(); ++i)
+        for (Eigen::Index j = 0; j < parameters; ++j)
+          cross(i, j) =
+              static_cast<double>(starts_[r][static_cast<std::size_t>(i)]
+                                      .middleRows(first, length)
+                                      .cwiseProduct(columns_[static_cast<std::size_t>(j)][r].middleRows(first, length))
+                                      .sum());
+      cross_[r].push_back(cross);
+    }
+  std::vector<const std::vector<Eigen::MatrixXf>*> all;
+  for (const auto& column : columns_) all.push_back(&column);
+  parameter_gram_ = gram(all, false);
+}
+
+Linearisation Linearisation::subset(const std::vector<std::size_t>& positions) const {
+  Linearisation part(residuals_);
+  part.free_ = free_;
+  part.columns_.resize(columns_.size());
+  for (const std::size_t i : positions) {
+    part.runs_.push_back(runs_[i]);
+    part.at_model_.push_back(at_model_[i]);
+    part.starts_.push_back(starts_[i]);
+    part.shifts_.push_back(shifts_[i]);
+    for (std::size_t c = 0; c < columns_.size(); ++c) part.columns_[c].push_back(columns_[c][i]);
+  }
+  part.prepare();
+  return part;
+}
+
+double Linearisation::square(const std::vector<Eigen::MatrixXf>& residuals, Eigen::VectorXd& against_parameters) const {
+  const auto length = static_cast<Eigen::Index>(residuals_.segment());
+  const auto parameters = static_cast<Eigen::Index>(columns_.size());
+  against_parameters.setZero(parameters);
+  double total = 0;
+  auto weight = weights_.begin();
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    const auto n = static_cast<Eigen::Index>(starts_[r].size());
+    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
+      const auto first = static_cast<Eigen::Index>(g) * length;
+      const auto part = residuals[r].middleRows(first, length);
+      Eigen::VectorXd against(n);
+      for (Eigen::Index i = 0; i < n; ++i)
+        against[i] = static_cast<double>(
+            starts_[r][static_cast<std::size_t>(i)].middleRows(first, length).cwiseProduct(part).sum());
+      const Eigen::VectorXd shift = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
+      against += shift;
+      const Eigen::VectorXd solved = inverse_[r][g] * against;
+      const double w = *weight++;
+      total += w * (static_cast<double>(part.squaredNorm()) + shift.squaredNorm() - against.dot(solved));
+      for (Eigen::Index j = 0; j < parameters; ++j)
+        against_parameters[j] +=
+            w * static_cast<double>(
+                    columns_[static_cast<std::size_t>(j)][r].middleRows(first, length).cwiseProduct(part).sum());
+      against_parameters -= w * cross_[r][g].transpose() * solved;
+    }
+  }
+  return total;
+}
+
+double Linearisation::values() const {
+  double count = 0;
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    count += static_cast<double>(inverse_[r].size() * residuals_.segment() * residuals_.outputs().size());
+  return count;
+}
+
+std::vector<double> Linearisation::segment_losses(const std::vector<Eigen::MatrixXf>& residuals) const {
+  std::vector<double> losses;
+  const auto length = static_cast<Eigen::Index>(residuals_.segment());
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    const auto n = static_cast<Eigen::Index>(starts_[r].size());
+    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
+      const auto part = residuals[r].middleRows(static_cast<Eigen::Index>(g) * length, length);
+      Eigen::VectorXd against(n);
+      for (Eigen::Index i = 0; i < n; ++i)
+        against[i] = static_cast<double>(starts_[r][static_cast<std::size_t>(i)]
+                                             .middleRows(static_cast<Eigen::Index>(g) * length, length)
+                                             .cwiseProduct(part)
+                                             .sum());
+      const Eigen::VectorXd shift = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
+      against += shift;
+      losses.push_back(0.5 * (static_cast<double>(part.squaredNorm()) + shift.squaredNorm() -
+                              against.dot(inverse_[r][g] * against)));
+    }
+  }
+  return losses;
+}
+
+Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::MatrixXf>*>& columns,
+                                    bool residuals_first, std::vector<Eigen::VectorXd>* gradients) const {
+  const auto n = static_cast<Eigen::Index>(columns.size());
+  const auto length = static_cast<Eigen::Index>(residuals_.segment());
+  Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
+  const auto outputs = static_cast<Eigen::Index>(residuals_.outputs().size());
+  auto weight = weights_.begin();
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    const auto shown = static_cast<Eigen::Index>(starts_[r].size());
+    Eigen::MatrixXf stacked(length * outputs, n + shown);
+    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
+      const auto first = static_cast<Eigen::Index>(g) * length;
+      for (Eigen::Index i = 0; i < n + shown; ++i) {
+        const Eigen::MatrixXf& column =
+            i < n ? (*columns[static_cast<std::size_t>(i)])[r] : starts_[r][static_cast<std::size_t>(i - n)];
+        for (Eigen::Index o = 0; o < outputs; ++o)
+          stacked.col(i).segment(o * length, length) = column.col(o).segment(first, length);
+      }
+      Eigen::MatrixXd all = (stacked.transpose() * stacked).cast<double>();
+      if (residuals_first) {
+        const Eigen::VectorXd shift = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
+        all.block(n, 0, shown, 1) += shift;
+        all(0, 0) += shift.squaredNorm();
+      }
+      const auto cross = all.bottomLeftCorner(shown, n);
+      const Eigen::MatrixXd part = *weight++ * (all.topLeftCorner(n, n) - cross.transpose() * inverse_[r][g] * cross);
+      if (gradients) gradients->push_back(part.col(0).tail(n - 1));
+      total += part;
+    }
+  }
+  return total;
+}
+
+double projected_loss(const Linearisation& linear, const std::vector<Eigen::MatrixXf>& residuals,
+                      const Eigen::VectorXd& z) {
+  Eigen::VectorXd gradient;
+  const double square = linear.square(residuals, gradient);
+  Eigen::MatrixXd hessian = linear.parameter_gram();
+  hessian.diagonal().array() += 1;
+  gradient += z;
+  const Eigen::VectorXd move = -hessian.ldlt().solve(gradient);
+  return 0.5 * square + 0.5 * z.squaredNorm() + 0.5 * gradient.dot(move);
+}
+
+}  // namespace faultline
