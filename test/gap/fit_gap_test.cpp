@@ -221,7 +221,12 @@ TEST(FitGap, FindsTheSizeOfAnEffect) {
   const FitResult fit = fit_gap(residuals, nominal(), effect, linear, 8);
   EXPECT_NEAR(fit.effects.front().effect.parameters.front(), 1.12, 0.01);
   ASSERT_EQ(fit.model.effects.size(), 1u);
-  EXPECT_GT(fit.covariance(fit.covariance.rows() - 1, fit.covariance.cols() - 1), 0);
+  const Linearisation around(residuals, fit.model, {0}, 2);
+  const Eigen::MatrixXd covariance = uncertainty(residuals, fit, around);
+  ASSERT_EQ(covariance.rows(), static_cast<Eigen::Index>(around.free_parameters().size()) + 1);
+  const double deviation = std::sqrt(covariance(covariance.rows() - 1, covariance.cols() - 1));
+  EXPECT_GT(deviation, 1e-5);  // of a coordinate over 0.7 .. 1.3
+  EXPECT_LT(deviation, 0.02);
 }
 
 }  // namespace

@@ -84,6 +84,13 @@ FitResult GapTrials::refit(const GapModel& start, const std::vector<Candidate>& 
   return fit;
 }
 
+FitResult GapTrials::stand(const GapModel& model) {
+  FitResult fit;
+  fit.model = model;
+  linear_ = settle(model_, model, settings_.jobs);
+  return fit;
+}
+
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   struct Point {
     std::size_t candidate;

@@ -47,7 +47,10 @@ class GapTrials {
   // Refits the parameters around `effects` until nothing is gained; leaves start states and linearisation of all runs at the result.
   FitResult refit(const GapModel& start, const std::vector<Candidate>& effects);
 
-  // What refit() just returned, scored fold by fold: the parameters belong to the rig and stay as all learning runs have them; an
+  // The model as it is, with start states and linearisation of all runs at it.
+  FitResult stand(const GapModel& model);
+
+  // What refit() or stand() just returned, scored fold by fold: the parameters belong to the rig and stay as all learning runs have them; an
   // effect is fitted again on a fold's learning runs and has to prove itself on the others.
   Structure score(const FitResult& fit) const;
 

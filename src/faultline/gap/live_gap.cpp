@@ -6,10 +6,9 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <Eigen/Cholesky>
 
-#include "faultline/gap/fit_gap.h"
 #include "faultline/gap/gap_series.h"
+#include "faultline/gap/gap_trials.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -20,9 +19,7 @@ constexpr double kUneven = 0.2;    // of a sample period, that a stamp may be of
 constexpr double kNotable = 1.25;  // enrichment from which a region is told
 constexpr double kRest = 0.02;     // of a channel's largest magnitude in the window: near zero
 constexpr std::size_t kMostRegions = 4;
-constexpr double kModest = 0.3;        // of an effect's range, in its coordinate
-constexpr double kModestLinear = 0.1;  // ... of the way from no effect to an end of its range
-constexpr std::size_t kAgain = 8;      // effects that are simulated again at their amount
+constexpr std::size_t kAgain = 8;      // effects that are fitted after screening
 constexpr double kNearly = 0.85;       // of the best gain, from which two places are not told apart
 constexpr double kWorthNaming = 0.05;  // share of the residual that a place must explain
 
@@ -31,58 +28,6 @@ bool shows_regions(const Channel& channel) {
   if (channel.ground_truth) return false;
   return channel.role == Role::command ||
          (channel.role == Role::output && (channel.unit == "m/s" || channel.unit == "rad/s"));
-}
-
-struct Trial {
-  Candidate candidate;
-  bool both_signs = false;  // the effect's size may go either way from none
-};
-
-// One modest size for each candidate; shapes at the middle of their range. Effects that hold or round a signal have no
-// first-order signature and stay out.
-std::vector<Trial> trials(const Datasheet& sheet) {
-  std::vector<Trial> result;
-  for (const Candidate& candidate : candidates(sheet, {})) {
-    if (candidate.family == "stuck" || candidate.family == "resolution" || candidate.family == "noise") continue;
-    Trial trial;
-    trial.candidate = candidate;
-    const EffectType* type = find_effect_type(candidate.effect.effect);
-    for (std::size_t p = 0; p < candidate.bounds.size(); ++p) {
-      const Bounds& b = candidate.bounds[p];
-      const double none = type->parameters[p].none;
-      double& value = trial.candidate.effect.parameters[p];
-      if (b.minimum >= b.maximum) {
-        value = b.minimum;
-      } else if (std::isnan(none)) {
-        value = candidate.from_coordinate(p, 0.5);
-      } else if (b.minimum < none && none < b.maximum) {
-        value = none + kModestLinear * (b.maximum - none);
-        trial.both_signs = trial.both_signs || p == 0;
-      } else if (candidate.logarithmic(p) || std::isinf(none)) {
-        // A size that runs over decades and changes nothing at its far end is modest near that end.
-        value = candidate.from_coordinate(p, none > b.maximum ? 1 - kModest : kModest);
-      } else {
-        value = none + kModestLinear * ((none <= b.minimum ? b.maximum : b.minimum) - none);
-        value = std::clamp(value, b.minimum, b.maximum);
-      }
-    }
-    result.push_back(trial);
-  }
-  return result;
-}
-
-// The trial's effect with its size times `amount`, within its range.
-EffectSpec scaled(const Trial& trial, double amount) {
-  EffectSpec effect = trial.candidate.effect;
-  const double none = find_effect_type(effect.effect)->parameters[0].none;
-  const Bounds& b = trial.candidate.bounds[0];
-  double& value = effect.parameters[0];
-  if (std::isinf(none))
-    value /= std::max(amount, 1e-3);
-  else if (std::isfinite(none))
-    value = none + amount * (value - none);
-  value = std::clamp(value, b.minimum, b.maximum);
-  return effect;
 }
 
 }  // namespace
@@ -283,79 +228,32 @@ void LiveGap::find_regions() {
 
 void LiveGap::locate(std::size_t segments) {
   ++counts_.located;
-  const ResidualModel model(sheet_, {prepare_run(sheet_, "live", joined(segments), settings_.segment)},
-                            settings_.segment);
-  const Linearisation linear(model, nominal_, {0}, 1);
-  const std::vector<Trial> tried = trials(sheet_);
-  std::vector<std::vector<Eigen::MatrixXf>> signatures;
-  for (const Trial& trial : tried) {
-    GapModel with = nominal_;
-    with.effects.push_back(trial.candidate.effect);
-    signatures.push_back({model.residuals(with, 0) - linear.at_model()[0]});
-  }
-  std::vector<const std::vector<Eigen::MatrixXf>*> columns;
-  for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
-  columns.push_back(&linear.at_model());
-  for (const auto& signature : signatures) columns.push_back(&signature);
-  const Eigen::MatrixXd gram = linear.gram(columns, false);
-  const auto parameters = static_cast<Eigen::Index>(linear.parameter_columns().size());
-  const Eigen::Index rest = gram.rows() - parameters;
-  const Eigen::MatrixXd prior =
-      gram.topLeftCorner(parameters, parameters) + Eigen::MatrixXd::Identity(parameters, parameters);
-  const Eigen::MatrixXd projected =
-      gram.bottomRightCorner(rest, rest) -
-      gram.bottomLeftCorner(rest, parameters) * prior.ldlt().solve(gram.topRightCorner(parameters, rest));
-
-  // What is left to explain: beyond noise, with the weights of the segments.
-  double noise = 0;
-  for (std::size_t g = 0; g < model.runs()[0].segments(); ++g)
-    noise += linear.weight(g) * static_cast<double>(model.segment() * model.outputs().size());
-  const double beyond = std::max(1.0, projected(0, 0) - noise);
-
-  // Ranked to first order; the best are simulated again at their amount, since large effects bend.
-  struct Amount {
-    std::size_t trial = 0;
-    double amount = 0, gain = 0;  // gain: of the square, twice that of the log likelihood
-  };
-  std::vector<Amount> amounts;
-  for (std::size_t i = 0; i < tried.size(); ++i) {
-    const auto at = static_cast<Eigen::Index>(i) + 1;
-    const double against = -projected(at, 0), size = projected(at, at);
-    if (!(size > 1) || (against < 0 && !tried[i].both_signs)) continue;
-    amounts.push_back({i, against / (size + 1), against * against / (size + 1)});
-  }
-  std::stable_sort(amounts.begin(), amounts.end(), [](const Amount& x, const Amount& y) { return x.gain > y.gain; });
-  if (amounts.size() > kAgain) amounts.resize(kAgain);
-  const Eigen::VectorXd datasheet_values = Eigen::VectorXd::Zero(parameters);
-  const double before = projected_loss(linear, linear.at_model(), datasheet_values);
-  struct Found {
-    std::string port, effect;
-    double gain = 0;
-  };
-  std::vector<Found> ports;
-  for (const Amount& amount : amounts) {
-    const Trial& trial = tried[amount.trial];
-    double gain = 0;
-    for (const double share : {1.0, 0.5}) {
-      GapModel with = nominal_;
-      with.effects.push_back(scaled(trial, share * amount.amount));
-      gain = std::max(gain, 2 * (before - projected_loss(linear, {model.residuals(with, 0)}, datasheet_values)));
-    }
-    const EffectSpec& effect = trial.candidate.effect;
-    auto port = std::find_if(ports.begin(), ports.end(), [&](const Found& f) { return f.port == effect.port; });
-    if (port == ports.end()) port = ports.insert(ports.end(), {effect.port, effect.effect, 0});
-    if (gain > port->gain) *port = {effect.port, effect.effect, gain};
-  }
-  std::stable_sort(ports.begin(), ports.end(), [](const Found& a, const Found& b) { return a.gain > b.gain; });
+  GapSettings settings;
+  const GapProgress quiet;
+  const Fold fold = {{0}, {0}};
+  GapTrials trials(sheet_, {prepare_run(sheet_, "live", joined(segments), gap_segment(sheet_))}, {fold}, {0}, settings,
+                   quiet);
+  const FitResult base = trials.stand(nominal_);  // the rig was normal before: its parameters are hardly off
+  const double beyond =
+      sum(trials.score(base).score) - sum(robust({0.5 * trials.segment_values()}, trials.segment_values()));
+  std::vector<Structure> structures = trials.screen(base, 0, 1);
+  if (structures.size() > kAgain) structures.resize(kAgain);
+  trials.shortlist(base, structures, 0, 1);
   state_.place = LivePlace();
   state_.place.time = state_.time;
-  if (ports.empty() || ports.front().gain < kWorthNaming * beyond) return;
-  state_.place.port = ports.front().port;
-  state_.place.component = sheet_.port(ports.front().port).component;
-  state_.place.effect = ports.front().effect;
-  state_.place.share = std::min(1.0, ports.front().gain / beyond);
-  for (std::size_t i = 1; i < ports.size() && ports[i].gain > kNearly * ports.front().gain; ++i)
-    state_.place.inseparable.push_back(ports[i].port);
+  if (structures.empty() || structures.front().quick < kWorthNaming * std::max(1.0, beyond)) return;
+  const Structure& best = structures.front();
+  state_.place.port = best.fit.effects.back().effect.port;
+  state_.place.component = sheet_.port(state_.place.port).component;
+  state_.place.effect = best.fit.effects.back().effect.effect;
+  state_.place.share = std::clamp(best.quick / std::max(1.0, beyond), 0.0, 1.0);
+  for (const Structure& other : structures) {
+    const std::string& port = other.fit.effects.back().effect.port;
+    auto& known = state_.place.inseparable;
+    if (other.quick > kNearly * best.quick && port != state_.place.port &&
+        std::find(known.begin(), known.end(), port) == known.end())
+      known.push_back(port);
+  }
 }
 
 std::string LiveGap::sentence() const {

@@ -4,15 +4,12 @@
 //   smoothed            = mean excess over the last `smoothing` segments
 //
 // A channel leaves normal when its smoothed excess is above what the datasheet calls normal, and is back below kReturn of that.
-// While some channel is out, the place is sought at times: every fitting effect is simulated once at a modest size, d is what it
-// changes in the residuals r of the window, and with tolerances and start states projected out (P)
+// While some channel is out, the place is sought at times, on the window of the last segments, by the first steps of `faultline gap`
+// (gap_trials.h): every effect screened, the best fitted together with
+// the parameters. The port of the best is the place; ports that gain nearly
+// as much cannot be told apart from it on this window. `faultline gap` on recordings does the rest.
 //
-//   gain = 1/2 (d'Pr)^2/(d'Pd + 1)      of the best amount, of a sign that the effect can have
-//
-// ranks them to first order; the best are simulated again at that amount and at half of it. The port of the largest gain is the
-// place; ports that gain nearly as much cannot be told apart from it on this window. `faultline gap` does it properly.
-//
-// Deterministic in the samples, reads no clock, knows no rig. Not thread safe; process() may take a second when a place is sought,
+// Deterministic in the samples, reads no clock, knows no rig. Not thread safe; process() may take some seconds when a place is sought,
 // so a live caller gives it a thread of its own. A missing, invalid or late sample cuts the window; a jump of time begins anew.
 #pragma once
 
