@@ -35,6 +35,8 @@ inline std::string typical_size(const std::string& effect) {
       {"elasticity", "compliance=1e-6,damping=200"},
       {"end_stop", "position=0.02,stiffness=1e5"},
       {"entrained_air", "fraction=0.02"},
+      {"flexible_curve", "at_minus_full=-0.2,at_minus_quarter=0.1,at_quarter=0.05,at_full=0.3"},
+      {"flexible_memory", "gain=0.5,time_constant=0.02"},
       {"gain_curve", "curvature=0.3"},
       {"heat_capacity", "capacity=500"},
       {"heat_loss", "coefficient=100"},

@@ -244,9 +244,8 @@ void GapTrials::refine(std::vector<Structure>& structures, double from, double t
 
 Structure GapTrials::closure(const FitResult& base, const std::string& port) const {
   Structure all;
-  all.fit.model = base.model;
-  for (const Candidate& candidate : all_) {
-    if (candidate.effect.port != port || candidate.family == "stuck" || candidate.family == "resolution") continue;
+  all.fit.effects = base.effects;
+  const auto add = [&](const Candidate& candidate) {
     Candidate start = candidate;
     const EffectType* type = find_effect_type(candidate.effect.effect);
     for (std::size_t p = 0; p < start.bounds.size(); ++p) {
@@ -255,12 +254,31 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
       start.effect.parameters[p] =
           std::isnan(none) ? start.from_coordinate(p, 0.5) : std::clamp(none, b.minimum, b.maximum);
     }
-    for (const Candidate& known : base.effects)
-      if (known.effect.effect == start.effect.effect && known.effect.port == port) start = known;
     all.fit.effects.push_back(start);
+  };
+  const PortKind kind = sheet_.port(port).kind;
+  bool flexible = false;
+  for (const EffectType& type : effect_types()) {
+    if (type.family != "flexible" || !type.fits_kind(kind)) continue;
+    Candidate candidate;
+    candidate.effect.effect = type.name;
+    candidate.effect.port = port;
+    candidate.family = type.family;
+    for (const EffectParameter& parameter : type.parameters) {
+      candidate.bounds.push_back({parameter.minimum, parameter.maximum});
+      candidate.effect.parameters.push_back(parameter.none);
+    }
+    add(candidate);
+    flexible = true;
   }
-  for (const Candidate& known : base.effects)
-    if (known.effect.port != port) all.fit.effects.push_back(known);
+  if (!flexible)
+    for (const Candidate& candidate : all_) {
+      const bool there = std::any_of(base.effects.begin(), base.effects.end(), [&](const Candidate& known) {
+        return known.effect.effect == candidate.effect.effect && known.effect.port == port;
+      });
+      if (!there && candidate.effect.port == port && candidate.family != "stuck" && candidate.family != "resolution")
+        add(candidate);
+    }
   all.fit.model = with_effects(all.fit.effects, base.model.parameters);
   return all;
 }

@@ -63,8 +63,9 @@ class GapTrials {
   // Fits each with start states and linearisation of its own and scores it in the same way.
   void refine(std::vector<Structure>& structures, double from, double to) const;
 
-  // Everything smooth that the library has at a port, at once: what a flexible model of that place could win. Each effect starts as
-  // small as its range allows.
+  // What a flexible model of a port could win: the effects of `base`, and at a port through which a signal or an opening passes a piecewise
+  // linear curve and a memory (the effects of the family "flexible"), elsewhere everything smooth that the library has there. Each
+  // starts as small as its range allows.
   Structure closure(const FitResult& base, const std::string& port) const;
 
   // Losses per held-out segment of a model as it is.

@@ -26,15 +26,19 @@ const Port* find_port(const Datasheet& sheet, const std::string& name) {
   return found == sheet.ports.end() ? nullptr : &*found;
 }
 
-PortContext context_of(const Datasheet& sheet, const Port& port, const EffectSpec& spec, double step,
-                       std::uint64_t seed) {
+PortContext context_of(const Datasheet& sheet, const Port& port, const EffectType& type, const EffectSpec& spec,
+                       double step, std::uint64_t seed) {
   PortContext context;
   context.range = port.range;
   context.step = step;
   context.seed = seed;
   if (grows(spec)) context.start = spec.from;
   const int channel = port.channel.empty() ? -1 : find_channel(sheet.channels, port.channel);
-  if (channel >= 0) context.noise_std = sheet.channels[static_cast<std::size_t>(channel)].noise_std;
+  if (channel >= 0) {
+    const Channel& passes = sheet.channels[static_cast<std::size_t>(channel)];
+    context.noise_std = passes.noise_std;
+    if (type.family == "flexible") context.range = std::max(std::abs(passes.minimum), std::abs(passes.maximum));
+  }
   return context;
 }
 
@@ -58,7 +62,7 @@ EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& spec
     for (const auto& p : type.parameters) none.push_back(p.none);
     effects_.push_back(type.make());
     effects_.back()->configure(spec.parameters, none,
-                               context_of(sheet, *find_port(sheet, spec.port), spec, step, seed_of(seed, i)));
+                               context_of(sheet, *find_port(sheet, spec.port), type, spec, step, seed_of(seed, i)));
     chains_[spec.port].add(effects_.back().get());
   }
   reset();
@@ -94,7 +98,9 @@ void check_effect(const Datasheet& sheet, const EffectSpec& spec) {
     throw InputError(fmt::format("effect '{}@{}': {} has no port '{}'; it has {}", spec.effect, spec.port, sheet.rig,
                                  spec.port, names));
   }
-  const bool listed = std::any_of(port->effects.begin(), port->effects.end(),
+  // What only the gap diagnoser's closure uses fits wherever its kind does.
+  const bool listed = type->family == "flexible" ||
+                      std::any_of(port->effects.begin(), port->effects.end(),
                                   [&](const FittingEffect& fitting) { return fitting.effect == spec.effect; });
   if (!listed || !type->fits_kind(port->kind)) {
     std::string names;
