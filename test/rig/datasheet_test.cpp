@@ -220,7 +220,7 @@ const Case kCases[] = {
     {"low: 0, high", "low: deep, high", "profiles[0]", "'low' must be a number"},
     {"orifice_leakage@flow.a_", "orifice_leakage@flow.c_", "faults[0].effects[0]", "ports are command.valve"},
     {"orifice_leakage@", "laminar_leakage@", "faults[0].effects[0]", "there are orifice_leakage"},
-    {"coefficient=1e-3", "size=1e-3", "faults[0].effects[0]", "allowed are from, to, coefficient"},
+    {"coefficient=1e-3", "size=1e-3", "faults[0].effects[0]", "allowed are from, to, swells, coefficient"},
     {"coefficient=1e-3", "coefficient=big", "faults[0].effects[0]", "not a number"},
     {":coefficient=1e-3,from=2,to=4", "", "faults[0].effects[0]", "write effect@port"},
     {"profile: steps", "profile: waves", "faults[0].profile", "profiles are steps"},
