@@ -379,7 +379,7 @@ void CoolingCircuit::outputs(double time, const double* state, double* channels)
 }
 
 namespace {
-FAULTLINE_RIG(cooling_circuit, {"cooling_circuit", 0.25e-3, make_rig<CoolingCircuit>, 0.5e-3});
+FAULTLINE_RIG(cooling_circuit, {"cooling_circuit", 0.25e-3, make_rig<CoolingCircuit>, 1e-3});
 }
 
 }  // namespace faultline
