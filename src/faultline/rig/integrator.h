@@ -1,5 +1,6 @@
 // Fixed-step integration of a rig's equations: classic fourth-order Runge-Kutta from Boost.odeint on a padded array, so that
-// nothing is allocated and the loops unroll. Explicit: the step must be below 2.7 over the fastest rate of the rig.
+// nothing is allocated and the loops unroll. Explicit: the step must be below 2.7 over the fastest rate of the rig. Rigs that
+// call themselves stiff get a Rosenbrock method (rosenbrock.h).
 #pragma once
 
 #include <array>

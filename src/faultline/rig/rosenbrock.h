@@ -1,0 +1,37 @@
+// Fixed-step integration of a stiff rig by RODAS3, a Rosenbrock method: implicit through one Jacobian a step, no iteration.
+//
+//   (2/h I - J) u_i = f(t + a_i h, y + sum_j A_ij u_j) + sum_j C_ij/h u_j + g_i h df/dt,   y(t + h) = y + 2 u_1 + u_3 + u_4
+//
+// Four stages, order 3, L-stable and stiffly accurate, so that what settles within microseconds is settled at the end of a step of
+// any size, moving boundary values included (Sandu, Verwer, Blom, Spee, Carmichael, Potra, Atmospheric Environment 31, 1997).
+// Nothing is allocated after construction.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "faultline/rig/integrator.h"
+#include "faultline/rig/sparse_lu.h"
+
+namespace faultline {
+
+class Rosenbrock : public Integrator {
+ public:
+  explicit Rosenbrock(Rig& rig);
+  void start(const double* channels) override;
+  void start_at(const double* nominal_state, const double* channels) override;
+  void step(double time, double dt, const double* channels) override;
+  const double* state() const override { return state_.data(); }
+
+ private:
+  Rig& rig_;
+  std::size_t states_;
+  SparseLu lu_;
+  std::vector<double> state_, stage_, rate_, time_rate_, jacobian_;
+  std::array<std::vector<double>, 4> u_;
+};
+
+// Brings `state` to rest for held channels at time 0: implicit Euler steps that grow until they are Newton steps.
+void settle(Rig& rig, const double* channels, double* state);
+
+}  // namespace faultline
