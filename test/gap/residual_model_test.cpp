@@ -108,6 +108,55 @@ TEST(ResidualModel, IsNoiseWhereTheModelIsRightAndMoreWhereItIsNot) {
   EXPECT_EQ(model.start_sensitivity(nominal(), 0).size(), 5u);  // position, velocity, both chambers, spool
 }
 
+TEST(ResidualModel, StartStatesSettleWhereTheyFitBest) {
+  // A start that is put off by five deviations comes back, and the loss with it.
+  ResidualModel model(servo(), {prepare_run(servo(), "a", simulate(servo(), servo_setup("prbs"), 3), kSegment)},
+                      kSegment);
+  const auto loss = [&] {
+    return 0.5 * static_cast<double>(model.residuals(nominal(), 0).squaredNorm()) +
+           0.5 * model.start_shift(0).squaredNorm();
+  };
+  EXPECT_EQ(model.start_shift(0).squaredNorm(), 0);
+  const double before = loss();
+  model.settle_starts(nominal(), 0);
+  const double once = loss();
+  model.settle_starts(nominal(), 0);
+  const double twice = loss();
+  EXPECT_LT(once, before);
+  EXPECT_LE(twice, once);
+  // About one squared unit of noise per value is left: the model is right.
+  EXPECT_NEAR(2 * twice / (3000 * 6), 1, 0.06);
+  EXPECT_GT(model.start_shift(0).squaredNorm(), 1);
+}
+
+TEST(SmoothInputs, TakesNoiseAwayAndLeavesTheSignal) {
+  Recording recording = simulate(servo(), servo_setup("multisine"), 4);
+  const std::size_t supply = column("supply_pressure");
+  Random random(3);
+  std::vector<double> truth;
+  for (std::size_t k = 0; k < recording.rows(); ++k) {
+    const double value = 6.9e6 + 2e5 * std::sin(2 * 3.14159265358979 * 5 * recording.time[k]);
+    truth.push_back(value);
+    recording.values[k * recording.columns() + supply] = value + 1e4 * random.normal();
+  }
+  const std::vector<double> position_before = {recording.at(700, column("position"))};
+  smooth_inputs(servo(), recording);
+  double square = 0;
+  for (std::size_t k = 20; k + 20 < recording.rows(); ++k) square += std::pow(recording.at(k, supply) - truth[k], 2);
+  EXPECT_LT(std::sqrt(square / static_cast<double>(recording.rows() - 40)), 0.45e4);
+  EXPECT_EQ(recording.at(700, column("position")), position_before.front());  // outputs are not touched
+}
+
+TEST(SmoothInputs, LeavesWhatMovesTooFast) {
+  Recording recording = simulate(servo(), servo_setup("multisine"), 4);
+  const std::size_t supply = column("supply_pressure");
+  for (std::size_t k = 0; k < recording.rows(); ++k)
+    recording.values[k * recording.columns() + supply] = k / 40 % 2 ? 6e6 : 7e6;  // steps, without noise
+  const Recording before = recording;
+  smooth_inputs(servo(), recording);
+  for (std::size_t k = 0; k < recording.rows(); ++k) ASSERT_EQ(recording.at(k, supply), before.at(k, supply)) << k;
+}
+
 TEST(GapSeries, HoldsTheRecordingAndThreeCourses) {
   SimulationSetup setup = servo_setup("multisine");
   std::vector<GapRun> runs;
