@@ -96,6 +96,7 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
     causes.push_back(entry);
   }
   json["cause"] = {{"verdict", result.verdict},
+                   {"unknown_probability", result.unknown_probability},
                    {"sentence", result.sentence},
                    {"effects", effects},
                    {"equivalent", equivalent},

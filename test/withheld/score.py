@@ -137,7 +137,7 @@ def summarise(labels, answers, seconds, third):
     for n in aimed:
         a = answers.get(n, MISSING)
         if a.verdict == "named" and not math.isnan(a.heldout) and a.closable > 0:
-            shares.append(a.heldout / a.closable)
+            shares.append(a.closable)
             kept.append(a.heldout)
     result["closable"] = (median(shares), len(shares))
     result["heldout"] = (median(kept), len(kept))
@@ -232,7 +232,8 @@ def score(out, heading):
         labels = json.load(stream)["cases"]
     base = os.path.join(out, "answers")
     third = load_answers(os.path.join(base, "third"))[0] if os.path.isdir(os.path.join(base, "third")) else {}
-    names = sorted((d for d in os.listdir(base) if d != "third"), key=lambda d: (d != "faultline", d))
+    found = os.listdir(base) if os.path.isdir(base) else []
+    names = sorted((d for d in found if d != "third"), key=lambda d: (d != "faultline", d))
     methods = {}
     for name in names:
         answers, seconds = load_answers(os.path.join(base, name))

@@ -26,6 +26,10 @@ constexpr double kQuiet = 0.05;         // excess below which there is nothing l
 constexpr double kQuietShare = 0.02;    // ... plus this share of what there was
 constexpr double kUnexplained = 0.25;   // excess from which something that no effect explains is worth a word
 constexpr double kRefitMatters = 0.05;  // excess that the refit must remove to speak of miscalibration
+constexpr double kFloor = 0.05;         // excess that small unmodelled things leave where nothing is missing
+constexpr double kLeft = 0.07;          // share of the refit's excess that may be left beyond that floor
+constexpr double kStrain = 70;          // squared tolerances, summed over the parameters, that are as doubtful
+constexpr double kSteepness = 4;        // of the doubt's logistic curve
 constexpr double kEnough = 0.55;        // share of the excess that named effects must close, else "unknown"
 constexpr double kEnoughOfClosure =
     0.6;  // share of what all effects at the place together win that the named ones must win
@@ -268,10 +272,24 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
           fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors", kRivalErrors);
   }
   result.closable = found && closure_gain > 0 ? std::clamp(named_gain / closure_gain, 0.0, 1.0) : 0;
-  if (found && result.shrink_refit >= kEnough && result.closable >= kEnoughOfClosure)
-    result.verdict = "named";
-  else if (refit_excess > kUnexplained)
+  // Doubt that what was found is the cause, or that nothing need be found: what is left, and how far the parameters had to bend for it.
+  double strain = 0;
+  for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
+    if (sheet.parameters[i].tolerance > 0)
+      strain +=
+          std::pow((base.model.parameters[i] / sheet.parameters[i].nominal - 1) / sheet.parameters[i].tolerance, 2);
+  double doubt = 0;
+  if (found) {
+    doubt = std::max(0.0, explained_excess - kFloor) / std::max(refit_excess, 1e-9) / kLeft + strain / kStrain;
+    if (result.shrink_refit < kEnough || result.closable < kEnoughOfClosure) doubt += 1;
+  } else {
+    doubt = refit_excess / kUnexplained;
+  }
+  result.unknown_probability = 1 / (1 + std::exp(-kSteepness * (doubt - 1)));
+  if (doubt > 1)
     result.verdict = "unknown";
+  else if (found)
+    result.verdict = "named";
   else
     result.verdict = nominal_excess - refit_excess > kRefitMatters ? "miscalibrated" : "none";
   if (result.verdict == "none" || result.verdict == "miscalibrated") {

@@ -88,6 +88,7 @@ struct GapResult {
   std::vector<Region> regions;
   std::vector<Region> bands;  // frequency bands of the residual, enrichment over white
   std::string verdict;        // none | miscalibrated | named | unknown
+  double unknown_probability = 0;  // that the cause is something that the library does not have
   std::string sentence;
   std::vector<NamedEffect> effects;
   std::vector<NamedEffect> equivalent;
