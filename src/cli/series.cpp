@@ -19,9 +19,8 @@ double root(double variance) { return std::sqrt(std::max(0.0, variance)); }
 Series::Series(const Datasheet& sheet, const EstimatorStage& estimator, std::size_t rows)
     : stretch_(rows <= kRows ? 1 : (rows + kRows / 2 - 1) / (kRows / 2)) {
   for (const Channel& channel : sheet.channels) channels_.push_back(channel.name);
-  for (const State& state : estimator.model().states()) states_.push_back(state.name);
-  for (const int channel : estimator.model().measured_channels())
-    measured_.push_back(channels_[static_cast<std::size_t>(channel)]);
+  for (const State& state : estimator.states()) states_.push_back(state.name);
+  measured_ = estimator.innovation_names();
 }
 
 void Series::name_columns(const Estimate& estimate) {
