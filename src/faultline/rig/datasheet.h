@@ -66,6 +66,9 @@ struct Profile {
   double duration = 0;  // s, when the command line gives none
   std::string meaning;
   Settings settings;
+  std::string second_shape;  // of a second raw set point; empty: there is none
+  Settings second_settings;
+  std::map<std::string, double> inputs;  // value of measured inputs during this profile, where not the rig's
 };
 
 // How a simulator makes a measured input when no recording gives it: value + wander (band-limited noise) at the sensor.
