@@ -49,11 +49,13 @@ class Cusum : public Detector {
     const double value = estimate.quantities[at_].value;
     if (!arming_.armed(estimate) || !std::isfinite(value)) {
       test_.reset();
-      detection.active = persistence_.update(estimate.time, false);
+      persistence_.update(estimate.time, false);
+      detection = Detection();
       return;
     }
     if (learning_ > 0) {
       learn(estimate, value);
+      detection = Detection();
       return;
     }
     const double r = value - reference_;
@@ -65,9 +67,11 @@ class Cusum : public Detector {
     sum_ += r;
     squares_ += r * r;
     count_ += 1;
-    const bool was = detection.active;
-    detection.active = persistence_.update(estimate.time, beyond);
-    if (!detection.active) return;
+    const bool was = persistence_.active();
+    const bool active = persistence_.update(estimate.time, beyond);
+    detection = Detection();
+    if (!active) return;
+    detection.active = true;
     if (!was) since_ = onset_;
     detection.since = since_;
     detection.has_size = true;

@@ -46,12 +46,15 @@ class InnovationTest : public Detector {
     const double value = estimate.quantities[at_].value;
     if (!arming_.armed(estimate) || !std::isfinite(value)) {
       mean_ = 1;
-      detection.active = persistence_.update(estimate.time, false);
+      persistence_.update(estimate.time, false);
+      detection = Detection();
       return;
     }
     mean_ += (weight_ * value * value - mean_) / window_;
-    detection.active = persistence_.update(estimate.time, mean_ > limit_);
-    if (!detection.active) return;
+    const bool active = persistence_.update(estimate.time, mean_ > limit_);
+    detection = Detection();
+    if (!active) return;
+    detection.active = true;
     detection.since = persistence_.since();
     detection.has_size = true;
     detection.size = detection.low = detection.high = mean_;

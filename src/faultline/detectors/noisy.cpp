@@ -46,19 +46,23 @@ class Noisy : public Detector {
     last_ = value;
     if (rows_ < 2) {
       ++rows_;
+      detection = Detection();
       return;
     }
     if (!arming_.armed(estimate) || !std::isfinite(second)) {
       mean_ = variance_;
       rows_ = std::isfinite(second) ? rows_ : 0;
-      detection.active = persistence_.update(estimate.time, false);
+      persistence_.update(estimate.time, false);
+      detection = Detection();
       return;
     }
     const double square = second * second / 6;
     mean_ += (square - mean_) / window_;
     const bool beyond = mean_ > limit_;
-    detection.active = persistence_.update(estimate.time, beyond);
-    if (!detection.active) {
+    const bool active = persistence_.update(estimate.time, beyond);
+    detection = Detection();
+    detection.active = active;
+    if (!active) {
       long_mean_ = long_rows_ = 0;
       return;
     }

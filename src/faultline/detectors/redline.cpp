@@ -33,7 +33,8 @@ class Redline : public Detector {
     const double value = estimate.quantities[at_].value;
     if (!arming_.armed(estimate) || !std::isfinite(value)) {
       if (learn_ > 0) learning_ = learn_, learnt_ = 0, sum_ = 0;
-      detection.active = persistence_.update(estimate.time, false);
+      persistence_.update(estimate.time, false);
+      detection = Detection();
       return;
     }
     if (learning_ > 0) {
@@ -42,11 +43,14 @@ class Redline : public Detector {
       learnt_ += 1;
       sum_ += value;
       if (learning_ <= 0) set_expected(sum_ / learnt_);
+      detection = Detection();
       return;
     }
     const bool beyond = value < low_ || value > high_;
-    detection.active = persistence_.update(estimate.time, beyond);
-    if (!detection.active) return;
+    const bool active = persistence_.update(estimate.time, beyond);
+    detection = Detection();
+    if (!active) return;
+    detection.active = true;
     detection.since = persistence_.since();
     detection.has_size = true;
     detection.size = detection.low = detection.high = value;

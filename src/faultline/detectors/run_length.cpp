@@ -64,9 +64,10 @@ double two_sided_run_length(double k, double h, double shift) {
 
 double siegmund_threshold(double k, double samples) {
   if (!(k > 0) || !(samples > 1 && samples < 1e15))
-    throw InputError(
-        fmt::format("a CUSUM of allowance {:g} sigma with a false alarm every {:g} samples: the allowance must be above 0, the "
-                    "samples between 1 and 1e15", k, samples));
+    throw InputError(fmt::format(
+        "a CUSUM of allowance {:g} sigma with a false alarm every {:g} samples: the allowance must be above 0, the "
+        "samples between 1 and 1e15",
+        k, samples));
   const double wanted = 2 * samples;  // one side
   const auto length = [k](double h) {
     const double b = 2 * k * (h + 1.166);

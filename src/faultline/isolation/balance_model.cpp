@@ -18,7 +18,7 @@ bool register_balance_model(BalanceModelType type) {
 }
 
 std::unique_ptr<BalanceModel> make_balance_model(const std::string& name, const Datasheet& sheet,
-                                                   const Settings& settings) {
+                                                 const Settings& settings) {
   std::string known;
   for (const auto& type : registry()) {
     if (type.name == name) return type.make(sheet, settings);

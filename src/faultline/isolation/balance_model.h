@@ -19,19 +19,19 @@ struct Hypothesis {
   std::string effect, port;  // of the datasheet
   std::string text;          // one sentence
   std::string size_name, size_unit;
-  double unit = 1;              // a small size, for differences
-  double low = 0, high = 0;     // allowed sizes
-  std::vector<int> channels;    // of the rig: not sought while one of these is already known to be off
-  std::string drift_unit;       // of a sensor's offset per second; empty: a slow change of this is not a drift
-  double shown_from = 0;        // the effect's no-effect value: what is told is this plus the size
+  double unit = 1;            // a small size, for differences
+  double low = 0, high = 0;   // allowed sizes
+  std::vector<int> channels;  // of the rig: not sought while one of these is already known to be off
+  std::string drift_unit;     // of a sensor's offset per second; empty: a slow change of this is not a drift
+  double shown_from = 0;      // the effect's no-effect value: what is told is this plus the size
 };
 
 class BalanceModel {
  public:
   virtual ~BalanceModel() = default;
 
-  virtual std::vector<std::string> features() const = 0;   // names of quantities
-  virtual std::vector<std::string> residuals() const = 0;  // names, for messages
+  virtual std::vector<std::string> features() const = 0;        // names of quantities
+  virtual std::vector<std::string> residuals() const = 0;       // names, for messages
   virtual std::vector<std::string> residual_kinds() const = 0;  // by which settings are given, one per residual
   virtual std::vector<Hypothesis> hypotheses() const = 0;
   // Which channels of the rig each residual rests on.
@@ -49,7 +49,8 @@ struct BalanceModelType {
 };
 
 bool register_balance_model(BalanceModelType type);
-std::unique_ptr<BalanceModel> make_balance_model(const std::string& name, const Datasheet& sheet, const Settings& settings);
+std::unique_ptr<BalanceModel> make_balance_model(const std::string& name, const Datasheet& sheet,
+                                                 const Settings& settings);
 
 template <class T>
 std::unique_ptr<BalanceModel> make_balance_model_of(const Datasheet& sheet, const Settings& settings) {

@@ -13,11 +13,11 @@ namespace faultline {
 namespace {
 
 constexpr double kNinetyPercent = 1.645;
-constexpr double kHour = 3600;                 // s
-constexpr std::uint32_t kEvery = 20;           // samples from one evaluation to the next
-constexpr std::size_t kFewRivals = 3;          // hypotheses left, with which an event is told at once
-constexpr double kDriftAge = 2;                // s of an event before its course says anything
-constexpr double kStraight = 0.9;              // correlation of size and time from which it is a ramp
+constexpr double kHour = 3600;         // s
+constexpr std::uint32_t kEvery = 20;   // samples from one evaluation to the next
+constexpr std::size_t kFewRivals = 3;  // hypotheses left, with which an event is told at once
+constexpr double kDriftAge = 2;        // s of an event before its course says anything
+constexpr double kStraight = 0.9;      // correlation of size and time from which it is a ramp
 
 }  // namespace
 
@@ -48,7 +48,8 @@ SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& sp
   ring_.assign(capacity_ * f, 0);
   at_.resize(f);
   for (auto* v : {&features_, &sum_, &mean_}) v->assign(f, 0);
-  for (auto* v : {&reference_, &residual_, &last_residual_, &noise_, &zero_, &weight_, &tried_, &ahead_}) v->assign(n, 0);
+  for (auto* v : {&reference_, &residual_, &last_residual_, &noise_, &zero_, &weight_, &tried_, &ahead_})
+    v->assign(n, 0);
   tests_.resize(n);
   masked_.assign(n, false);
   matches_.resize(hypotheses_.size());
@@ -206,8 +207,8 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   if (!known) {
     finding.kind = "unknown";
     finding.effect = finding.port = "";
-    finding.text = fmt::format("The balances have changed in a way that no single fault explains (nearest: {}@{})", h.effect,
-                               h.port);
+    finding.text = fmt::format("The balances have changed in a way that no single fault explains (nearest: {}@{})",
+                               h.effect, h.port);
     finding.has_size = false;
     finding.confidence = 0.5;
     return;
@@ -217,8 +218,7 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   finding.port = h.port;
   finding.text = h.text;
   for (std::size_t other = 0; other < matches_.size(); ++other)
-    if (other != best && matches_[other].tried && matches_[other].size != 0 &&
-        matches_[other].chi2 - m.chi2 < rival_) {
+    if (other != best && matches_[other].tried && matches_[other].size != 0 && matches_[other].chi2 - m.chi2 < rival_) {
       finding.equivalent.push_back(fmt::format("{}@{}", hypotheses_[other].effect, hypotheses_[other].port));
       if (hypotheses_[other].kind == "fault") finding.kind = "fault";
     }

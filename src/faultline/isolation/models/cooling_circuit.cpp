@@ -18,12 +18,27 @@
 namespace faultline {
 namespace {
 
-enum { kInlet, kOutlet, kFlow, kCold, kRise, kRow, kFeatures };    // per branch; then supply, valve
-enum { kTube, kDrain, kFeed, kHeat, kWater, kResiduals };          // per branch; then the bench valve
+enum { kInlet, kOutlet, kFlow, kCold, kRise, kRow, kFeatures };  // per branch; then supply, valve
+enum { kTube, kDrain, kFeed, kHeat, kWater, kResiduals };        // per branch; then the bench valve
 enum Cause {
-  kLeakInlet, kLeakOutlet, kLeakDrain, kClogFeed, kClogTube, kClogDrain, kOffsetInlet, kOffsetOutlet, kOffsetFlow,
-  kOffsetCold, kOffsetWarm, kWallHeat,
-  kDroop, kClogValve, kOffsetSupply, kFiringHeat, kWaterDrift, kViscosity
+  kLeakInlet,
+  kLeakOutlet,
+  kLeakDrain,
+  kClogFeed,
+  kClogTube,
+  kClogDrain,
+  kOffsetInlet,
+  kOffsetOutlet,
+  kOffsetFlow,
+  kOffsetCold,
+  kOffsetWarm,
+  kWallHeat,
+  kDroop,
+  kClogValve,
+  kOffsetSupply,
+  kFiringHeat,
+  kWaterDrift,
+  kViscosity
 };
 
 constexpr double kWaterScale = 10;  // K
@@ -45,7 +60,9 @@ class CoolingCircuit : public BalanceModel {
  public:
   CoolingCircuit(const Datasheet& sheet, const Settings&) {
     const std::vector<double> nominal = sheet.nominal();
-    const auto value = [&](const std::string& name) { return nominal[static_cast<std::size_t>(sheet.parameter(name))]; };
+    const auto value = [&](const std::string& name) {
+      return nominal[static_cast<std::size_t>(sheet.parameter(name))];
+    };
     density_ = value("density");
     drain_pressure_ = value("drain_pressure");
     supply_ = sheet.channel("supply_pressure");
@@ -92,7 +109,8 @@ class CoolingCircuit : public BalanceModel {
       all.insert(all.end(), {b.inlet, b.flow});
     }
     // P_m comes from all branches.
-    for (std::size_t i = 0; i < branches_.size(); ++i) result[kResiduals * i + kFeed].assign(all.begin() + 1, all.end());
+    for (std::size_t i = 0; i < branches_.size(); ++i)
+      result[kResiduals * i + kFeed].assign(all.begin() + 1, all.end());
     result.push_back(all);
     return result;
   }
@@ -162,24 +180,51 @@ class CoolingCircuit : public BalanceModel {
       const int at = static_cast<int>(i);
       const auto leak = [&](Cause cause, const char* place, const char* where) {
         add(cause, at,
-            {"fault", "orifice_leakage", fmt::format("flow.{}_{}_ambient", b, place),
-             fmt::format("Branch {}: leak {}", b, where), "coefficient", "m^3/(s sqrt(Pa))", 1e-9, 0, kLargestLeak, {}, ""});
+            {"fault",
+             "orifice_leakage",
+             fmt::format("flow.{}_{}_ambient", b, place),
+             fmt::format("Branch {}: leak {}", b, where),
+             "coefficient",
+             "m^3/(s sqrt(Pa))",
+             1e-9,
+             0,
+             kLargestLeak,
+             {},
+             ""});
       };
       leak(kLeakOutlet, "outlet", "from cavity 2, before the flow meter");
       leak(kLeakInlet, "inlet", "from cavity 1, before the cooling channel");
       leak(kLeakDrain, "drain", "from the outlet hose, after the flow meter");
       const auto clog = [&](Cause cause, const char* place, const char* where) {
         add(cause, at,
-            {"fault", "clogging", fmt::format("restriction.{}_{}", b, place), fmt::format("Branch {}: {} clogged", b, where),
-             "fraction", "1", 1e-3, 0, 0.9, {}, ""});
+            {"fault",
+             "clogging",
+             fmt::format("restriction.{}_{}", b, place),
+             fmt::format("Branch {}: {} clogged", b, where),
+             "fraction",
+             "1",
+             1e-3,
+             0,
+             0.9,
+             {},
+             ""});
       };
       clog(kClogTube, "orifice", "cooling channel");
       clog(kClogFeed, "feed", "trim orifice");
       clog(kClogDrain, "drain", "drain throttle");
-      const auto offset = [&](Cause cause, const char* quantity, const char* unit, double step, double most, int channel) {
+      const auto offset = [&](Cause cause, const char* quantity, const char* unit, double step, double most,
+                              int channel) {
         add(cause, at,
-            {"sensor", "offset", fmt::format("sensor.{}_{}", b, quantity),
-             fmt::format("{}_{}: this transducer is off", b, quantity), "value", unit, step, -most, most, {channel},
+            {"sensor",
+             "offset",
+             fmt::format("sensor.{}_{}", b, quantity),
+             fmt::format("{}_{}: this transducer is off", b, quantity),
+             "value",
+             unit,
+             step,
+             -most,
+             most,
+             {channel},
              fmt::format("{}/s", unit)});
       };
       offset(kOffsetInlet, "inlet_pressure", "Pa", 1e3, 1e6, branch.inlet);
@@ -187,26 +232,83 @@ class CoolingCircuit : public BalanceModel {
       offset(kOffsetFlow, "mass_flow", "kg/s", 1e-3, 1, branch.flow);
       offset(kOffsetCold, "inlet_temperature", "K", 0.1, 50, branch.cold);
       add(kWallHeat, at,
-          {"fault", "scale", fmt::format("heat.{}_wall", b), fmt::format("Branch {}: heat from the wall is off", b), "factor",
-           "1", 1e-2, -0.9, 5, {}, "", 1});
+          {"fault",
+           "scale",
+           fmt::format("heat.{}_wall", b),
+           fmt::format("Branch {}: heat from the wall is off", b),
+           "factor",
+           "1",
+           1e-2,
+           -0.9,
+           5,
+           {},
+           "",
+           1});
       offset(kOffsetWarm, "outlet_temperature", "K", 0.1, 50, branch.warm);
     }
     add(kDroop, -1,
-        {"fault", "droop", "source.supply", "Supply pressure is lost between tank and bench valve", "resistance", "Pa s/m^3",
-         1e5, 0, 1e9, {}, ""});
+        {"fault",
+         "droop",
+         "source.supply",
+         "Supply pressure is lost between tank and bench valve",
+         "resistance",
+         "Pa s/m^3",
+         1e5,
+         0,
+         1e9,
+         {},
+         ""});
     add(kClogValve, -1,
         {"fault", "clogging", "restriction.bench_valve", "Bench valve clogged", "fraction", "1", 1e-3, 0, 0.9, {}, ""});
     add(kOffsetSupply, -1,
-        {"sensor", "offset", "sensor.supply_pressure", "supply_pressure: this transducer is off", "value", "Pa", 1e3, -3e6, 3e6,
-         {supply_}, "Pa/s"});
+        {"sensor",
+         "offset",
+         "sensor.supply_pressure",
+         "supply_pressure: this transducer is off",
+         "value",
+         "Pa",
+         1e3,
+         -3e6,
+         3e6,
+         {supply_},
+         "Pa/s"});
     add(kFiringHeat, -1,
-        {"fault", "scale", "command.heat_load_command", "All walls: heat differs from what is commanded", "factor", "1", 1e-2,
-         -0.9, 5, {}, "", 1});
+        {"fault",
+         "scale",
+         "command.heat_load_command",
+         "All walls: heat differs from what is commanded",
+         "factor",
+         "1",
+         1e-2,
+         -0.9,
+         5,
+         {},
+         "",
+         1});
     add(kWaterDrift, -1,
-        {"fault", "drift", "source.water", "Incoming water has changed its temperature", "change", "K", 0.1, -60, 60, {}, ""});
+        {"fault",
+         "drift",
+         "source.water",
+         "Incoming water has changed its temperature",
+         "change",
+         "K",
+         0.1,
+         -60,
+         60,
+         {},
+         ""});
     add(kViscosity, -1,
-        {"fault", "viscosity_drift", "source.water", "All cooling channels pass more or less than they did: viscosity",
-         "log_factor", "1", 1e-2, -3, 3, {}, ""});
+        {"fault",
+         "viscosity_drift",
+         "source.water",
+         "All cooling channels pass more or less than they did: viscosity",
+         "log_factor",
+         "1",
+         1e-2,
+         -3,
+         3,
+         {},
+         ""});
   }
 
   std::vector<Branch> branches_;
