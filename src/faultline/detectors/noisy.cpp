@@ -1,5 +1,6 @@
 // Noisy: a transducer whose white noise is larger than it was.
-//   v' = ((x_k - 2 x_{k-1} + x_{k-2})^2/6 - v)/window;  condition: v > limit^2 noise^2
+//   v' = (min((x_k - 2 x_{k-1} + x_{k-2})^2/6, limit^2 noise^2 window/3) - v)/window;  condition: v > limit^2 noise^2
+// Each square is capped, so that a step, which makes two of them large, is not yet noise; four large ones within the window are.
 // Second differences leave slow signals out: a ramp gives nothing, a sine of frequency f gives (2 pi f T)^4/6 of its square.
 // Settings: quantity, noise (its healthy sigma, with rounding), limit, window (samples), armed_by, armed_above (arming.h),
 //   minimum_time, release_time.   Size: sigma of what is added, sqrt(v - noise^2), bounds from v having window/1.1 degrees of freedom.
@@ -57,7 +58,7 @@ class Noisy : public Detector {
       return;
     }
     const double square = second * second / 6;
-    mean_ += (square - mean_) / window_;
+    mean_ += (std::min(square, limit_ * window_ / 3) - mean_) / window_;
     const bool beyond = mean_ > limit_;
     const bool active = persistence_.update(estimate.time, beyond);
     detection = Detection();

@@ -31,6 +31,7 @@ class BalanceModel {
   virtual ~BalanceModel() = default;
 
   virtual std::vector<std::string> features() const = 0;        // names of quantities
+  virtual std::vector<double> feature_noise() const = 0;        // white, per sample, one sigma
   virtual std::vector<std::string> residuals() const = 0;       // names, for messages
   virtual std::vector<std::string> residual_kinds() const = 0;  // by which settings are given, one per residual
   virtual std::vector<Hypothesis> hypotheses() const = 0;

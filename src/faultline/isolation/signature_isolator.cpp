@@ -13,11 +13,12 @@ namespace faultline {
 namespace {
 
 constexpr double kNinetyPercent = 1.645;
-constexpr double kHour = 3600;         // s
-constexpr std::uint32_t kEvery = 20;   // samples from one evaluation to the next
-constexpr std::size_t kFewRivals = 3;  // hypotheses left, with which an event is told at once
-constexpr double kDriftAge = 2;        // s of an event before its course says anything
-constexpr double kStraight = 0.9;      // correlation of size and time from which it is a ramp
+constexpr double kHour = 3600;          // s
+constexpr std::uint32_t kEvery = 20;    // samples from one evaluation to the next
+constexpr std::size_t kFewRivals = 3;   // hypotheses left, with which an event is told at once
+constexpr std::size_t kMostRivals = 6;  // beyond these it says nothing to name one
+constexpr double kDriftAge = 2;         // s of an event before its course says anything
+constexpr double kStraight = 0.9;       // correlation of size and time from which it is a ramp
 
 }  // namespace
 
@@ -30,11 +31,14 @@ SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& sp
       arming_(spec.settings),
       period_(sheet.sample_period) {
   const Settings& s = spec.settings;
+  feature_noise_ = model_->feature_noise();
   learn_ = s.number("learn", 10 * period_, 1e4);
   window_ = s.number("window", 10 * period_, 60);
   confirm_ = static_cast<std::uint32_t>(s.number("confirm", 1, 1e4));
   patience_ = s.number("patience", 0, 1e3);
+  noise_limit_ = s.number("noise_limit", 1e-9, 1e9);
   rival_ = s.number("rival", 0, 1e6);
+  significance_ = s.number("significance", 0, 1e9);
   fit_ = s.number("fit", 1e-3, 1e9);
   relative_error_ = s.number("relative_error", 0, 1);
   release_time_ = s.number("release_time", 0, 1e4);
@@ -48,9 +52,9 @@ SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& sp
   ring_.assign(capacity_ * f, 0);
   at_.resize(f);
   for (auto* v : {&features_, &sum_, &mean_}) v->assign(f, 0);
-  for (auto* v : {&reference_, &residual_, &last_residual_, &noise_, &zero_, &weight_, &tried_, &ahead_})
-    v->assign(n, 0);
+  for (auto* v : {&reference_, &residual_, &noise_, &weight_, &tried_, &ahead_}) v->assign(n, 0);
   tests_.resize(n);
+  useless_.assign(n, false);
   masked_.assign(n, false);
   matches_.resize(hypotheses_.size());
 }
@@ -61,11 +65,10 @@ void SignatureIsolator::begin(const Estimate& estimate) {
   for (std::size_t i = 0; i < at_.size(); ++i) at_[i] = find_quantity(estimate, feature_names_[i]);
   arming_.find(estimate);
   started_ = true;
-  learnt_ = event_ = false;
+  learnt_ = armed_ = event_ = false;
   named_ = -1;
   learn_count_ = 0;
   std::fill(sum_.begin(), sum_.end(), 0.0);
-  std::fill(noise_.begin(), noise_.end(), 0.0);
   forget_window();
 }
 
@@ -76,29 +79,36 @@ void SignatureIsolator::forget_window() {
   age_ = 0;
 }
 
-void SignatureIsolator::learn(double time) {
-  model_->residuals(features_.data(), zero_.data(), -1, 0, residual_.data());
-  if (learn_count_ > 0)
-    for (std::size_t i = 0; i < noise_.size(); ++i) {
-      const double step = residual_[i] - last_residual_[i];
-      noise_[i] += 0.5 * step * step;
-    }
-  last_residual_ = residual_;
+void SignatureIsolator::learn() {
   for (std::size_t i = 0; i < sum_.size(); ++i) sum_[i] += features_[i];
   learn_count_ += 1;
   if (learn_count_ * period_ < learn_) return;
   for (double& sum : sum_) sum /= learn_count_;
   model_->reference(sum_.data(), reference_.data());
-  for (std::size_t i = 0; i < noise_.size(); ++i) {
-    noise_[i] = std::max(std::sqrt(noise_[i] / (learn_count_ - 1)), 1e-9);
-    tests_[i].allowance = 0.5 * change_[i];
-    tests_[i].threshold = noise_[i] * siegmund_threshold(0.5 * change_[i] / noise_[i], samples_between_alarms_);
-    // However quiet a residual is, one sample beyond its change is not yet an event.
-    tests_[i].threshold = std::max(tests_[i].threshold, change_[i]);
-  }
   learnt_ = true;
-  last_time_ = time;
   forget_window();
+}
+
+void SignatureIsolator::set_thresholds() {
+  std::fill(noise_.begin(), noise_.end(), 0.0);
+  mean_ = features_;
+  model_->residuals(mean_.data(), reference_.data(), -1, 0, tried_.data());
+  for (std::size_t f = 0; f < mean_.size(); ++f) {
+    if (feature_noise_[f] == 0) continue;
+    mean_[f] = features_[f] + feature_noise_[f];
+    model_->residuals(mean_.data(), reference_.data(), -1, 0, ahead_.data());
+    mean_[f] = features_[f];
+    for (std::size_t i = 0; i < noise_.size(); ++i) noise_[i] += (ahead_[i] - tried_[i]) * (ahead_[i] - tried_[i]);
+  }
+  for (std::size_t i = 0; i < noise_.size(); ++i) {
+    noise_[i] = std::max(std::sqrt(noise_[i]), 1e-9);
+    useless_[i] = noise_[i] > noise_limit_;
+    tests_[i].allowance = 0.5 * change_[i];
+    if (useless_[i]) continue;
+    // However quiet a residual is, one sample beyond its change is not yet an event.
+    tests_[i].threshold =
+        std::max(change_[i], noise_[i] * siegmund_threshold(0.5 * change_[i] / noise_[i], samples_between_alarms_));
+  }
 }
 
 void SignatureIsolator::remember() {
@@ -114,7 +124,7 @@ bool SignatureIsolator::watch(const std::vector<bool>& doubted) {
   bool beyond = false;
   double most = 0;
   for (std::size_t i = 0; i < tests_.size(); ++i) {
-    masked_[i] = false;
+    masked_[i] = useless_[i];
     for (const int channel : residual_channels_[i])
       masked_[i] = masked_[i] || doubted[static_cast<std::size_t>(channel)];
     if (masked_[i]) {
@@ -171,6 +181,7 @@ void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, 
   for (std::size_t i = 0; i < f; ++i) mean_[i] = (ring_[head_ * f + i] - ring_[tail * f + i]) / static_cast<double>(n);
   for (std::size_t i = 0; i < weight_.size(); ++i)
     weight_[i] = masked_[i] ? 0 : 1 / (noise_[i] * noise_[i] / static_cast<double>(n) + floor_[i] * floor_[i]);
+  unexplained_ = weighed(0, 0);
   for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
     matches_[h].tried = true;
     for (const int channel : hypotheses_[h].channels)
@@ -185,6 +196,7 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   for (std::size_t h = 0; h < matches_.size(); ++h)
     if (matches_[h].tried && (best == hypotheses_.size() || matches_[h].chi2 < matches_[best].chi2 - 1e-9)) best = h;
   if (best == hypotheses_.size()) return;
+  if (!finding.active && unexplained_ - matches_[best].chi2 < significance_) return;
   std::size_t rivals = 0;
   double total = 0;
   for (std::size_t h = 0; h < matches_.size(); ++h) {
@@ -217,6 +229,15 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   finding.effect = h.effect;
   finding.port = h.port;
   finding.text = h.text;
+  if (rivals > kMostRivals) {
+    finding.kind = "unknown";
+    finding.effect = finding.port = "";
+    finding.text =
+        fmt::format("The balances have changed by too little to say what it is (nearest: {}@{})", h.effect, h.port);
+    finding.has_size = false;
+    finding.confidence = 0.5;
+    return;
+  }
   for (std::size_t other = 0; other < matches_.size(); ++other)
     if (other != best && matches_[other].tried && matches_[other].size != 0 && matches_[other].chi2 - m.chi2 < rival_) {
       finding.equivalent.push_back(fmt::format("{}@{}", hypotheses_[other].effect, hypotheses_[other].port));
@@ -275,14 +296,17 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
   if (!finite || !arming_.armed(estimate)) {
     // What was found stays; what is watched begins anew.
     if (learnt_) forget_window();
+    armed_ = false;
     event_ = event_ && finding.active;
     last_beyond_ = estimate.time;
     return;
   }
   if (!learnt_) {
-    learn(estimate.time);
+    learn();
     return;
   }
+  if (!armed_) set_thresholds();
+  armed_ = true;
   remember();
   const bool beyond = watch(doubted);
   if (beyond) last_beyond_ = estimate.time;

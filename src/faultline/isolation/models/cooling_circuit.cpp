@@ -70,6 +70,15 @@ class CoolingCircuit : public BalanceModel {
       branches_.push_back({b, sheet.channel(b + "_inlet_pressure"), sheet.channel(b + "_outlet_pressure"),
                            sheet.channel(b + "_mass_flow"), sheet.channel(b + "_inlet_temperature"),
                            sheet.channel(b + "_outlet_temperature"), value(b + "_feed_coefficient")});
+    const auto noise = [&](int channel) {
+      const Channel& c = sheet.channels[static_cast<std::size_t>(channel)];
+      return std::sqrt(c.noise_std * c.noise_std + c.resolution * c.resolution / 12);
+    };
+    // theta_T and theta_Q are filtered: of the heat balance only T_2 scatters.
+    for (const Branch& b : branches_)
+      feature_noise_.insert(feature_noise_.end(),
+                            {noise(b.inlet), noise(b.outlet), noise(b.flow), noise(b.cold), noise(b.warm), 0});
+    feature_noise_.insert(feature_noise_.end(), {noise(supply_), 0});
     make_hypotheses();
   }
 
@@ -82,6 +91,8 @@ class CoolingCircuit : public BalanceModel {
     names.insert(names.end(), {"supply_pressure", "valve_opening"});
     return names;
   }
+
+  std::vector<double> feature_noise() const override { return feature_noise_; }
 
   std::vector<std::string> residuals() const override {
     std::vector<std::string> names;
@@ -312,6 +323,7 @@ class CoolingCircuit : public BalanceModel {
   }
 
   std::vector<Branch> branches_;
+  std::vector<double> feature_noise_;
   std::vector<Hypothesis> hypotheses_;
   std::vector<Case> cases_;
   double density_, drain_pressure_;
