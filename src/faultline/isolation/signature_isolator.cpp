@@ -17,6 +17,7 @@ constexpr double kHour = 3600;          // s
 constexpr std::uint32_t kEvery = 20;    // samples from one evaluation to the next
 constexpr std::size_t kFewRivals = 3;   // hypotheses left, with which an event is told at once
 constexpr std::size_t kMostRivals = 6;  // beyond these it says nothing to name one
+constexpr double kErrors = 2;           // sigmas of a balance's own error that are no change
 constexpr double kDriftAge = 2;         // s of an event before its course says anything
 constexpr double kStraight = 0.9;       // correlation of size and time from which it is a ramp
 
@@ -52,7 +53,7 @@ SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& sp
   ring_.assign(capacity_ * f, 0);
   at_.resize(f);
   for (auto* v : {&features_, &sum_, &mean_}) v->assign(f, 0);
-  for (auto* v : {&reference_, &residual_, &noise_, &weight_, &tried_, &ahead_}) v->assign(n, 0);
+  for (auto* v : {&reference_, &residual_, &noise_, &error_, &weight_, &tried_, &ahead_}) v->assign(n, 0);
   tests_.resize(n);
   useless_.assign(n, false);
   masked_.assign(n, false);
@@ -100,14 +101,16 @@ void SignatureIsolator::set_thresholds() {
     mean_[f] = features_[f];
     for (std::size_t i = 0; i < noise_.size(); ++i) noise_[i] += (ahead_[i] - tried_[i]) * (ahead_[i] - tried_[i]);
   }
+  model_->errors(features_.data(), error_.data());
   for (std::size_t i = 0; i < noise_.size(); ++i) {
     noise_[i] = std::max(std::sqrt(noise_[i]), 1e-9);
     useless_[i] = noise_[i] > noise_limit_;
-    tests_[i].allowance = 0.5 * change_[i];
+    const double allowance = 0.5 * change_[i] + kErrors * error_[i];
+    tests_[i].allowance = allowance;
     if (useless_[i]) continue;
     // However quiet a residual is, one sample beyond its change is not yet an event.
     tests_[i].threshold =
-        std::max(change_[i], noise_[i] * siegmund_threshold(0.5 * change_[i] / noise_[i], samples_between_alarms_));
+        std::max(change_[i], noise_[i] * siegmund_threshold(allowance / noise_[i], samples_between_alarms_));
   }
 }
 
@@ -180,7 +183,10 @@ void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, 
   const std::size_t tail = (head_ + capacity_ - n) % capacity_;
   for (std::size_t i = 0; i < f; ++i) mean_[i] = (ring_[head_ * f + i] - ring_[tail * f + i]) / static_cast<double>(n);
   for (std::size_t i = 0; i < weight_.size(); ++i)
-    weight_[i] = masked_[i] ? 0 : 1 / (noise_[i] * noise_[i] / static_cast<double>(n) + floor_[i] * floor_[i]);
+    weight_[i] =
+        masked_[i]
+            ? 0
+            : 1 / (noise_[i] * noise_[i] / static_cast<double>(n) + floor_[i] * floor_[i] + error_[i] * error_[i]);
   unexplained_ = weighed(0, 0);
   for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
     matches_[h].tried = true;

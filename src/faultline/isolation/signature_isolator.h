@@ -7,8 +7,8 @@
 //    of more than `noise_limit` is left out. A two-sided CUSUM (cusum.h) on each, its threshold from sigma_i and
 //    false_alarms_per_hour over all of them (run_length.h), starts an event; the CUSUM says when it began.
 // 3. From then on, features are averaged over the n samples since (at most `window` s, the latest). For every hypothesis h
-//      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2)      (two Gauss-Newton steps)
-//    floor_i stands for what the balances themselves get wrong. The least chi2_h names the fault; all within `rival` of it are
+//      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2 + error_i^2)  (Gauss-Newton steps)
+//    floor_i stands for what the balances themselves get wrong, error_i for what more of it a change of operating point brings. The least chi2_h names the fault; all within `rival` of it are
 //    told as equivalent; a least chi2_h above `fit` per residual is an unknown fault.
 // 4. A sensor's offset that grows in proportion to the time since the beginning is a drift.
 // The finding is given at `confirm` samples if at most three hypotheses are left, else at `patience` s, and then as unknown if
@@ -64,7 +64,7 @@ class SignatureIsolator : public Isolator {
 
   bool started_ = false, learnt_ = false, armed_ = false, event_ = false;
   std::vector<std::size_t> at_;
-  std::vector<double> features_, sum_, reference_, residual_, noise_, feature_noise_;
+  std::vector<double> features_, sum_, reference_, residual_, noise_, error_, feature_noise_;
   std::vector<TwoSidedCusum> tests_;
   std::vector<bool> useless_, masked_;  // too noisy here; or resting on a doubted channel
   std::vector<double> ring_;            // running sums of the features, capacity_ rows

@@ -42,6 +42,7 @@ enum Cause {
 };
 
 constexpr double kWaterScale = 10;  // K
+constexpr double kPlay = 0.001;     // of the bench valve's opening
 constexpr double kLeast = 1e-9;     // below this a flow or a drop is none
 constexpr double kLargestLeak = 1e-6;
 
@@ -65,6 +66,8 @@ class CoolingCircuit : public BalanceModel {
     };
     density_ = value("density");
     drain_pressure_ = value("drain_pressure");
+    drain_pressure_error_ =
+        drain_pressure_ * sheet.parameters[static_cast<std::size_t>(sheet.parameter("drain_pressure"))].tolerance;
     supply_ = sheet.channel("supply_pressure");
     for (const std::string& b : sheet.branches)
       branches_.push_back({b, sheet.channel(b + "_inlet_pressure"), sheet.channel(b + "_outlet_pressure"),
@@ -130,6 +133,15 @@ class CoolingCircuit : public BalanceModel {
   void reference(const double* features, double* reference) const override {
     std::vector<double> none(kResiduals * branches_.size() + 1, 0.0);
     residuals(features, none.data(), -1, 0, reference);
+  }
+
+  // The drain's back pressure is known to its tolerance, the valve's opening to the play of its positioner.
+  void errors(const double* features, double* error) const override {
+    std::fill_n(error, kResiduals * branches_.size() + 1, 0.0);
+    for (std::size_t i = 0; i < branches_.size(); ++i)
+      error[kResiduals * i + kDrain] =
+          0.5 * drain_pressure_error_ / std::max(features[kFeatures * i + kOutlet] - drain_pressure_, kLeast);
+    error[kResiduals * branches_.size()] = kPlay / std::max(features[kFeatures * branches_.size() + 1], kPlay);
   }
 
   void residuals(const double* f, const double* reference, int hypothesis, double size, double* r) const override {
@@ -326,7 +338,7 @@ class CoolingCircuit : public BalanceModel {
   std::vector<double> feature_noise_;
   std::vector<Hypothesis> hypotheses_;
   std::vector<Case> cases_;
-  double density_, drain_pressure_;
+  double density_, drain_pressure_, drain_pressure_error_;
   int supply_;
   mutable double feed_flow_[16] = {}, feed_open_[16] = {}, feed_pressure_[16] = {};
 };
