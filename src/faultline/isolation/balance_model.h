@@ -39,8 +39,9 @@ class BalanceModel {
   virtual std::vector<std::vector<int>> residual_channels() const = 0;
   // Coefficients at the balances, from mean features of a healthy rig; `reference` has one entry per residual.
   virtual void reference(const double* features, double* reference) const = 0;
-  // What a change of the operating point may do to each residual because the balances are only nearly right; one sigma.
-  virtual void errors(const double* features, double* error) const = 0;
+  // What the change of the operating point since `learnt` may do to each residual because the balances are only nearly right; one
+  // sigma, zero at the same point.
+  virtual void errors(const double* features, const double* learnt, double* error) const = 0;
   // hypothesis -1: as measured.
   virtual void residuals(const double* features, const double* reference, int hypothesis, double size,
                          double* result) const = 0;

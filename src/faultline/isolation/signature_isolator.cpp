@@ -101,7 +101,7 @@ void SignatureIsolator::set_thresholds() {
     mean_[f] = features_[f];
     for (std::size_t i = 0; i < noise_.size(); ++i) noise_[i] += (ahead_[i] - tried_[i]) * (ahead_[i] - tried_[i]);
   }
-  model_->errors(features_.data(), error_.data());
+  model_->errors(features_.data(), sum_.data(), error_.data());
   for (std::size_t i = 0; i < noise_.size(); ++i) {
     noise_[i] = std::max(std::sqrt(noise_[i]), 1e-9);
     useless_[i] = noise_[i] > noise_limit_;
@@ -301,7 +301,13 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
   }
   if (!finite || !arming_.armed(estimate)) {
     // What was found stays; what is watched begins anew.
-    if (learnt_) forget_window();
+    if (learnt_) {
+      forget_window();
+    } else {
+      // A mean over two operating points is a reference for neither.
+      learn_count_ = 0;
+      std::fill(sum_.begin(), sum_.end(), 0.0);
+    }
     armed_ = false;
     event_ = event_ && finding.active;
     last_beyond_ = estimate.time;

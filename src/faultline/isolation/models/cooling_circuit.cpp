@@ -69,10 +69,13 @@ class CoolingCircuit : public BalanceModel {
     drain_pressure_error_ =
         drain_pressure_ * sheet.parameters[static_cast<std::size_t>(sheet.parameter("drain_pressure"))].tolerance;
     supply_ = sheet.channel("supply_pressure");
-    for (const std::string& b : sheet.branches)
+    for (const std::string& b : sheet.branches) {
+      const auto feed = static_cast<std::size_t>(sheet.parameter(b + "_feed_coefficient"));
+      feed_error_ = std::max(feed_error_, sheet.parameters[feed].tolerance);
       branches_.push_back({b, sheet.channel(b + "_inlet_pressure"), sheet.channel(b + "_outlet_pressure"),
                            sheet.channel(b + "_mass_flow"), sheet.channel(b + "_inlet_temperature"),
-                           sheet.channel(b + "_outlet_temperature"), value(b + "_feed_coefficient")});
+                           sheet.channel(b + "_outlet_temperature"), nominal[feed]});
+    }
     const auto noise = [&](int channel) {
       const Channel& c = sheet.channels[static_cast<std::size_t>(channel)];
       return std::sqrt(c.noise_std * c.noise_std + c.resolution * c.resolution / 12);
@@ -135,13 +138,19 @@ class CoolingCircuit : public BalanceModel {
     residuals(features, none.data(), -1, 0, reference);
   }
 
-  // The drain's back pressure is known to its tolerance, the valve's opening to the play of its positioner.
-  void errors(const double* features, double* error) const override {
-    std::fill_n(error, kResiduals * branches_.size() + 1, 0.0);
-    for (std::size_t i = 0; i < branches_.size(); ++i)
-      error[kResiduals * i + kDrain] =
-          0.5 * drain_pressure_error_ / std::max(features[kFeatures * i + kOutlet] - drain_pressure_, kLeast);
-    error[kResiduals * branches_.size()] = kPlay / std::max(features[kFeatures * branches_.size() + 1], kPlay);
+  // The drain's back pressure and the feeds are known to their tolerance, the valve's opening to the play of its positioner.
+  void errors(const double* features, const double* learnt, double* error) const override {
+    const std::size_t n = branches_.size();
+    std::fill_n(error, kResiduals * n + 1, 0.0);
+    const double* end = features + kFeatures * n;
+    const double* end_learnt = learnt + kFeatures * n;
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t outlet = kFeatures * i + kOutlet;
+      error[kResiduals * i + kDrain] = std::abs(drain_share(features[outlet]) - drain_share(learnt[outlet]));
+    }
+    const double moved = std::abs(end[1] - end_learnt[1]) > kPlay ? kPlay / std::max(end[1], kPlay) : 0.0;
+    const double feeds = valve_share(features) - valve_share(learnt);
+    error[kResiduals * n] = std::hypot(moved, feeds);
   }
 
   void residuals(const double* f, const double* reference, int hypothesis, double size, double* r) const override {
@@ -189,6 +198,22 @@ class CoolingCircuit : public BalanceModel {
   }
 
  private:
+  // One sigma of ln k_d by the drain pressure, and of ln k_v by all feeds together.
+  double drain_share(double outlet) const {
+    return 0.5 * drain_pressure_error_ / std::max(outlet - drain_pressure_, kLeast);
+  }
+  double valve_share(const double* features) const {
+    double manifold = 0, drop = 0;
+    for (std::size_t i = 0; i < branches_.size(); ++i) {
+      const double feed = features[kFeatures * i + kFlow] / branches_[i].feed;
+      drop += feed * feed;
+      manifold += features[kFeatures * i + kInlet] + feed * feed;
+    }
+    const double n = static_cast<double>(branches_.size());
+    const double over_valve = features[kFeatures * branches_.size()] - manifold / n;
+    return feed_error_ / std::sqrt(n) * drop / n / std::max(over_valve, kLeast);
+  }
+
   static double log_of(double value) { return std::log(std::max(value, kLeast)); }
 
   void add(Cause cause, int branch, Hypothesis hypothesis) {
@@ -338,7 +363,7 @@ class CoolingCircuit : public BalanceModel {
   std::vector<double> feature_noise_;
   std::vector<Hypothesis> hypotheses_;
   std::vector<Case> cases_;
-  double density_, drain_pressure_, drain_pressure_error_;
+  double density_, drain_pressure_, drain_pressure_error_, feed_error_ = 0;
   int supply_;
   mutable double feed_flow_[16] = {}, feed_open_[16] = {}, feed_pressure_[16] = {};
 };
