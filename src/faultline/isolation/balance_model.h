@@ -23,6 +23,7 @@ struct Hypothesis {
   double low = 0, high = 0;   // allowed sizes
   std::vector<int> channels;  // of the rig: not sought while one of these is already known to be off
   std::string drift_unit;     // of a sensor's offset per second; empty: a slow change of this is not a drift
+  double rise = -1;           // s, time constant with which a step of it shows; -1: not told apart by that
   double shown_from = 0;      // the effect's no-effect value: what is told is this plus the size
 };
 

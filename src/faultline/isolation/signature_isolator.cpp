@@ -19,6 +19,11 @@ constexpr std::size_t kFewRivals = 3;   // hypotheses left, with which an event 
 constexpr std::size_t kMostRivals = 6;  // beyond these it says nothing to name one
 constexpr double kErrors = 2;           // sigmas of a balance's own error that are no change
 constexpr double kDriftAge = 2;         // s of an event before its course says anything
+constexpr double kCourseAge = 0.9;      // of the window: when the course of an event is judged
+constexpr double kEarly = 0.02;         // s
+constexpr double kPlateau = 0.1;        // s at the end and in the middle, that must agree
+constexpr double kCourseMiss = 0.35;    // that the early share may be off
+constexpr double kCourseCost = 100;     // chi-squared that a wrong course adds
 constexpr double kStraight = 0.9;       // correlation of size and time from which it is a ramp
 
 }  // namespace
@@ -78,6 +83,8 @@ void SignatureIsolator::forget_window() {
   head_ = filled_ = 0;
   std::fill_n(ring_.begin(), feature_names_.size(), 0.0);
   age_ = 0;
+  course_ = -1;
+  course_known_ = false;
 }
 
 void SignatureIsolator::learn() {
@@ -194,7 +201,42 @@ void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, 
       if (doubted[static_cast<std::size_t>(channel)]) matches_[h].tried = false;
     if (matches_[h].tried) match(h);
   }
+  judge_course();
+  if (course_known_)
+    for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
+      const double rise = hypotheses_[h].rise;
+      if (rise < 0) continue;
+      // What a step of it would have shown in the first moments.
+      const double share = rise == 0 ? 1 : 1 - rise / kEarly * (1 - std::exp(-kEarly / rise));
+      if (std::abs(course_ - share) > kCourseMiss) matches_[h].chi2 += kCourseCost;
+    }
   tell(time, finding);
+}
+
+double SignatureIsolator::window_residual(std::size_t row, std::size_t from, std::size_t to) {
+  const std::size_t f = features_.size();
+  const std::size_t tail = (head_ + capacity_ - from) % capacity_, front = (head_ + capacity_ - to) % capacity_;
+  for (std::size_t i = 0; i < f; ++i)
+    mean_[i] = (ring_[front * f + i] - ring_[tail * f + i]) / static_cast<double>(from - to);
+  model_->residuals(mean_.data(), reference_.data(), -1, 0, ahead_.data());
+  return ahead_[row];
+}
+
+void SignatureIsolator::judge_course() {
+  // Judged once an event, while the window still reaches back to its beginning.
+  const std::size_t age = age_, early = static_cast<std::size_t>(kEarly / period_);
+  const std::size_t plateau = static_cast<std::size_t>(kPlateau / period_);
+  if (course_ >= 0 || age > filled_ || static_cast<double>(age) < kCourseAge * window_ / period_ || age < early + 2 * plateau) return;
+  weighed(0, 0);
+  std::size_t row = 0;
+  for (std::size_t i = 0; i < tried_.size(); ++i)
+    if (weight_[i] * tried_[i] * tried_[i] > weight_[row] * tried_[row] * tried_[row]) row = i;
+  const double last = window_residual(row, plateau, 0);
+  const double middle = window_residual(row, age / 2 + plateau / 2, age / 2 - plateau / 2);
+  const double first = window_residual(row, age, age - early);
+  course_ = std::abs(last - middle) < 0.15 * std::abs(last) ? std::clamp(first / last, 0.0, 2.0) : 0.0;
+  course_known_ = std::abs(last - middle) < 0.15 * std::abs(last) &&
+                  noise_[row] / std::sqrt(kEarly / period_) < 0.1 * std::abs(last);
 }
 
 void SignatureIsolator::tell(double time, Finding& finding) {
@@ -249,8 +291,6 @@ void SignatureIsolator::tell(double time, Finding& finding) {
       finding.equivalent.push_back(fmt::format("{}@{}", hypotheses_[other].effect, hypotheses_[other].port));
       if (hypotheses_[other].kind == "fault") finding.kind = "fault";
     }
-  if (!finding.equivalent.empty())
-    finding.text += fmt::format("; ambiguous: {{{}@{}, {}}}", h.effect, h.port, fmt::join(finding.equivalent, ", "));
   finding.confidence = total > 0 ? 1 / total : 1;
   finding.has_size = true;
   finding.size_name = h.size_name;
@@ -261,6 +301,9 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   finding.high = finding.size + kNinetyPercent * std;
   if (h.low == 0) finding.low = std::max(finding.low, h.shown_from);
   if (!h.drift_unit.empty()) tell_drift(time, h, finding);
+  if (!finding.equivalent.empty())
+    finding.text +=
+        fmt::format("; ambiguous: {{{}@{}, {}}}", finding.effect, finding.port, fmt::join(finding.equivalent, ", "));
 }
 
 void SignatureIsolator::tell_drift(double time, const Hypothesis& h, Finding& finding) {
@@ -286,6 +329,8 @@ void SignatureIsolator::tell_drift(double time, const Hypothesis& h, Finding& fi
   const double std = std::sqrt(spread * spread + std::pow(relative_error_ * rate, 2));
   finding.low = rate - kNinetyPercent * std;
   finding.high = rate + kNinetyPercent * std;
+  for (std::string& other : finding.equivalent)
+    if (other.rfind("offset@sensor.", 0) == 0) other = "drift" + other.substr(other.find('@'));
   finding.text = fmt::format("{}: this transducer drifts", h.port.substr(h.port.find('.') + 1));
 }
 
@@ -325,6 +370,8 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
   if (!event_) {
     if (!beyond) return;
     event_ = true;
+    course_ = -1;
+    course_known_ = false;
     onset_ = estimate.time - age_ * period_;
     raised_from_ = estimate.time;
   } else {

@@ -10,7 +10,9 @@
 //      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2 + error_i^2)  (Gauss-Newton steps)
 //    floor_i stands for what the balances themselves get wrong, error_i for what more of it a change of operating point brings. The least chi2_h names the fault; all within `rival` of it are
 //    told as equivalent; a least chi2_h above `fit` per residual is an unknown fault.
-// 4. A sensor's offset that grows in proportion to the time since the beginning is a drift.
+// 4. Rivals that only the speed of their step tells apart (a warmed wall acts through the water's heat capacity, a thermocouple's offset
+//    at once): half a window after the beginning, the first 20 ms of the residual concerned are held against its plateau.
+// 5. A sensor's offset that grows in proportion to the time since the beginning is a drift.
 // The finding is given at `confirm` samples if at most three hypotheses are left, else at `patience` s, and then as unknown if
 // there are still more than six; not at all while nothing fits better than "no change" by `significance`. It is sharpened as samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its threshold.
 // One fault at a time: two at once are named as the one that fits best, or as unknown. A fault that is there from the start is
@@ -49,6 +51,8 @@ class SignatureIsolator : public Isolator {
   void evaluate(double time, const std::vector<bool>& doubted, Finding& finding);
   void match(std::size_t h);
   double weighed(std::size_t h, double size);  // residuals into tried_; returns chi2
+  void judge_course();
+  double window_residual(std::size_t row, std::size_t from, std::size_t to);  // samples before now
   void tell(double time, Finding& finding);
   void tell_drift(double time, const Hypothesis& h, Finding& finding);
 
@@ -74,6 +78,8 @@ class SignatureIsolator : public Isolator {
   std::vector<double> mean_, weight_, tried_, ahead_;
   std::vector<Match> matches_;
   int named_ = -1;
+  double course_ = -1;  // early residual over its plateau; -1: not judged yet
+  bool course_known_ = false;
   double unexplained_ = 0;                                                                       // chi2 of no change
   double slope_n_ = 0, slope_t_ = 0, slope_tt_ = 0, slope_a_ = 0, slope_ta_ = 0, slope_aa_ = 0;  // of size against time
 };

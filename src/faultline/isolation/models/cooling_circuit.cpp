@@ -41,15 +41,17 @@ enum Cause {
   kViscosity
 };
 
-constexpr double kWaterScale = 10;  // K
-constexpr double kPlay = 0.001;     // of the bench valve's opening
-constexpr double kLeast = 1e-9;     // below this a flow or a drop is none
+constexpr double kWaterScale = 10;      // K
+constexpr double kPlay = 0.001;         // of the bench valve's opening
+constexpr double kLeast = 1e-9;         // below this a flow or a drop is none
+constexpr double kUsualPressure = 4e6;  // Pa, in cavity 2
 constexpr double kLargestLeak = 1e-6;
 
 struct Branch {
   std::string name;
   int inlet, outlet, flow, cold, warm;
   double feed;
+  double warming;  // s, with which cavity 2 warms at its nominal flow
 };
 
 struct Case {
@@ -72,9 +74,11 @@ class CoolingCircuit : public BalanceModel {
     for (const std::string& b : sheet.branches) {
       const auto feed = static_cast<std::size_t>(sheet.parameter(b + "_feed_coefficient"));
       feed_error_ = std::max(feed_error_, sheet.parameters[feed].tolerance);
+      const double flow = value(b + "_drain_coefficient") * std::sqrt(kUsualPressure);
+      const double warming = density_ * value(b + "_b") * std::pow(value("sound_speed"), 2) / flow;
       branches_.push_back({b, sheet.channel(b + "_inlet_pressure"), sheet.channel(b + "_outlet_pressure"),
                            sheet.channel(b + "_mass_flow"), sheet.channel(b + "_inlet_temperature"),
-                           sheet.channel(b + "_outlet_temperature"), nominal[feed]});
+                           sheet.channel(b + "_outlet_temperature"), nominal[feed], warming});
     }
     const auto noise = [&](int channel) {
       const Channel& c = sheet.channels[static_cast<std::size_t>(channel)];
@@ -273,7 +277,8 @@ class CoolingCircuit : public BalanceModel {
              -most,
              most,
              {channel},
-             fmt::format("{}/s", unit)});
+             fmt::format("{}/s", unit),
+             cause == kOffsetWarm ? 0.0 : -1.0});
       };
       offset(kOffsetInlet, "inlet_pressure", "Pa", 1e3, 1e6, branch.inlet);
       offset(kOffsetOutlet, "outlet_pressure", "Pa", 1e3, 1e6, branch.outlet);
@@ -291,6 +296,7 @@ class CoolingCircuit : public BalanceModel {
            5,
            {},
            "",
+           branch.warming,
            1});
       offset(kOffsetWarm, "outlet_temperature", "K", 0.1, 50, branch.warm);
     }
@@ -332,6 +338,7 @@ class CoolingCircuit : public BalanceModel {
          5,
          {},
          "",
+         -1,
          1});
     add(kWaterDrift, -1,
         {"fault",
