@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "cooling_runs.h"
+#include "cooling_recordings.h"
 #include "count_allocations.h"
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/isolation/balance_model.h"
@@ -24,7 +24,7 @@ struct Answer {
 
 Answer diagnose(const std::string& effect, std::uint64_t seed, double duration = 8,
                 const std::string& profile = "steady") {
-  Simulator simulator(cooling(), cooling_setup(profile, seed, effect));
+  Simulator simulator(cooling(), cooling_recording(profile, seed, effect));
   Diagnosis diagnosis(cooling());
   for (int k = 0; k < static_cast<int>(duration * 1000); ++k) diagnosis.process(simulator.step());
   Answer answer;
@@ -165,7 +165,7 @@ TEST(SignatureIsolator, RefusesUnknownModelsAndMissingSettings) {
 TEST(SignatureIsolator, ResetIsCompleteAndASampleAllocatesNothingWhileAllIsWell) {
   const auto isolator = make_isolator(cooling(), spec());
   EstimatorStage stage(cooling(), cooling().estimators.front());
-  Simulator simulator(cooling(), cooling_setup("steady", 5));
+  Simulator simulator(cooling(), cooling_recording("steady", 5));
   std::vector<Estimate> estimates;
   Estimate estimate;
   for (int k = 0; k < 7000; ++k) {
