@@ -7,7 +7,8 @@
 
 namespace faultline {
 
-inline SimulationSetup cooling_recording(const std::string& profile, std::uint64_t seed, const std::string& effect = "") {
+inline SimulationSetup cooling_recording(const std::string& profile, std::uint64_t seed,
+                                         const std::string& effect = "") {
   SimulationSetup setup;
   setup.profile = profile;
   setup.seed = seed;

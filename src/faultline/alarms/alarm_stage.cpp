@@ -226,9 +226,17 @@ void AlarmStage::detect(const Estimate* estimates) {
   for (Watched& w : watched_) {
     w.detector->process(estimates[w.stage], w.detection);
     if (w.withholds && w.detection.active) model_fits = false;
-    if (w.detection.active)
+    if (w.detection.active && w.kind == "sensor")
       for (const std::size_t channel : w.doubts) doubted_[channel] = true;
   }
+  // A fault that shows in a transducer which is itself off is none.
+  for (Watched& w : watched_)
+    if (w.detection.active && w.kind == "fault" && w.alarm < 0)
+      for (const std::size_t channel : w.doubts)
+        if (doubted_[channel]) w.detection.active = false;
+  for (Watched& w : watched_)
+    if (w.detection.active && w.kind == "fault")
+      for (const std::size_t channel : w.doubts) doubted_[channel] = true;
   for (Watched& w : watched_) {
     const bool wanted = w.detection.active && (w.kind != "fault" || model_fits || w.alarm >= 0);
     if (wanted && w.alarm < 0)

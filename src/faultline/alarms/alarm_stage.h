@@ -3,8 +3,8 @@
 //
 // A detector or isolator reads the estimates of one of the rig's estimators: `stage`, by default the first. A detector whose
 // `withholds_faults` is no (a redline) says unknown without speaking against the model. Sensors that a detector or the data
-// already found off are named to the isolators, which leave them out; so are the channels that a detector lists in `doubts`, with
-// commas between. An isolator's alarm changes its place and size as it learns.
+// already found off are named to the isolators, which leave them out; so are the channels that a detector of a fault lists in `doubts`,
+// with commas between; where one of those is itself off, that fault is not raised. An isolator's alarm changes its place and size as it learns.
 //
 // Data alarms: a channel that is missing or out of range (ends a second after the last such sample); a rig that fell silent
 // (stale: from the last sample plus `stale_after`). While the model does not fit (a detection of kind unknown), fault detections

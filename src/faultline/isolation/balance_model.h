@@ -24,6 +24,7 @@ struct Hypothesis {
   std::vector<int> channels;  // of the rig: not sought while one of these is already known to be off
   std::string drift_unit;     // of a sensor's offset per second; empty: a slow change of this is not a drift
   double rise = -1;           // s, time constant with which a step of it shows; -1: not told apart by that
+  int feature = -1;           // what the sensor itself shows; -1: whether it is stuck cannot be seen
   double shown_from = 0;      // the effect's no-effect value: what is told is this plus the size
 };
 

@@ -24,6 +24,8 @@ constexpr double kEarly = 0.02;         // s
 constexpr double kPlateau = 0.1;        // s at the end and in the middle, that must agree
 constexpr double kCourseMiss = 0.35;    // that the early share may be off
 constexpr double kCourseCost = 100;     // chi-squared that a wrong course adds
+constexpr double kMoved = 4;            // sigmas by which sizes must scatter to show a stuck sensor
+constexpr double kStill = 0.15;         // of that, which a stuck sensor's own reading may scatter
 constexpr double kStraight = 0.9;       // correlation of size and time from which it is a ramp
 
 }  // namespace
@@ -57,7 +59,7 @@ SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& sp
   capacity_ = static_cast<std::size_t>(window_ / period_) + 2;
   ring_.assign(capacity_ * f, 0);
   at_.resize(f);
-  for (auto* v : {&features_, &sum_, &mean_}) v->assign(f, 0);
+  for (auto* v : {&features_, &sum_, &mean_, &window_mean_}) v->assign(f, 0);
   for (auto* v : {&reference_, &residual_, &noise_, &error_, &weight_, &tried_, &ahead_}) v->assign(n, 0);
   tests_.resize(n);
   useless_.assign(n, false);
@@ -201,6 +203,7 @@ void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, 
       if (doubted[static_cast<std::size_t>(channel)]) matches_[h].tried = false;
     if (matches_[h].tried) match(h);
   }
+  window_mean_ = mean_;
   judge_course();
   if (course_known_)
     for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
@@ -226,7 +229,9 @@ void SignatureIsolator::judge_course() {
   // Judged once an event, while the window still reaches back to its beginning.
   const std::size_t age = age_, early = static_cast<std::size_t>(kEarly / period_);
   const std::size_t plateau = static_cast<std::size_t>(kPlateau / period_);
-  if (course_ >= 0 || age > filled_ || static_cast<double>(age) < kCourseAge * window_ / period_ || age < early + 2 * plateau) return;
+  if (course_ >= 0 || age > filled_ || static_cast<double>(age) < kCourseAge * window_ / period_ ||
+      age < early + 2 * plateau)
+    return;
   weighed(0, 0);
   std::size_t row = 0;
   for (std::size_t i = 0; i < tried_.size(); ++i)
@@ -300,13 +305,13 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   finding.low = finding.size - kNinetyPercent * std;
   finding.high = finding.size + kNinetyPercent * std;
   if (h.low == 0) finding.low = std::max(finding.low, h.shown_from);
-  if (!h.drift_unit.empty()) tell_drift(time, h, finding);
+  if (!h.drift_unit.empty()) tell_sensor(time, h, m.variance, finding);
   if (!finding.equivalent.empty())
     finding.text +=
         fmt::format("; ambiguous: {{{}@{}, {}}}", finding.effect, finding.port, fmt::join(finding.equivalent, ", "));
 }
 
-void SignatureIsolator::tell_drift(double time, const Hypothesis& h, Finding& finding) {
+void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double variance, Finding& finding) {
   const double t = time - onset_, a = finding.size;
   slope_n_ += 1;
   slope_t_ += t;
@@ -314,7 +319,24 @@ void SignatureIsolator::tell_drift(double time, const Hypothesis& h, Finding& fi
   slope_a_ += a;
   slope_ta_ += t * a;
   slope_aa_ += a * a;
-  if (t < kDriftAge || slope_n_ < 3) return;
+  if (h.feature >= 0) {
+    const double shown = window_mean_[static_cast<std::size_t>(h.feature)];
+    if (slope_n_ == 1) shown_first_ = shown, shown_ = shown_square_ = 0;
+    shown_ += shown - shown_first_;
+    shown_square_ += (shown - shown_first_) * (shown - shown_first_);
+  }
+  if (t < kDriftAge || slope_n_ < 10) return;
+  const double sizes = slope_aa_ / slope_n_ - std::pow(slope_a_ / slope_n_, 2);
+  if (h.feature >= 0 && sizes > kMoved * kMoved * variance &&
+      shown_square_ / slope_n_ - std::pow(shown_ / slope_n_, 2) < kStill * kStill * sizes) {
+    // Nothing else explains a reading that does not move.
+    finding.kind = "sensor";
+    finding.effect = "stuck";
+    finding.has_size = false;
+    finding.equivalent.clear();
+    finding.text = fmt::format("{}: this transducer is stuck", h.port.substr(h.port.find('.') + 1));
+    return;
+  }
   const double tt = slope_tt_ - slope_t_ * slope_t_ / slope_n_, aa = slope_aa_ - slope_a_ * slope_a_ / slope_n_;
   const double ta = slope_ta_ - slope_t_ * slope_a_ / slope_n_;
   if (!(tt > 0) || !(aa > 0) || std::abs(ta) < kStraight * std::sqrt(tt * aa)) return;

@@ -12,7 +12,8 @@
 //    told as equivalent; a least chi2_h above `fit` per residual is an unknown fault.
 // 4. Rivals that only the speed of their step tells apart (a warmed wall acts through the water's heat capacity, a thermocouple's offset
 //    at once): half a window after the beginning, the first 20 ms of the residual concerned are held against its plateau.
-// 5. A sensor's offset that grows in proportion to the time since the beginning is a drift.
+// 5. A sensor's offset that grows in proportion to the time since the beginning is a drift; one that makes up for every change, so that
+//    the sensor itself shows none, means that it is stuck.
 // The finding is given at `confirm` samples if at most three hypotheses are left, else at `patience` s, and then as unknown if
 // there are still more than six; not at all while nothing fits better than "no change" by `significance`. It is sharpened as samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its threshold.
 // One fault at a time: two at once are named as the one that fits best, or as unknown. A fault that is there from the start is
@@ -54,7 +55,7 @@ class SignatureIsolator : public Isolator {
   void judge_course();
   double window_residual(std::size_t row, std::size_t from, std::size_t to);  // samples before now
   void tell(double time, Finding& finding);
-  void tell_drift(double time, const Hypothesis& h, Finding& finding);
+  void tell_sensor(double time, const Hypothesis& h, double variance, Finding& finding);
 
   std::unique_ptr<BalanceModel> model_;
   std::vector<std::string> feature_names_, residual_names_;
@@ -75,13 +76,15 @@ class SignatureIsolator : public Isolator {
   std::size_t capacity_, head_ = 0, filled_ = 0;
   double learn_count_ = 0, onset_ = 0, raised_from_ = 0, last_beyond_ = 0;
   std::uint32_t age_ = 0;  // samples since the event began
-  std::vector<double> mean_, weight_, tried_, ahead_;
+  std::vector<double> mean_, window_mean_, weight_, tried_, ahead_;
   std::vector<Match> matches_;
   int named_ = -1;
   double course_ = -1;  // early residual over its plateau; -1: not judged yet
   bool course_known_ = false;
   double unexplained_ = 0;                                                                       // chi2 of no change
   double slope_n_ = 0, slope_t_ = 0, slope_tt_ = 0, slope_a_ = 0, slope_ta_ = 0, slope_aa_ = 0;  // of size against time
+  double shown_ = 0, shown_square_ = 0;  // what the sensor itself showed, less its first
+  double shown_first_ = 0;
 };
 
 }  // namespace faultline

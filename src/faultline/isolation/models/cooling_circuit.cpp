@@ -265,7 +265,7 @@ class CoolingCircuit : public BalanceModel {
       clog(kClogFeed, "feed", "trim orifice");
       clog(kClogDrain, "drain", "drain throttle");
       const auto offset = [&](Cause cause, const char* quantity, const char* unit, double step, double most,
-                              int channel) {
+                              int channel, int feature) {
         add(cause, at,
             {"sensor",
              "offset",
@@ -278,12 +278,13 @@ class CoolingCircuit : public BalanceModel {
              most,
              {channel},
              fmt::format("{}/s", unit),
-             cause == kOffsetWarm ? 0.0 : -1.0});
+             cause == kOffsetWarm ? 0.0 : -1.0,
+             feature < 0 ? -1 : feature + kFeatures * at});
       };
-      offset(kOffsetInlet, "inlet_pressure", "Pa", 1e3, 1e6, branch.inlet);
-      offset(kOffsetOutlet, "outlet_pressure", "Pa", 1e3, 1e6, branch.outlet);
-      offset(kOffsetFlow, "mass_flow", "kg/s", 1e-3, 1, branch.flow);
-      offset(kOffsetCold, "inlet_temperature", "K", 0.1, 50, branch.cold);
+      offset(kOffsetInlet, "inlet_pressure", "Pa", 1e3, 1e6, branch.inlet, kInlet);
+      offset(kOffsetOutlet, "outlet_pressure", "Pa", 1e3, 1e6, branch.outlet, kOutlet);
+      offset(kOffsetFlow, "mass_flow", "kg/s", 1e-3, 1, branch.flow, kFlow);
+      offset(kOffsetCold, "inlet_temperature", "K", 0.1, 50, branch.cold, kCold);
       add(kWallHeat, at,
           {"fault",
            "scale",
@@ -297,8 +298,9 @@ class CoolingCircuit : public BalanceModel {
            {},
            "",
            branch.warming,
+           -1,
            1});
-      offset(kOffsetWarm, "outlet_temperature", "K", 0.1, 50, branch.warm);
+      offset(kOffsetWarm, "outlet_temperature", "K", 0.1, 50, branch.warm, -1);
     }
     add(kDroop, -1,
         {"fault",
@@ -338,6 +340,7 @@ class CoolingCircuit : public BalanceModel {
          5,
          {},
          "",
+         -1,
          -1,
          1});
     add(kWaterDrift, -1,
