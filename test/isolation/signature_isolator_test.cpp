@@ -18,8 +18,8 @@ namespace {
 constexpr double kFrom = 6;  // s
 
 struct Answer {
-  std::vector<Alarm> found;  // by isolation: neither redlines nor data
-  std::size_t redlines = 0;
+  std::vector<Alarm> found;                   // by isolation: neither redlines nor data
+  std::size_t redlines = 0, innovations = 0;  // and what the Kalman filter says
 };
 
 Answer diagnose(const std::string& effect, std::uint64_t seed, double duration = 8,
@@ -31,6 +31,8 @@ Answer diagnose(const std::string& effect, std::uint64_t seed, double duration =
   for (const Alarm& alarm : diagnosis.report().alarms)
     if (alarm.text.rfind("Redline", 0) == 0)
       ++answer.redlines;
+    else if (alarm.kind == "model")
+      ++answer.innovations;
     else
       answer.found.push_back(alarm);
   return answer;
@@ -92,15 +94,18 @@ TEST(Isolation, HealthyRunsAreSilent) {
     const Answer answer = diagnose("", seed, 15);
     EXPECT_TRUE(answer.found.empty()) << seed << " " << answer.found[0].text;
     EXPECT_EQ(answer.redlines, 0u);
+    EXPECT_EQ(answer.innovations, 0u);
   }
   const Answer moving = diagnose("", 314, 20, "valve_cycle");
   EXPECT_TRUE(moving.found.empty()) << moving.found[0].text;
+  EXPECT_EQ(moving.innovations, 0u);
 }
 
 TEST(Isolation, ASmallLeakIsNamedWhileRedlinesAreSilent) {
   const Answer answer = diagnose("orifice_leakage@flow.t_outlet_ambient:coefficient=1.28e-8,from=6,to=11", 321, 13);
   EXPECT_EQ(answer.redlines, 0u);
   ASSERT_EQ(answer.found.size(), 1u);
+  EXPECT_EQ(answer.innovations, 1u);  // of T, and of no other
   EXPECT_EQ(answer.found[0].effect, "orifice_leakage");
   EXPECT_EQ(answer.found[0].port, "flow.t_outlet_ambient");
   EXPECT_LT(answer.found[0].raised, 10);

@@ -40,6 +40,7 @@ class FilterCore : public StageCore {
       use[i] = status[measured_[i]] == ChannelStatus::good;
       observed_ += use[i];
     }
+    if (model_->inputs_at_end()) model_->take_inputs(channels);
     for (int i = 0; i < steps; ++i) filter_->predict(dt / steps, dt / steps / period_);
     filter_->correct(y.data(), use.data());
     model_->take_inputs(channels);

@@ -28,7 +28,9 @@ class ProcessModel {
   // First state and the diagonal of its covariance, from the first sample.
   virtual void initial(const double* channels, double* state, double* variance) const = 0;
 
-  virtual void take_inputs(const double* channels) = 0;                          // held for the next predict
+  virtual void take_inputs(const double* channels) = 0;  // held for the next predict
+  // Whether a step rests on the inputs at its end (states that settle within a step) rather than at its beginning.
+  virtual bool inputs_at_end() const { return false; }
   virtual void measurement(const double* channels, double* y) const = 0;         // scaled
   virtual void predict(const double* state, double dt, double* next) const = 0;  // dt in s
   virtual void observe(const double* state, double* y) const = 0;

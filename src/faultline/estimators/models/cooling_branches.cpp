@@ -6,7 +6,7 @@
 //   unstable, the gain almost 1, and the residual after correction is the innovation shrunk to a few Pa whatever the model says.
 // scheme exact: with w = sqrt(P_1 - P_2), w* = F q_2^0.875/d, v = w/w*, the equation separates:
 //   v + ln|1 - v| = v_0 + ln|1 - v_0| - K,   K = d^2 q_2^-0.75 dt/(2 F),   P_2(t + dt) = P_1 - (w* v)^2
-//   K is 20 to 150 at 1 ms: P_2 then is P_1 - w*^2, and a filter of it is an honest one of d.
+//   K is 20 to 150 at 1 ms: P_2 then is P_1 - w*^2 with the P_1 and q_2 of the same instant, and a filter of it is an honest one of d.
 // The printed (13) keeps the power 0.125 in the derivative by q; right is 0.125 q^-0.875, used here in both schemes.
 // Where P_1 <= P_2 or q_2 is below `smallest_flow` the equation says nothing (paper: raise a flag): P_2 holds, `reversed` is 1.
 // Settings: pressure_walk (Pa) and coefficient_walk (relative to d) per step, flow_noise (kg/s), inlet_noise and outlet_noise (Pa),
@@ -116,6 +116,8 @@ class CoolingBranchesModel : public ProcessModel {
       b.root8 = b.flows ? std::sqrt(std::sqrt(std::sqrt(b.q))) : 0.0;
     }
   }
+
+  bool inputs_at_end() const override { return exact_; }
 
   void measurement(const double* channels, double* y) const override {
     for (const Branch& b : branches_) *y++ = channels[b.outlet];
