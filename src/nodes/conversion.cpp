@@ -28,6 +28,7 @@ faultline_msgs::Alarm to_message(const Alarm& alarm) {
   message.size_high = alarm.high;
   message.confidence = alarm.confidence;
   message.text = alarm.text;
+  message.equivalent = alarm.equivalent;
   return message;
 }
 
@@ -51,6 +52,7 @@ Alarm from_message(const faultline_msgs::Alarm& message) {
   alarm.high = message.size_high;
   alarm.confidence = message.confidence;
   alarm.text = message.text;
+  alarm.equivalent = message.equivalent;
   return alarm;
 }
 
@@ -120,9 +122,8 @@ EstimateNames names_of(const Datasheet& sheet, const EstimatorStage& stage) {
   EstimateNames names;
   names.rig = sheet.rig;
   names.stage = stage.name();
-  for (const State& state : stage.model().states()) names.states.push_back(state.name);
-  for (const int channel : stage.model().measured_channels())
-    names.channels.push_back(sheet.channels[static_cast<std::size_t>(channel)].name);
+  for (const State& state : stage.states()) names.states.push_back(state.name);
+  names.channels = stage.innovation_names();
   return names;
 }
 

@@ -11,7 +11,7 @@ import unittest
 from graph import Graph, built_environment, devel_space, free_port, read_lcm_log, write_lcm_log
 
 RIG = "servo_actuator"
-NODES = ("rig_simulator_node", "rig_driver_node", "kalman_node", "alarm_node")
+NODES = ("rig_simulator_node", "rig_driver_node", "kalman_node", "parameter_node", "alarm_node")
 
 
 def read_lines(path):
@@ -44,6 +44,8 @@ class BadParameters(unittest.TestCase):
         ("kalman_node", {"rig": RIG, "stage": "none_such"}, ["~stage", "none_such", "there are"]),
         ("kalman_node", {"rig": RIG, "stge": "x"}, ["~stge", "unknown", "stage"]),
         ("kalman_node", {"rig": RIG, "wait_for": -1}, ["~wait_for", "-1", "0 to 100"]),
+        ("parameter_node", {"rig": RIG}, ["no estimator of this family"]),
+        ("parameter_node", {"rig": "cooling_circuit", "stage": "branch_filter"}, ["~stage", "branch_filter", "balances"]),
         ("alarm_node", {"rig": RIG, "patience": 1000.0}, ["~patience", "1000", "0 to 60"]),
         ("alarm_node", {"rig": RIG, "patience": "long"}, ["~patience", "'long'", "number"]),
         ("rig_simulator_node", {"rig": RIG, "rate": 0}, ["~rate", "0.01 to 100"]),

@@ -102,7 +102,7 @@ CommandTable read_command(const YamlValue& entry, const Datasheet& sheet) {
 std::vector<StageSpec> read_stages(const YamlValue& root, const std::string& key) {
   Names names;
   std::vector<StageSpec> stages;
-  for (const YamlValue& entry : list_at(root, key)) {
+  for (const YamlValue& entry : YamlValue::expanded(list_at(root, key))) {
     for (const char* needed : {"name", "type"})
       if (!entry.has(needed)) entry.fail(fmt::format("lacks the key '{}'", needed));
     stages.push_back({entry.at("name").name(), entry.at("type").name(), read_settings(entry, {"name", "type"})});
@@ -195,6 +195,7 @@ void read_faults(const YamlValue& root, Datasheet& sheet) {
 void read_diagnosis(const YamlValue& root, Datasheet& sheet) {
   sheet.estimators = read_stages(root, "estimators");
   sheet.detectors = read_stages(root, "detectors");
+  sheet.isolators = read_stages(root, "isolators");
   for (const YamlValue& entry : mapping_at(root, "normal_gap")) {
     channel_named(sheet, entry, entry.key());
     sheet.normal_gap[entry.key()] = entry.number(0);
