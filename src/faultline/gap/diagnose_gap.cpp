@@ -22,6 +22,7 @@ constexpr double kFollow = 0.4;         // if they win this share of what the be
 constexpr double kSignificance = 3;     // standard errors that a gain must exceed
 constexpr double kMaterial = 0.04;      // share of the mean squared residual that a first effect must remove
 constexpr double kMaterialNext = 0.10;  // ... and a further one
+constexpr double kDecisive = 0.4;       // ... or this share of the excess, either of them
 constexpr double kQuiet = 0.05;         // excess below which there is nothing left to explain
 constexpr double kQuietShare = 0.02;    // ... plus this share of what there was
 constexpr double kUnexplained = 0.25;   // excess from which something that no effect explains is worth a word
@@ -162,7 +163,10 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     // Mean over the segments of the log of their loss: the share by which a typical segment shrinks.
     const double share = 1 - std::exp(-sum(gain) / (0.5 * values));
     const bool significant = sum(gain) > kSignificance * standard_error(gain);
-    if (!significant || share < (round == 0 ? kMaterial : kMaterialNext)) break;
+    // Some effects (a breakaway level) show in a few segments only, but there decide the mean.
+    const double before = excess(now_losses), after = excess(best.held_out);
+    const bool decisive = before - after > kDecisive * before && before - after > kFloor;
+    if (!significant || (!decisive && share < (round == 0 ? kMaterial : kMaterialNext))) break;
     base = work.refit(best.fit.model, best.fit.effects);
     base.covariance = best.fit.covariance;
     now_losses = best.held_out;
