@@ -11,6 +11,7 @@ import json
 import math
 import os
 import pathlib
+import re
 import statistics
 import subprocess
 import tempfile
@@ -78,7 +79,7 @@ def estimators():
 
 
 def watch(name, kind, **settings):
-    return {'name': name, 'type': kind, 'kind': 'unknown', 'withholds_faults': 'no', 'text': name, 'stage': 'balances',
+    return {'name': re.sub('[^a-z0-9]+', '_', name.lower()), 'type': kind, 'kind': 'unknown', 'withholds_faults': 'no', 'text': name, 'stage': 'balances',
             'minimum_time': 0, 'release_time': 0.5, **settings}
 
 
