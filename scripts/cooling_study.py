@@ -11,6 +11,7 @@ import json
 import math
 import os
 import pathlib
+import re
 import statistics
 import subprocess
 import tempfile
@@ -78,7 +79,7 @@ def estimators():
 
 
 def watch(name, kind, **settings):
-    return {'name': name, 'type': kind, 'kind': 'unknown', 'withholds_faults': 'no', 'text': name, 'stage': 'balances',
+    return {'name': re.sub('[^a-z0-9]+', '_', name.lower()), 'type': kind, 'kind': 'unknown', 'withholds_faults': 'no', 'text': name, 'stage': 'balances',
             'minimum_time': 0, 'release_time': 0.5, **settings}
 
 
@@ -223,16 +224,16 @@ def points(folder, out, seed=502):
 def sweep_detectors():
     """Each detector with many thresholds, so that one pass over a recording shows them all."""
     found = []
-    for margin in (0.05, 0.03, 0.02, 0.015, 0.01, 0.0075, 0.005, 0.004, 0.003, 0.002):
+    for margin in (0.05, 0.02, 0.01, 0.0075, 0.005, 0.003, 0.002, 0.0015, 0.001, 0.0007):
         for channel in ('inlet_pressure', 'outlet_pressure', 'mass_flow'):
             found.append(watch(f'redline|{margin}|{channel}', 'redline', quantity=f't_{channel}', relative_margin=margin, learn=0.2,
                                armed_by='steady_time', armed_above=2) | {'minimum_time': 0.2})
-    for changes in (0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300):
-        found.append(watch(f'CUSUM on c|{changes}', 'cusum', quantity='t_c', relative_change=0.005, threshold_changes=changes,
+    for delta in (0.0001, 0.0002, 0.0003, 0.0005, 0.001, 0.002, 0.005, 0.01):
+        found.append(watch(f'CUSUM on c|{delta}', 'cusum', quantity='t_c', relative_change=delta, threshold_changes=3,
                            learn=2, **ARMED))
-    for stage, name, delta in (('printed_filter', 'CUSUM, Kalman as printed', 10), ('branch_filter', 'CUSUM, Kalman exact', 200),
-                               ('unscented_filter', 'CUSUM, unscented', 200)):
-        for changes in (0.3, 1, 3, 10, 30, 60, 100, 200, 400, 1000):
+    for stage, name, delta in (('printed_filter', 'CUSUM, Kalman as printed', 10), ('branch_filter', 'CUSUM, Kalman exact', 4000),
+                               ('unscented_filter', 'CUSUM, unscented', 4000)):
+        for changes in (0.5, 1, 1.5, 2, 3, 5, 10, 30, 100):
             found.append(watch(f'{name}|{changes}', 'cusum', quantity='t_pressure_residual', stage=stage, change=delta,
                                threshold_changes=changes, reference=0))
     return found
@@ -249,7 +250,7 @@ def delay_run(job):
             name = told or '|'.join(alarm['text'].split('|')[:2])
             if told and (alarm['text'].startswith('Redline') or alarm['kind'] == 'model'):
                 continue
-            if not FIRING[0] <= alarm['raised'] <= FIRING[1]:
+            if alarm['raised'] > FIRING[1] or alarm['until'] < FIRING[0]:
                 continue
             if leak and 30 <= alarm['raised'] < 50:
                 first[name] = min(first.get(name, math.inf), alarm['raised'] - 30)

@@ -182,6 +182,7 @@ TEST(Conversion, AlarmsGoAroundUnchanged) {
   alarm.until = 1.7e9 + 30;
   alarm.active = true;
   alarm.has_size = true;
+  alarm.equivalent = {"laminar_leakage@flow.chamber_a_chamber_b"};
   alarm.size_name = "flow";
   alarm.size_unit = "m^3/s";
   alarm.size = 1.1e-5;
@@ -216,6 +217,7 @@ TEST(Conversion, AlarmsGoAroundUnchanged) {
   EXPECT_EQ(b.high, alarm.high);
   EXPECT_EQ(b.confidence, alarm.confidence);
   EXPECT_EQ(b.text, alarm.text);
+  EXPECT_EQ(b.equivalent, alarm.equivalent);
 }
 
 TEST(ConversionLcm, SampleGoesThroughBytesUnchangedToTheMicrosecond) {

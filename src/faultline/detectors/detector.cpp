@@ -29,11 +29,10 @@ std::unique_ptr<Detector> make_detector(const StageSpec& spec) {
 }
 
 std::size_t find_quantity(const Estimate& estimate, const std::string& name) {
-  std::string known;
-  for (std::size_t i = 0; i < estimate.quantities.size(); ++i) {
+  for (std::size_t i = 0; i < estimate.quantities.size(); ++i)
     if (estimate.quantities[i].name == name) return i;
-    known += (known.empty() ? "" : ", ") + estimate.quantities[i].name;
-  }
+  std::string known;
+  for (const Quantity& quantity : estimate.quantities) known += (known.empty() ? "" : ", ") + quantity.name;
   throw InputError("a detector asks for the quantity '" + name + "', which the estimator does not give; it gives " +
                    known);
 }

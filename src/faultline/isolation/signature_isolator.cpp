@@ -370,6 +370,7 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
     // What was found stays; what is watched begins anew.
     if (learnt_) {
       forget_window();
+      course_ = 0;  // of an event that goes on the beginning is out of sight
     } else {
       // A mean over two operating points is a reference for neither.
       learn_count_ = 0;
