@@ -29,22 +29,34 @@ struct Moments {  // of the offsets -kReach..kReach
 };
 const Moments kMoments;
 
+struct Smooth {
+  double value = 0;
+  double misfit = 0;  // root mean square of what the quadratic leaves
+};
+
 // Centre of the least-squares quadratic over 2 kReach + 1 samples; near the ends, the mean of the nearest.
-double smoothed(const Recording& recording, std::size_t row, std::size_t column) {
+Smooth smoothed(const Recording& recording, std::size_t row, std::size_t column) {
   const auto centre = static_cast<std::ptrdiff_t>(row), rows = static_cast<std::ptrdiff_t>(recording.rows());
-  double sum = 0, weighted = 0;
+  const auto at = [&](std::ptrdiff_t k) { return recording.at(static_cast<std::size_t>(k), column); };
+  double sum = 0, first = 0, second = 0, square = 0;
   if (centre < kReach || centre + kReach >= rows) {
     const std::ptrdiff_t low = std::max<std::ptrdiff_t>(0, centre - 1), high = std::min(rows - 1, centre + 1);
-    for (std::ptrdiff_t k = low; k <= high; ++k) sum += recording.at(static_cast<std::size_t>(k), column);
-    return sum / static_cast<double>(high - low + 1);
+    for (std::ptrdiff_t k = low; k <= high; ++k) sum += at(k);
+    return {sum / static_cast<double>(high - low + 1), 0};
   }
+  const double origin = at(centre);  // so that squares lose no digits
   for (std::ptrdiff_t i = -kReach; i <= kReach; ++i) {
-    const double y = recording.at(static_cast<std::size_t>(centre + i), column);
+    const double y = at(centre + i) - origin, x = static_cast<double>(i);
     sum += y;
-    weighted += static_cast<double>(i * i) * y;
+    first += x * y;
+    second += x * x * y;
+    square += y * y;
   }
-  return (kMoments.fourth * sum - kMoments.second * weighted) /
-         (kMoments.zeroth * kMoments.fourth - kMoments.second * kMoments.second);
+  const double determinant = kMoments.zeroth * kMoments.fourth - kMoments.second * kMoments.second;
+  const double value = (kMoments.fourth * sum - kMoments.second * second) / determinant;
+  const double bend = (kMoments.zeroth * second - kMoments.second * sum) / determinant;
+  const double left = square - value * sum - first * first / kMoments.second - bend * second;
+  return {origin + value, std::sqrt(std::max(0.0, left) / (kMoments.zeroth - 3))};
 }
 
 double smoothed_error() {  // per unit noise
@@ -73,6 +85,10 @@ SegmentModel::SegmentModel(const Datasheet& sheet, std::size_t segment) : sheet_
   for (std::size_t c = 0; c < sheet_.channels.size(); ++c)
     if (sheet_.channels[c].role == Role::output && !sheet_.channels[c].ground_truth)
       outputs_.push_back(static_cast<int>(c));
+  for (const int output : outputs_) {
+    const Channel& channel = sheet_.channels[static_cast<std::size_t>(output)];
+    noise_.push_back(std::max(channel.noise_std, smallest_noise(channel)));
+  }
   for (const State& state : sheet_.states) {
     const int channel = find_channel(sheet_.channels, state.name);
     const auto place = std::find(outputs_.begin(), outputs_.end(), channel);
@@ -107,8 +123,19 @@ SegmentedRun SegmentModel::prepare(const std::string& name, Recording recording)
   run.name = name;
   for (std::size_t k = 0; k + segment_ <= recording.rows(); k += segment_) {
     run.restarts.push_back(k);
-    for (const int channel : shown_by_)
-      run.starts.push_back(channel < 0 ? std::nan("") : smoothed(recording, k, static_cast<std::size_t>(channel)));
+    for (std::size_t s = 0; s < shown_by_.size(); ++s) {
+      if (shown_by_[s] < 0) {
+        run.starts.push_back(std::nan(""));
+        run.start_errors.push_back(0);
+        continue;
+      }
+      const Smooth smooth = smoothed(recording, k, static_cast<std::size_t>(shown_by_[s]));
+      const double own = smoothed_error() * noise_[at_[s]];
+      // What a quadratic cannot follow (a jump nearby) is an error of the start of its own size.
+      const double excess = std::max(0.0, smooth.misfit * smooth.misfit - 2 * noise_[at_[s]] * noise_[at_[s]]);
+      run.starts.push_back(smooth.value);
+      run.start_errors.push_back(std::sqrt(own * own + excess));
+    }
   }
   run.recording = std::move(recording);
   return run;
@@ -121,15 +148,6 @@ std::vector<double> SegmentModel::noise(const std::vector<SegmentedRun>& runs) c
     for (const SegmentedRun& run : runs)
       sum += third_difference_noise(run.recording, static_cast<std::size_t>(output)) / static_cast<double>(runs.size());
     result.push_back(std::max(sum, smallest_noise(sheet_.channels[static_cast<std::size_t>(output)])));
-  }
-  return result;
-}
-
-std::vector<double> SegmentModel::noise() const {
-  std::vector<double> result;
-  for (const int output : outputs_) {
-    const Channel& channel = sheet_.channels[static_cast<std::size_t>(output)];
-    result.push_back(std::max(channel.noise_std, smallest_noise(channel)));
   }
   return result;
 }
@@ -165,14 +183,12 @@ Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const Segment
 std::vector<Eigen::MatrixXf> SegmentModel::start_columns(const ModelChange& change, const SegmentedRun& run,
                                                          const std::vector<double>& sigma) const {
   std::vector<Eigen::MatrixXf> result;
-  const std::vector<double> own = noise();
   for (std::size_t s = 0; s < shown_by_.size(); ++s) {
     if (shown_by_[s] < 0) continue;
-    const double step = smoothed_error() * own[at_[s]];
     std::vector<double> plus = run.starts, minus = run.starts;
     for (std::size_t i = s; i < plus.size(); i += shown_by_.size()) {
-      plus[i] += step;
-      minus[i] -= step;
+      plus[i] += run.start_errors[i];
+      minus[i] -= run.start_errors[i];
     }
     result.push_back((simulate(change, run, plus, sigma) - simulate(change, run, minus, sigma)) * 0.5f);
   }

@@ -22,6 +22,7 @@ struct SegmentedRun {
   Recording recording;                // channels in the datasheet's order
   std::vector<std::size_t> restarts;  // first row of each segment
   std::vector<double> starts;         // segments x states; NaN where no channel shows the state: it runs on
+  std::vector<double> start_errors;   // likewise, standard errors
 };
 
 // What the model is changed by.
@@ -54,7 +55,7 @@ class SegmentModel {
   // Standard deviation of each output's own noise in these runs: from third differences, never below rounding.
   std::vector<double> noise(const std::vector<SegmentedRun>& runs) const;
   // The same as the datasheet says it.
-  std::vector<double> noise() const;
+  const std::vector<double>& noise() const { return noise_; }
 
  private:
   Eigen::MatrixXf simulate(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& starts,
@@ -63,6 +64,7 @@ class SegmentModel {
   Datasheet sheet_;
   std::size_t segment_;
   std::vector<int> outputs_;
+  std::vector<double> noise_;
   std::vector<int> shown_by_;    // per state: channel that shows it, or -1
   std::vector<std::size_t> at_;  // per state: position of that channel among the outputs
 };
