@@ -10,29 +10,9 @@ effects that every recording carries; `faultline fit` knows the rig's datasheet 
 import argparse
 import json
 import pathlib
-import random
-import subprocess
 import tempfile
 
-import yaml
-
-ROOT = pathlib.Path(__file__).resolve().parent.parent
-
-
-def drawn(sheet, seed):
-    """A copy of the datasheet with parameters off by their tolerances, cut at two of them."""
-    generator = random.Random(seed)
-    copy = dict(sheet)
-    copy["parameters"] = []
-    for parameter in sheet["parameters"]:
-        deviation = max(-2.0, min(2.0, generator.gauss(0, 1)))
-        nominal = parameter["nominal"] * (1 + parameter["tolerance"] * deviation)
-        copy["parameters"].append({**parameter, "nominal": float(f"{nominal:.9e}")})
-    return copy
-
-
-def faultline(*arguments):
-    subprocess.run([ROOT / "faultline", *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+from rig_runs import datasheet, drawn, faultline, values, write_datasheet
 
 
 def main():
@@ -44,22 +24,20 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", help="write every estimate to this file")
     options = parser.parse_args()
-    sheet = yaml.safe_load((ROOT / "config" / f"{options.rig}.yaml").read_text())
+    sheet = datasheet(options.rig)
     profile = ["--profile", options.profile] if options.profile else []
     rows = {}
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         for k in range(options.runs):
             truth = drawn(sheet, options.seed + k)
-            config = folder / f"{options.rig}.yaml"
-            config.write_text(yaml.safe_dump(truth, sort_keys=False, allow_unicode=True, width=10000))
+            config = write_datasheet(truth, folder / f"{options.rig}.yaml")
             faultline("simulate", options.rig, "--config", config, *profile, "--duration", options.duration, "--seed",
                       options.seed + k, "--nuisance", "--compression", "none", "--quiet", "-o", folder / "run.bag")
             faultline("fit", options.rig, folder / "run.bag", "--json", folder / "fit.json")
             fit = json.loads((folder / "fit.json").read_text())
-            values = {p["name"]: p["nominal"] for p in truth["parameters"]}
             for p in fit["parameters"]:
-                rows.setdefault(p["name"], []).append({**p, "truth": values[p["name"]]})
+                rows.setdefault(p["name"], []).append({**p, "truth": values(truth)[p["name"]]})
     print(f"{'parameter':<26} {'determined':>10} {'inside':>8} {'half width':>11} {'rms error':>10} {'tolerance':>10}")
     inside_all = count_all = 0
     for name, fits in rows.items():

@@ -20,4 +20,21 @@ void set_parameter(const Datasheet& sheet, std::string& text, const std::string&
   text = match.prefix().str() + match[1].str() + fmt::format("{:.6e}", value) + match.suffix().str();
 }
 
+void set_stage_setting(const Datasheet& sheet, std::string& text, const std::string& stage, const std::string& key,
+                       const std::string& value) {
+  const auto fail = [&] {
+    throw InputError(fmt::format(
+        "{}: stage {} is not written as '- name: {}' with '{}: VALUE' on a line of its own; edit it by hand to {}",
+        sheet.file, stage, stage, key, value));
+  };
+  std::smatch head;
+  if (!std::regex_search(text, head, std::regex("\\n *- name: *" + stage + " *\\n"))) fail();
+  const auto begin = static_cast<std::size_t>(head.position() + head.length());
+  const std::size_t end = std::min(text.find("- name:", begin), text.size());
+  const std::string entry = text.substr(begin, end - begin);
+  std::smatch line;
+  if (!std::regex_search(entry, line, std::regex("(\\n|^)( *" + key + ": *)(\\[[^\\]\\n]*\\]|[-+0-9.eE]+)"))) fail();
+  text.replace(begin + static_cast<std::size_t>(line.position(3)), static_cast<std::size_t>(line.length(3)), value);
+}
+
 }  // namespace faultline

@@ -11,4 +11,8 @@ namespace faultline {
 void set_parameter(const Datasheet& sheet, std::string& text, const std::string& parameter, const std::string& key,
                    double value);
 
+// Gives a setting of a stage (an entry `- name: STAGE` of estimators, detectors, ...) another value, as text.
+void set_stage_setting(const Datasheet& sheet, std::string& text, const std::string& stage, const std::string& key,
+                       const std::string& value);
+
 }  // namespace faultline

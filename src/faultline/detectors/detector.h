@@ -5,6 +5,7 @@
 //   release_time  s            how long it must be gone before it ends
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -22,11 +23,20 @@ struct Detection {
   double confidence = 0;               // 0..1, that it is there
 };
 
+// What a detector holds against its threshold: for choosing that threshold from healthy recordings.
+struct Criterion {
+  double value = std::numeric_limits<double>::quiet_NaN();  // NaN while there is not evidence enough to ask
+  double threshold = 0;                                     // as set; an alarm needs value > threshold
+  const char* setting = nullptr;                            // its name in the datasheet; null: this detector has none
+  double offset = 0;                                        // setting = offset + threshold
+};
+
 class Detector {
  public:
   virtual ~Detector() = default;
   virtual void reset() = 0;
   virtual void process(const Estimate& estimate, Detection& detection) = 0;
+  virtual Criterion criterion() const { return {}; }
   virtual std::string size_name() const { return ""; }
   virtual std::string size_unit() const { return ""; }
 };

@@ -81,6 +81,9 @@ class Leak : public Detector {
     detection.confidence = 0.5 * std::erfc(-(mean_ - 0.5 * threshold_) / (std * std::sqrt(2.0)));
   }
 
+  Criterion criterion() const override {
+    return {started_ && seen_ >= average_ ? mean_ : std::nan(""), threshold_, "threshold", 0};
+  }
   std::string size_name() const override { return "leak_flow"; }
   std::string size_unit() const override { return "l/s"; }
 
