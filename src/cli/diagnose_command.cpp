@@ -1,4 +1,4 @@
-// `faultline diagnose`: what is wrong with a recording. Runs the rig's estimator and alarm stage over it as fast as they go; the same
+// `faultline diagnose`: what is wrong with a recording. Runs the rig's estimators and alarm stage over it as fast as they go; the same
 // code in the same order as the nodes. The JSON form is a contract: docs/diagnose.schema.json.
 #include <algorithm>
 #include <cmath>
@@ -55,6 +55,7 @@ Json alarm_json(const Alarm& alarm, double start) {
                {"active", alarm.active},
                {"size", Json()},
                {"confidence", finite(alarm.confidence)},
+               {"equivalent", alarm.equivalent},
                {"text", alarm.text}};
   if (alarm.has_size)
     json["size"] = {{"name", alarm.size_name},
@@ -110,7 +111,7 @@ void run(const Options& options) {
   const Recording& recording = loaded.recording;
   Diagnosis diagnosis(loaded.sheet);
   std::unique_ptr<Series> series;
-  if (!options.series.empty()) series = std::make_unique<Series>(loaded.sheet, diagnosis.estimator(), recording.rows());
+  if (!options.series.empty()) series = std::make_unique<Series>(loaded.sheet, diagnosis, recording.rows());
 
   Sample sample;
   sample.values.resize(recording.columns());
@@ -119,7 +120,7 @@ void run(const Options& options) {
     sample.time = recording.time[row];
     sample.sequence = recording.sequence[row];
     std::copy_n(recording.row(row), recording.columns(), sample.values.begin());
-    if (diagnosis.process(sample) && series) series->add(sample.time - loaded.start, sample, diagnosis.estimate());
+    if (diagnosis.process(sample) && series) series->add(sample.time - loaded.start, sample);
   }
 
   const Verdict verdict = verdict_of(diagnosis.report(), loaded.start, loaded.end);

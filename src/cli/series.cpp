@@ -16,40 +16,44 @@ double root(double variance) { return std::sqrt(std::max(0.0, variance)); }
 
 }  // namespace
 
-Series::Series(const Datasheet& sheet, const EstimatorStage& estimator, std::size_t rows)
-    : stretch_(rows <= kRows ? 1 : (rows + kRows / 2 - 1) / (kRows / 2)) {
+Series::Series(const Datasheet& sheet, const Diagnosis& diagnosis, std::size_t rows)
+    : diagnosis_(diagnosis), stretch_(rows <= kRows ? 1 : (rows + kRows / 2 - 1) / (kRows / 2)) {
   for (const Channel& channel : sheet.channels) channels_.push_back(channel.name);
-  for (const State& state : estimator.model().states()) states_.push_back(state.name);
-  for (const int channel : estimator.model().measured_channels())
-    measured_.push_back(channels_[static_cast<std::size_t>(channel)]);
 }
 
-void Series::name_columns(const Estimate& estimate) {
+void Series::name_columns() {
   text_ = "t";
   for (const std::string& name : channels_) text_ += "," + name;
-  for (const std::string& name : states_) text_ += fmt::format(",x.{0},x.{0}.std", name);
-  for (const Quantity& quantity : estimate.quantities) text_ += fmt::format(",q.{0},q.{0}.std", quantity.name);
-  for (const std::string& name : measured_) text_ += fmt::format(",i.{0},i.{0}.std", name);
-  text_ += ",normalised_innovation\n";
+  for (std::size_t i = 0; i < diagnosis_.estimators(); ++i) {
+    for (const State& state : diagnosis_.estimator(i).states()) text_ += fmt::format(",x.{0},x.{0}.std", state.name);
+    for (const Quantity& q : diagnosis_.estimate(i).quantities) text_ += fmt::format(",q.{0},q.{0}.std", q.name);
+    for (const std::string& name : diagnosis_.estimator(i).innovation_names())
+      text_ += fmt::format(",i.{0},i.{0}.std", name);
+    text_ += i == 0 ? ",normalised_innovation" : ",normalised_innovation." + diagnosis_.estimator(i).name();
+  }
+  text_ += '\n';
 }
 
-void Series::add(double time, const Sample& sample, const Estimate& estimate) {
-  if (text_.empty()) name_columns(estimate);
+void Series::add(double time, const Sample& sample) {
+  if (text_.empty()) name_columns();
   values_.assign(sample.values.begin(), sample.values.end());
-  const std::size_t n = estimate.state.size();
-  for (std::size_t i = 0; i < n; ++i) {
-    values_.push_back(estimate.state[i]);
-    values_.push_back(root(estimate.covariance[i * n + i]));
+  for (std::size_t stage = 0; stage < diagnosis_.estimators(); ++stage) {
+    const Estimate& estimate = diagnosis_.estimate(stage);
+    const std::size_t n = estimate.state.size();
+    for (std::size_t i = 0; i < n; ++i) {
+      values_.push_back(estimate.state[i]);
+      values_.push_back(root(estimate.covariance[i * n + i]));
+    }
+    for (const Quantity& quantity : estimate.quantities) {
+      values_.push_back(quantity.value);
+      values_.push_back(quantity.std);
+    }
+    for (std::size_t i = 0; i < estimate.innovation.size(); ++i) {
+      values_.push_back(estimate.innovation[i]);
+      values_.push_back(estimate.innovation_std[i]);
+    }
+    values_.push_back(estimate.normalised_innovation);
   }
-  for (const Quantity& quantity : estimate.quantities) {
-    values_.push_back(quantity.value);
-    values_.push_back(quantity.std);
-  }
-  for (std::size_t i = 0; i < estimate.innovation.size(); ++i) {
-    values_.push_back(estimate.innovation[i]);
-    values_.push_back(estimate.innovation_std[i]);
-  }
-  values_.push_back(estimate.normalised_innovation);
   if (stretch_ == 1) {
     row(time, values_);
     return;

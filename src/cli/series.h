@@ -15,9 +15,10 @@ namespace faultline {
 
 class Series {
  public:
-  Series(const Datasheet& sheet, const EstimatorStage& estimator, std::size_t rows);
+  // Of all estimators of the diagnosis, which must outlive it; those after the first add their name to normalised_innovation.
+  Series(const Datasheet& sheet, const Diagnosis& diagnosis, std::size_t rows);
 
-  void add(double time, const Sample& sample, const Estimate& estimate);
+  void add(double time, const Sample& sample);
   std::string csv();  // ends the table
 
  private:
@@ -26,11 +27,12 @@ class Series {
     std::size_t low_at = 0, high_at = 0;
     bool any = false;
   };
-  void name_columns(const Estimate& estimate);
+  void name_columns();
   void end_stretch();
   void row(double time, const std::vector<double>& values);
 
-  std::vector<std::string> channels_, states_, measured_;
+  const Diagnosis& diagnosis_;
+  std::vector<std::string> channels_;
   std::size_t stretch_;  // samples per stretch; 1: every sample as it is
   std::size_t in_stretch_ = 0;
   std::vector<double> times_, values_, first_, second_;

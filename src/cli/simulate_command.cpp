@@ -151,7 +151,7 @@ void add(CLI::App& app) {
                  "set points of the run, as in the datasheet; default: the fault's, else the first");
   app.add_option("--duration", options->duration, "s; default: the profile's")->check(CLI::Range(1e-6, kLongest));
   app.add_option("--seed", options->seed, "of noise, random set points and --off-nominal; default 1");
-  app.add_option("--effect", options->effects, "EFFECT@PORT:name=value,...[,from=S][,to=S]; may be given often")
+  app.add_option("--effect", options->effects, "EFFECT@PORT:name=value,...[,from=S][,to=S][,swells=N]; may be given often")
       ->allow_extra_args(false);
   app.add_option("--fault", options->fault, "a named fault of the datasheet");
   app.add_option("--command", options->commands,

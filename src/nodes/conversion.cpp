@@ -120,9 +120,8 @@ EstimateNames names_of(const Datasheet& sheet, const EstimatorStage& stage) {
   EstimateNames names;
   names.rig = sheet.rig;
   names.stage = stage.name();
-  for (const State& state : stage.model().states()) names.states.push_back(state.name);
-  for (const int channel : stage.model().measured_channels())
-    names.channels.push_back(sheet.channels[static_cast<std::size_t>(channel)].name);
+  for (const State& state : stage.states()) names.states.push_back(state.name);
+  names.channels = stage.innovation_names();
   return names;
 }
 

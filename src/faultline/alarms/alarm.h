@@ -19,9 +19,10 @@ struct Alarm {
   bool active = false;
   bool has_size = false;
   std::string size_name, size_unit;
-  double size = 0, low = 0, high = 0;  // 90 % bounds
-  double confidence = 0;               // 0..1
-  std::string text;                    // one sentence
+  double size = 0, low = 0, high = 0;   // 90 % bounds
+  double confidence = 0;                // 0..1
+  std::string text;                     // one sentence
+  std::vector<std::string> equivalent;  // effect@port of what it cannot be told from
 };
 
 struct AlarmReport {

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "faultline/signal/error.h"
+
 namespace faultline {
 namespace {
 
@@ -12,6 +14,17 @@ constexpr double kDataHold = 1.0;          // s, for which a data alarm outlives
 constexpr double kStalePeriods = 100;      // silence of this many sample periods is stale ...
 constexpr double kShortestStale = 0.1;     // s, ... but never less than this
 constexpr std::size_t kMostAlarms = 1000;  // kept; the oldest ended ones go first
+
+std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
+  return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
+}
+
+bool yes_or_no(const StageSpec& spec, const std::string& key, bool fallback) {
+  const std::string word = spec.settings.word_or(key, fallback ? "yes" : "no");
+  if (word != "yes" && word != "no")
+    throw InputError(fmt::format("{}: '{}' is '{}'; it must be yes or no", spec.settings.where(), key, word));
+  return word == "yes";
+}
 
 std::string size_text(const Alarm& alarm) {
   if (!alarm.has_size) return "";
@@ -37,10 +50,23 @@ AlarmStage::AlarmStage(const Datasheet& sheet)
     w.effect = spec.settings.word_or("effect", "");
     w.port = spec.settings.word_or("port", "");
     w.text = spec.settings.word("text");
+    w.stage = stage_of(sheet_, spec);
+    w.withholds = w.kind == "unknown" && yes_or_no(spec, "withholds_faults", true);
+    if (w.kind == "sensor")
+      for (const Port& port : sheet_.ports)
+        if (port.name == w.port && port.kind == PortKind::sensor) w.channel = sheet_.channel(port.channel);
     w.detector = make_detector(spec);
     spec.settings.check_used();
     watched_.push_back(std::move(w));
   }
+  for (const StageSpec& spec : sheet_.isolators) {
+    Isolated isolated;
+    isolated.stage = stage_of(sheet_, spec);
+    isolated.isolator = make_isolator(sheet_, spec);
+    spec.settings.check_used();
+    isolated_.push_back(std::move(isolated));
+  }
+  doubted_.assign(sheet_.channels.size(), false);
   channels_.resize(sheet_.channels.size());
   report_.rig = sheet_.rig;
 }
@@ -50,6 +76,11 @@ void AlarmStage::reset() {
     w.detector->reset();
     w.detection = Detection();
     w.alarm = -1;
+  }
+  for (Isolated& i : isolated_) {
+    i.isolator->reset();
+    i.finding = Finding();
+    i.alarm = -1;
   }
   std::fill(channels_.begin(), channels_.end(), ChannelWatch());
   stale_ = gap_ = -1;
@@ -134,7 +165,22 @@ void AlarmStage::advance(double now) {
                  fmt::format("no sample for more than {:g} s; check the driver and the DAQ", stale_after_));
 }
 
+void AlarmStage::process(const std::vector<Estimate>& estimates) {
+  if (estimates.size() != std::max<std::size_t>(sheet_.estimators.size(), 1))
+    throw InputError(fmt::format("{}: alarms need the estimates of all {} estimators, there are {}", sheet_.rig,
+                                 sheet_.estimators.size(), estimates.size()));
+  process(estimates.data());
+}
+
 void AlarmStage::process(const Estimate& estimate) {
+  if (sheet_.estimators.size() > 1)
+    throw InputError(fmt::format("{}: alarms need the estimates of all {} estimators, there is one", sheet_.rig,
+                                 sheet_.estimators.size()));
+  process(&estimate);
+}
+
+void AlarmStage::process(const Estimate* estimates) {
+  const Estimate& estimate = estimates[0];
   if (running_ && estimate.time < last_time_) reset();
   if (!running_) {
     running_ = true;
@@ -153,10 +199,17 @@ void AlarmStage::process(const Estimate& estimate) {
   report_.time = estimate.time;
   check_data(estimate);
 
+  detect(estimates);
+}
+
+void AlarmStage::detect(const Estimate* estimates) {
+  const Estimate& estimate = estimates[0];
   bool model_fits = true;
+  for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = channels_[c].alarm >= 0;
   for (Watched& w : watched_) {
-    w.detector->process(estimate, w.detection);
-    if (w.kind == "unknown" && w.detection.active) model_fits = false;
+    w.detector->process(estimates[w.stage], w.detection);
+    if (w.withholds && w.detection.active) model_fits = false;
+    if (w.channel >= 0 && w.detection.active) doubted_[static_cast<std::size_t>(w.channel)] = true;
   }
   for (Watched& w : watched_) {
     const bool wanted = w.detection.active && (w.kind != "fault" || model_fits || w.alarm >= 0);
@@ -177,6 +230,37 @@ void AlarmStage::process(const Estimate& estimate) {
       alarm.size_unit = w.detector->size_unit();
       alarm.text = w.text;
     }
+  }
+  isolate(estimates, model_fits);
+}
+
+void AlarmStage::isolate(const Estimate* estimates, bool model_fits) {
+  const double time = estimates[0].time;
+  for (Isolated& i : isolated_) {
+    i.isolator->process(estimates[i.stage], doubted_, i.finding);
+    const Finding& f = i.finding;
+    const bool wanted = f.active && (model_fits || f.kind != "fault" || i.alarm >= 0);
+    if (!wanted && i.alarm >= 0) end(i.alarm, time);
+    if (!wanted) continue;
+    if (i.alarm < 0) i.alarm = raise(f.kind, f.effect, f.port, AlarmLevel::error, f.since, time, f.text);
+    Alarm& alarm = report_.alarms[static_cast<std::size_t>(i.alarm)];
+    alarm.until = time;
+    if (alarm.effect != f.effect || alarm.port != f.port || alarm.kind != f.kind || alarm.text != f.text) {
+      alarm.kind = f.kind;
+      alarm.effect = f.effect;
+      alarm.port = f.port;
+      alarm.text = f.text;
+      ++changes_;
+    }
+    alarm.level = f.kind == "unknown" ? AlarmLevel::warning : AlarmLevel::error;
+    alarm.equivalent = f.equivalent;
+    alarm.has_size = f.has_size;
+    alarm.size_name = f.size_name;
+    alarm.size_unit = f.size_unit;
+    alarm.size = f.size;
+    alarm.low = f.low;
+    alarm.high = f.high;
+    alarm.confidence = f.confidence;
   }
 }
 

@@ -1,5 +1,9 @@
-// From estimates to alarms: runs the rig's detectors, watches the data itself, keeps the life cycle of every alarm and says the
-// verdict. The nodes and the offline program call this same code in the same order.
+// From estimates to alarms: runs the rig's detectors and isolators, watches the data itself, keeps the life cycle of every alarm and
+// says the verdict. The nodes and the offline program call this same code in the same order.
+//
+// A detector or isolator reads the estimates of one of the rig's estimators: `stage`, by default the first. A detector whose
+// `withholds_faults` is no (a redline) says unknown without speaking against the model. Sensors that a detector or the data
+// already found off are named to the isolators, which leave them out. An isolator's alarm changes its place and size as it learns.
 //
 // Data alarms: a channel that is missing or out of range (ends a second after the last such sample); a rig that fell silent
 // (stale: from the last sample plus `stale_after`). While the model does not fit (a detection of kind unknown), fault detections
@@ -12,6 +16,7 @@
 
 #include "faultline/alarms/alarm.h"
 #include "faultline/detectors/detector.h"
+#include "faultline/isolation/isolator.h"
 
 namespace faultline {
 
@@ -19,7 +24,9 @@ class AlarmStage {
  public:
   explicit AlarmStage(const Datasheet& sheet);
 
-  void process(const Estimate& estimate);
+  // What all estimators say about one sample, in the datasheet's order.
+  void process(const std::vector<Estimate>& estimates);
+  void process(const Estimate& estimate);  // of a rig with one estimator
   // The time went on to `now` [s] without a sample; raises the stale alarm where it is due. If the next sample shows that there
   // was no such silence, the alarm is taken back, so that what is told never depends on how long a sample was on its way.
   void advance(double now);
@@ -36,9 +43,18 @@ class AlarmStage {
  private:
   struct Watched {
     std::string name, kind, effect, port, text;
+    std::size_t stage = 0;  // whose estimates it reads
+    bool withholds = true;
+    int channel = -1;  // whose transducer it says is off
     std::unique_ptr<Detector> detector;
     Detection detection;
     int alarm = -1;  // index into report_.alarms while active
+  };
+  struct Isolated {
+    std::size_t stage = 0;
+    std::unique_ptr<Isolator> isolator;
+    Finding finding;
+    int alarm = -1;
   };
   struct ChannelWatch {
     int alarm = -1;
@@ -48,11 +64,16 @@ class AlarmStage {
             double raised, const std::string& text);
   void end(int& alarm, double time);
   void check_data(const Estimate& estimate);
+  void process(const Estimate* estimates);
+  void detect(const Estimate* estimates);
+  void isolate(const Estimate* estimates, bool model_fits);
   std::string verdict() const;
 
   Datasheet sheet_;
   double stale_after_;
   std::vector<Watched> watched_;
+  std::vector<Isolated> isolated_;
+  std::vector<bool> doubted_;  // one per channel: its transducer is known to be off
   std::vector<ChannelWatch> channels_;
   int stale_ = -1, gap_ = -1;
   bool running_ = false;

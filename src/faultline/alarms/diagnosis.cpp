@@ -10,12 +10,14 @@
 namespace faultline {
 namespace {
 
-const StageSpec& first_estimator(const Datasheet& sheet) {
+std::vector<EstimatorStage> stages_of(const Datasheet& sheet) {
   if (sheet.estimators.empty())
     throw InputError(
         fmt::format("{}: the datasheet names no estimator, so {} cannot be diagnosed; add one under estimators",
                     sheet.file, sheet.rig));
-  return sheet.estimators.front();
+  std::vector<EstimatorStage> stages;
+  for (const StageSpec& spec : sheet.estimators) stages.emplace_back(sheet, spec);
+  return stages;
 }
 
 // Kinds of alarms from the worst to the mildest, and what each makes of the whole.
@@ -41,12 +43,16 @@ std::string text_of(const Alarm& alarm, double start) {
 
 }  // namespace
 
-Diagnosis::Diagnosis(const Datasheet& sheet) : estimator_(sheet, first_estimator(sheet)), alarms_(sheet) {}
+Diagnosis::Diagnosis(const Datasheet& sheet) : estimators_(stages_of(sheet)), alarms_(sheet) {
+  estimates_.resize(estimators_.size());
+}
 
 bool Diagnosis::process(const Sample& sample) {
-  if (!estimator_.process(sample, estimate_)) return false;
-  alarms_.process(estimate_);
-  return true;
+  // All are set alike for gaps and jumps, so all take a sample or none does.
+  bool taken = true;
+  for (std::size_t i = 0; i < estimators_.size(); ++i) taken = estimators_[i].process(sample, estimates_[i]) && taken;
+  if (taken) alarms_.process(estimates_);
+  return taken;
 }
 
 Verdict verdict_of(const AlarmReport& report, double start, double end) {

@@ -1,5 +1,5 @@
 // The diagnosis of one rig in one process: samples in, alarms out, by the same stages in the same order as the nodes run them
-// (the rig's first estimator, then its alarm stage), and what a whole recording says in the end.
+// (the rig's estimators, then its alarm stage), and what a whole recording says in the end.
 //
 // A verdict over a recording counts ended alarms too: fault before sensor before unknown before data; healthy if there was none.
 // Limits: the alarm stage starts over when time jumps back, and what it said before is then gone (SampleCheck counts such jumps).
@@ -26,14 +26,15 @@ class Diagnosis {
   // False if the sample was not used (it is not newer than the last); estimate() then is still that of the last.
   bool process(const Sample& sample);
 
-  const Estimate& estimate() const { return estimate_; }
+  const Estimate& estimate(std::size_t stage = 0) const { return estimates_[stage]; }
   const AlarmReport& report() const { return alarms_.report(); }
-  const EstimatorStage& estimator() const { return estimator_; }
+  const EstimatorStage& estimator(std::size_t stage = 0) const { return estimators_[stage]; }
+  std::size_t estimators() const { return estimators_.size(); }
 
  private:
-  EstimatorStage estimator_;
+  std::vector<EstimatorStage> estimators_;
   AlarmStage alarms_;
-  Estimate estimate_;
+  std::vector<Estimate> estimates_;
 };
 
 // What `report` says about a recording from `start` to `end` [s, of the samples' clock].

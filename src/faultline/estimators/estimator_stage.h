@@ -1,4 +1,5 @@
-// One estimator of a rig, from samples to estimates: gates what is not fit to be used, restarts on time jumps, runs the filter.
+// One estimator of a rig, from samples to estimates: gates what is not fit to be used, restarts on time jumps, runs the filter or
+// the bank of least squares inside (stage_core.h).
 // The nodes and the offline program call this same code in the same order.
 //
 // Gating: a measured channel that is missing or out of its range is left out of the correction; a driving channel holds its last
@@ -9,7 +10,7 @@
 #include <memory>
 #include <vector>
 
-#include "faultline/estimators/state_estimator.h"
+#include "faultline/estimators/stage_core.h"
 #include "faultline/signal/sample.h"
 
 namespace faultline {
@@ -26,8 +27,11 @@ class EstimatorStage {
   bool process(const Sample& sample, Estimate& estimate);
   void reset();
   const EstimatorCounts& counts() const { return counts_; }
-  const ProcessModel& model() const { return *model_; }
   const std::string& name() const { return name_; }
+  std::vector<State> states() const { return core_->states(); }
+  std::vector<std::string> innovation_names() const {
+    return core_->innovation_names();
+  }  // what the innovation runs over
 
  private:
   void begin(const Sample& sample);
@@ -36,11 +40,8 @@ class EstimatorStage {
   std::vector<Channel> channels_;
   double period_;
   double gap_, jump_;  // s
-  std::unique_ptr<ProcessModel> model_;
-  std::unique_ptr<StateEstimator> filter_;
-  std::vector<int> measured_, driving_;
+  std::unique_ptr<StageCore> core_;
   std::vector<double> held_;
-  std::size_t states_ = 0;
   bool running_ = false;
   double last_time_ = 0;
   EstimatorCounts counts_;

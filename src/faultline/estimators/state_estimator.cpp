@@ -1,6 +1,8 @@
 #include "faultline/estimators/state_estimator.h"
 
 #include "faultline/estimators/divided_difference.h"
+#include "faultline/estimators/extended_kalman.h"
+#include "faultline/estimators/unscented_kalman.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -8,7 +10,10 @@ namespace faultline {
 std::unique_ptr<StateEstimator> make_state_estimator(const std::string& type, const ProcessModel& model) {
   if (type == "divided_difference_1") return make_divided_difference(model, 1);
   if (type == "divided_difference_2") return make_divided_difference(model, 2);
-  throw InputError("there is no estimator '" + type + "'; there are divided_difference_1, divided_difference_2");
+  if (type == "extended_kalman") return std::make_unique<ExtendedKalmanFilter>(model);
+  if (type == "unscented_kalman") return std::make_unique<UnscentedKalmanFilter>(model);
+  throw InputError("there is no estimator '" + type +
+                   "'; there are divided_difference_1, divided_difference_2, extended_kalman, unscented_kalman");
 }
 
 }  // namespace faultline

@@ -28,7 +28,8 @@ class StateEstimator {
   virtual double normalised_innovation() const = 0;
 };
 
-// type: divided_difference_1, divided_difference_2. InputError that lists the known ones otherwise. `model` must outlive it.
+// type: divided_difference_1, divided_difference_2, extended_kalman, unscented_kalman. InputError that lists the known ones
+// otherwise. `model` must outlive it.
 std::unique_ptr<StateEstimator> make_state_estimator(const std::string& type, const ProcessModel& model);
 
 }  // namespace faultline

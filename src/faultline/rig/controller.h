@@ -4,10 +4,13 @@
 
 #include <memory>
 #include <string>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "faultline/rig/datasheet.h"
 #include "faultline/rig/excitation.h"
+#include "faultline/signal/error.h"
 
 namespace faultline {
 
@@ -19,22 +22,32 @@ class Controller {
   virtual void step(double time, double* channels) = 0;
 };
 
+// What a profile asks for, before any filter of the controller; most have one.
+struct RawSetPoints {
+  std::unique_ptr<Excitation> first, second;
+};
+
 struct ControllerType {
   std::string rig;
   std::string name;
-  // `raw`: the raw set point, before any filter of the controller.
-  std::unique_ptr<Controller> (*make)(const Datasheet& sheet, const Settings& settings,
-                                      std::unique_ptr<Excitation> raw);
+  std::unique_ptr<Controller> (*make)(const Datasheet& sheet, const Settings& settings, RawSetPoints raw);
 };
 
 const std::vector<ControllerType>& controller_types();
 bool register_controller(ControllerType type);
 std::unique_ptr<Controller> make_controller(const Datasheet& sheet, const Profile& profile, std::uint64_t seed);
 
+// For a T that takes one raw set point, or both.
 template <class T>
-std::unique_ptr<Controller> make_controller_of(const Datasheet& sheet, const Settings& settings,
-                                               std::unique_ptr<Excitation> raw) {
-  return std::make_unique<T>(sheet, settings, std::move(raw));
+std::unique_ptr<Controller> make_controller_of(const Datasheet& sheet, const Settings& settings, RawSetPoints raw) {
+  if constexpr (std::is_constructible_v<T, const Datasheet&, const Settings&, RawSetPoints>) {
+    return std::make_unique<T>(sheet, settings, std::move(raw));
+  } else {
+    if (raw.second)
+      throw InputError(settings.where() +
+                       ": this controller follows one raw set point; take 'second' out of the profile");
+    return std::make_unique<T>(sheet, settings, std::move(raw.first));
+  }
 }
 
 }  // namespace faultline

@@ -55,6 +55,8 @@ const Profile& Datasheet::profile(const std::string& name) const {
 }
 const Fault& Datasheet::fault(const std::string& name) const { return faults[find(*this, faults, "fault", name)]; }
 
+std::size_t Datasheet::estimator(const std::string& name) const { return find(*this, estimators, "estimator", name); }
+
 std::vector<double> Datasheet::nominal() const {
   std::vector<double> values;
   for (const Parameter& parameter : parameters) values.push_back(parameter.nominal);

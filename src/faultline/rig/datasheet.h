@@ -67,6 +67,9 @@ struct Profile {
   double duration = 0;  // s, when the command line gives none
   std::string meaning;
   Settings settings;
+  std::string second_shape;  // of a second raw set point; empty: there is none
+  Settings second_settings;
+  std::map<std::string, double> inputs;  // value of measured inputs during this profile, where not the rig's
 };
 
 // How a simulator makes a measured input when no recording gives it: value + wander (band-limited noise) at the sensor.
@@ -94,7 +97,7 @@ struct Fault {
   std::string profile;  // which excitation it is shown with; empty: any
 };
 
-// One stage of the diagnosis (an estimator, a detector, ...), by kind and name of its type.
+// One stage of the diagnosis (an estimator, a detector, an isolator), by kind and name of its type.
 struct StageSpec {
   std::string name;  // of this stage, unique in the rig
   std::string type;  // of the estimator, detector, ...
@@ -128,6 +131,7 @@ struct Datasheet {
   std::vector<std::string> nominal_effects;  // effects that the nominal model has adopted, as effect@port:...
   std::vector<StageSpec> estimators;
   std::vector<StageSpec> detectors;
+  std::vector<StageSpec> isolators;
   std::map<std::string, double> normal_gap;  // channel -> largest excess that is normal on this rig
   std::vector<std::string> notes;
 
@@ -137,7 +141,8 @@ struct Datasheet {
   int parameter(const std::string& name) const;
   const Profile& profile(const std::string& name) const;
   const Fault& fault(const std::string& name) const;
-  std::vector<double> nominal() const;  // parameter values in order
+  std::size_t estimator(const std::string& name) const;  // its place among the estimators
+  std::vector<double> nominal() const;                   // parameter values in order
 };
 
 // Reads and checks one datasheet.

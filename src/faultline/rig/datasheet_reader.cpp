@@ -202,9 +202,9 @@ Datasheet read_datasheet(const std::string& file) {
   const std::vector<std::string> prose = {"conventions",    "layout",      "equations",       "estimator_form",
                                           "initial_state",  "integration", "reference_point", "leakage_conversion",
                                           "parameter_twins"};
-  std::vector<std::string> optional = {"branches",    "not_recorded", "constants",  "tables",   "inputs",
-                                       "controllers", "profiles",     "faults",     "nuisance", "nominal_effects",
-                                       "estimators",  "detectors",    "normal_gap", "targets",  "notes"};
+  std::vector<std::string> optional = {
+      "branches", "not_recorded",    "constants",  "tables",    "inputs",    "controllers", "profiles", "faults",
+      "nuisance", "nominal_effects", "estimators", "detectors", "isolators", "normal_gap",  "targets",  "notes"};
   optional.insert(optional.end(), prose.begin(), prose.end());
   root.allow({"rig", "title", "source", "sample_period", "channels", "states", "parameters", "ports"}, optional);
 

@@ -41,7 +41,7 @@ std::string read_effect(const YamlValue& value, const Datasheet& sheet) {
   if (!fitting)
     value.fail(fmt::format("names effect '{}', which is not listed at {}; there are {}", text.substr(0, at), port_name,
                            joined(known)));
-  known = {"from", "to"};
+  known = {"from", "to", "swells"};
   for (const auto& bounds : fitting->bounds) known.push_back(bounds.first);
   for (std::size_t begin = colon + 1; begin <= text.size();) {
     const auto comma = std::min(text.find(',', begin), text.size());
@@ -102,7 +102,7 @@ CommandTable read_command(const YamlValue& entry, const Datasheet& sheet) {
 std::vector<StageSpec> read_stages(const YamlValue& root, const std::string& key) {
   Names names;
   std::vector<StageSpec> stages;
-  for (const YamlValue& entry : list_at(root, key)) {
+  for (const YamlValue& entry : YamlValue::expanded(list_at(root, key))) {
     for (const char* needed : {"name", "type"})
       if (!entry.has(needed)) entry.fail(fmt::format("lacks the key '{}'", needed));
     stages.push_back({entry.at("name").name(), entry.at("type").name(), read_settings(entry, {"name", "type"})});
@@ -149,8 +149,19 @@ void read_excitation(const YamlValue& root, Datasheet& sheet) {
     profile.shape = entry.at("shape").name();
     profile.duration = entry.at("duration").number(1e-3);
     profile.meaning = entry.at("meaning").text();
-    profile.settings = read_settings(entry, {"name", "controller", "shape", "duration", "meaning"});
+    profile.settings = read_settings(entry, {"name", "controller", "shape", "duration", "meaning", "second", "inputs"});
     make_excitation(profile.shape, profile.settings, 1);  // refuses what the shape does not know
+    if (entry.has("second")) {
+      const YamlValue second = entry.at("second");
+      if (!second.has("shape")) second.fail("lacks the key 'shape'");
+      profile.second_shape = second.at("shape").name();
+      profile.second_settings = read_settings(second, {"shape"});
+      make_excitation(profile.second_shape, profile.second_settings, 1);
+    }
+    for (const YamlValue& input : mapping_at(entry, "inputs")) {
+      if (channel_named(sheet, input, input.key()).role != Role::input) input.fail("is not a channel of role input");
+      profile.inputs[input.key()] = input.number();
+    }
     add_unique(names, entry, profile.name);
     sheet.profiles.push_back(profile);
   }
@@ -184,6 +195,7 @@ void read_faults(const YamlValue& root, Datasheet& sheet) {
 void read_diagnosis(const YamlValue& root, Datasheet& sheet) {
   sheet.estimators = read_stages(root, "estimators");
   sheet.detectors = read_stages(root, "detectors");
+  sheet.isolators = read_stages(root, "isolators");
   for (const YamlValue& entry : mapping_at(root, "normal_gap")) {
     channel_named(sheet, entry, entry.key());
     sheet.normal_gap[entry.key()] = entry.number(0);

@@ -11,6 +11,9 @@
 namespace faultline {
 namespace {
 
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kMostSwells = 1000;
+
 std::vector<EffectType>& registry() {
   static std::vector<EffectType> types;
   return types;
@@ -124,8 +127,13 @@ EffectSpec parse_effect(const std::string& text) {
     } else if (key == "to") {
       spec.to = value;
       to_given = true;
+    } else if (key == "swells") {
+      if (!(value >= 1 && value <= kMostSwells) || value != std::floor(value))
+        throw InputError(
+            fmt::format("effect '{}': swells={} is not a whole number of 1 to {}", text, value, kMostSwells));
+      spec.swells = static_cast<int>(value);
     } else {
-      throw InputError(fmt::format("effect '{}': {} has no parameter '{}'; it has {}, and from, to in s", text,
+      throw InputError(fmt::format("effect '{}': {} has no parameter '{}'; it has {}, and from, to in s, swells", text,
                                    spec.effect, key, parameter_names(*type)));
     }
   }
@@ -136,6 +144,8 @@ EffectSpec parse_effect(const std::string& text) {
   if (std::none_of(given.begin(), given.end(), [](bool b) { return b; }))
     throw InputError(fmt::format("effect '{}': give a size: {}", text, parameter_names(*type)));
   if (!to_given || spec.to < spec.from) spec.to = spec.from;
+  if (spec.swells > 0 && (!spec.from_given || spec.to <= spec.from))
+    throw InputError(fmt::format("effect '{}': swells need a time to fill; give from=S,to=S with to above from", text));
   return spec;
 }
 
@@ -149,12 +159,17 @@ std::string to_string(const EffectSpec& spec) {
   }
   if (spec.from_given) text += fmt::format("{}from={:.6g}", separator, spec.from);
   if (spec.to > spec.from) text += fmt::format(",to={:.6g}", spec.to);
+  if (spec.swells > 0) text += fmt::format(",swells={}", spec.swells);
   return text;
 }
 
 double growth(const EffectSpec& spec, double time) {
   if (!spec.from_given && spec.to <= spec.from) return 1;
   if (time < spec.from) return 0;
+  if (spec.swells > 0 && spec.to > spec.from) {
+    const double share = (time - spec.from) / (spec.to - spec.from);
+    return share < 1 ? 0.5 * (1 - std::cos(2 * kPi * spec.swells * share)) : 0;
+  }
   if (time >= spec.to) return 1;
   return (time - spec.from) / (spec.to - spec.from);
 }

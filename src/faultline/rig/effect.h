@@ -3,6 +3,7 @@
 //
 // Every effect has bounded parameters with units and a value at which it changes nothing. It may start at a time and grow:
 // from `from` to `to` its size rises linearly from nothing to the full parameters (a step where `to` is not after `from`).
+// With `swells` it comes and goes that many times between `from` and `to`, as (1 - cos)/2, and is gone before and after.
 // A parameter whose no-effect value is infinite grows as 1/size; one without a no-effect value (a shape) keeps its value.
 #pragma once
 
@@ -100,13 +101,14 @@ std::unique_ptr<Effect> make_effect() {
 constexpr double kNoShape = std::numeric_limits<double>::quiet_NaN();  // `none` of a shape parameter
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// An effect as it is asked for: effect@port:name=value,...[,from=S][,to=S]
+// An effect as it is asked for: effect@port:name=value,...[,from=S][,to=S][,swells=N]
 struct EffectSpec {
   std::string effect;
   std::string port;
   std::vector<double> parameters;  // in the type's order
   double from = 0;                 // s; grows from here ...
   double to = 0;                   // ... to here
+  int swells = 0;                  // 0: it stays once it has grown
   bool from_given = false;
 };
 

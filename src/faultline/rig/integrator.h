@@ -1,5 +1,6 @@
 // Fixed-step integration of a rig's equations: classic fourth-order Runge-Kutta from Boost.odeint on a padded array, so that
-// nothing is allocated and the loops unroll. Explicit: the step must be below 2.7 over the fastest rate of the rig.
+// nothing is allocated and the loops unroll. Explicit: the step must be below 2.7 over the fastest rate of the rig. Rigs that
+// call themselves stiff get a Rosenbrock method (rosenbrock.h).
 #pragma once
 
 #include <array>
@@ -48,6 +49,11 @@ class RungeKutta4 : public Integrator {
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };
 
-std::unique_ptr<Integrator> make_integrator(Rig& rig);
+enum class Scheme {
+  accurate,
+  quick
+};  // of the implicit methods: for the rig's simulator, for the model that recordings drive
+
+std::unique_ptr<Integrator> make_integrator(Rig& rig, Scheme scheme = Scheme::accurate);
 
 }  // namespace faultline

@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "faultline/rig/effect_chain.h"
@@ -27,8 +28,13 @@ class Rig {
   virtual void after_step(double /*time*/, double* /*state*/, const double* /*channels*/) {}
   // Writes the output channels (and inputs that the model predicts) into `channels`, before sensors.
   virtual void outputs(double time, const double* state, double* channels) const = 0;
-  // Whether the equations need an implicit method at the substep of the simulator.
+  // Whether the equations need an implicit method at the substep of the simulator; then the two below are called.
   virtual bool stiff() const { return false; }
+  // (row, column) of every non-zero of the Jacobian d(rate)/d(state); always the same.
+  virtual const std::vector<std::pair<int, int>>& jacobian_entries() const;
+  // As derivative(); also d(rate)/d(time) and the Jacobian's non-zeros, in the order of jacobian_entries().
+  virtual void jacobian(double time, const double* state, const double* channels, double* rate, double* time_rate,
+                        double* entries);
 };
 
 struct RigType {
@@ -36,6 +42,7 @@ struct RigType {
   double substep;  // s, at which the integration has converged
   // `parameters` in the datasheet's order. Keeps references to the effects' chains: they must outlive the rig.
   std::unique_ptr<Rig> (*make)(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
+  double model_substep = 0;  // s, of the model that a recording drives, which may be coarser; 0: substep
 };
 
 const std::vector<RigType>& rig_types();

@@ -25,9 +25,9 @@ std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<Ef
 // A rig with its effects, and the effects on its signals by channel: what driven and closed-loop simulation share.
 class Plant {
  public:
-  Plant(const Datasheet& sheet, const SimulationSetup& setup)
+  Plant(const Datasheet& sheet, const SimulationSetup& setup, Scheme scheme)
       : sheet_(sheet),
-        substeps_(substeps(sheet, setup)),
+        substeps_(substeps(sheet, setup, scheme)),
         substep_(sheet.sample_period / substeps_),
         effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
     const RigType* type = find_rig_type(sheet.rig);
@@ -38,7 +38,7 @@ class Plant {
       throw InputError(fmt::format("{}: {} parameter values are given, the rig has {}", sheet.rig,
                                    setup.parameters.size(), sheet.parameters.size()));
     rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
-    integrator_ = make_integrator(*rig_);
+    integrator_ = make_integrator(*rig_, scheme);
     for (const Port& port : sheet.ports) {
       const EffectChain& chain = effects_.at(port.name);
       if (chain.empty() || port.channel.empty()) continue;
@@ -62,7 +62,9 @@ class Plant {
     effects_.reset();
     effects_.set_time(0);
     std::copy_n(channels, true_.size(), true_.begin());
-    integrator_->start(channels);
+    for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], 0);
+    integrator_->start(true_.data());
+    effects_.reset();
     if (nominal_state) restart(0, channels, nominal_state);
     observe(0);
   }
@@ -71,6 +73,7 @@ class Plant {
   // A state that is NaN goes on. A state that a channel shows is what that channel says, back through its sensor's effects.
   void restart(double time, const double* channels, const double* nominal_state) {
     std::vector<double>& state = start_;
+    if (std::all_of(nominal_state, nominal_state + state.size(), [](double v) { return std::isnan(v); })) return;
     for (std::size_t i = 0; i < state.size(); ++i)
       state[i] = std::isnan(nominal_state[i]) ? integrator_->state()[i] : nominal_state[i];
     for (const auto& [index, chain] : shown_states_)
@@ -102,9 +105,11 @@ class Plant {
   const double* state() const { return integrator_->state(); }
 
  private:
-  static int substeps(const Datasheet& sheet, const SimulationSetup& setup) {
+  static int substeps(const Datasheet& sheet, const SimulationSetup& setup, Scheme scheme) {
     const RigType* type = find_rig_type(sheet.rig);
-    const double wanted = setup.substep > 0 ? setup.substep : type ? type->substep : sheet.sample_period;
+    double wanted = type ? type->substep : sheet.sample_period;
+    if (type && scheme == Scheme::quick && type->model_substep > 0) wanted = type->model_substep;
+    if (setup.substep > 0) wanted = setup.substep;
     return std::max(1, static_cast<int>(std::ceil(sheet.sample_period / wanted - 1e-9)));
   }
 
@@ -163,7 +168,7 @@ double table_value(const CommandTable& table, double time) {
 
 struct Simulator::Parts {
   Parts(const Datasheet& datasheet, const SimulationSetup& given)
-      : sheet(datasheet), setup(given), plant(sheet, setup) {
+      : sheet(datasheet), setup(given), plant(sheet, setup, Scheme::accurate) {
     const Profile& profile = setup.profile.empty() ? sheet.profile(first_profile()) : sheet.profile(setup.profile);
     controller = make_controller(sheet, profile, setup.seed);
     for (const CommandTable& table : setup.commands) {
@@ -172,9 +177,13 @@ struct Simulator::Parts {
         throw InputError(fmt::format("{}: channel '{}' is not a command", sheet.rig, table.channel));
       tables.push_back({channel, table});
     }
-    for (std::size_t i = 0; i < sheet.inputs.size(); ++i)
-      sources.push_back({static_cast<std::size_t>(sheet.channel(sheet.inputs[i].channel)),
-                         InputSource(sheet.inputs[i], setup.seed * 7919 + i + 1)});
+    for (std::size_t i = 0; i < sheet.inputs.size(); ++i) {
+      InputSignal input = sheet.inputs[i];
+      const auto value = profile.inputs.find(input.channel);
+      if (value != profile.inputs.end()) input.value = value->second;
+      sources.push_back(
+          {static_cast<std::size_t>(sheet.channel(input.channel)), InputSource(input, setup.seed * 7919 + i + 1)});
+    }
     const std::size_t n = sheet.channels.size();
     driving.resize(n);
     next.resize(n);
@@ -187,11 +196,18 @@ struct Simulator::Parts {
     return sheet.profiles.front().name;
   }
 
+  // The rig is at rest under the commands of the first row: they are asked for once, with all commands 0, and kept.
   void reset() {
+    std::fill(driving.begin(), driving.end(), 0);
+    begin();
+    step();
+    begin();
+  }
+
+  void begin() {
     noise = Random(setup.seed * 104729 + 17);
     controller->reset();
     row = 0;
-    std::fill(driving.begin(), driving.end(), 0);
     fill_inputs(0, driving.data());
     plant.start(driving.data(), nullptr);
   }
@@ -277,7 +293,12 @@ Recording simulate(const Datasheet& sheet, const SimulationSetup& setup, double 
 
 struct DrivenModel::Parts {
   Parts(const Datasheet& datasheet, const SimulationSetup& given)
-      : sheet(datasheet), setup(given), plant(sheet, setup), now(sheet.channels.size()), next(sheet.channels.size()) {}
+
+      : sheet(datasheet),
+        setup(given),
+        plant(sheet, setup, Scheme::quick),
+        now(sheet.channels.size()),
+        next(sheet.channels.size()) {}
 
   // What reaches the plant: a sensor whose reading drives the model shows the true value through its effects.
   void take(const Recording& recording, std::size_t row, std::vector<double>& values) {

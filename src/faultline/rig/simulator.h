@@ -2,7 +2,8 @@
 //
 // Row k holds what the sensors say at t_k and the commands issued at t_k, which act until t_{k+1}. Between samples the
 // equations are integrated in equal substeps with the classic fourth-order Runge-Kutta method (Boost.odeint), or, for a rig
-// that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep.
+// that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep. The run starts
+// from the rig's own initial state under the first row's commands.
 // Deterministic for a given seed.
 #pragma once
 

@@ -99,6 +99,33 @@ class ServoLeakModel : public ProcessModel {
   }
 
   void observe(const double* x, double* y) const override { std::copy_n(x, 4, y); }
+
+  bool jacobian(const double* x, double dt, double* a) const override {
+    const double v = x[kVelocity], ratio = v / stribeck_velocity_, width = std::tanh(v / kFrictionWidth);
+    const double excess = static_excess_ * std::exp(-ratio * ratio);
+    const double friction_slope =
+        -2 * ratio / stribeck_velocity_ * excess * width + (coulomb_ + excess) * (1 - width * width) / kFrictionWidth;
+    const double transition = kTransition / scale_pressure_;
+    const double square = x[kPressure] * x[kPressure] + transition * transition;
+    const double leak_root = signed_root(x[kPressure], transition);
+    const double leak_slope = (0.5 * x[kPressure] * x[kPressure] + transition * transition) * std::pow(square, -1.25);
+    const double sign = x[kSpool] > 0 ? 1 : x[kSpool] < 0 ? -1 : 0;
+    const double drop = std::sqrt(std::max(0.0, supply_scaled_ - sign * x[kPressure]));
+    std::fill_n(a, kStates * kStates, 0.0);
+    const auto entry = [a](int row, int column) -> double& { return a[row * kStates + column]; };
+    for (int i = 0; i < kStates; ++i) entry(i, i) = 1;
+    entry(kPosition, kVelocity) = dt;
+    entry(kVelocity, kVelocity) -= dt * theta1_ * (damping_bar_ + friction_slope / (area_ * scale_pressure_));
+    entry(kVelocity, kPressure) = dt * theta1_;
+    entry(kVelocity, kFriction) = dt;
+    entry(kPressure, kVelocity) = -dt * theta3_ * area_bar_;
+    entry(kPressure, kPressure) -=
+        dt * theta3_ * (x[kLeak] * leak_slope + (drop > 0 ? 0.5 * std::abs(x[kSpool]) / drop : 0.0));
+    entry(kPressure, kSpool) = dt * theta3_ * drop;
+    entry(kPressure, kLeak) = -dt * theta3_ * leak_root;
+    entry(kSpool, kSpool) -= dt / spool_time_;
+    return true;
+  }
   std::vector<int> observed_states() const override { return {kPosition, kVelocity, kPressure, kSpool}; }
 
   void quantities(const double* channels, const double* x, const double* covariance,

@@ -1,0 +1,103 @@
+// Noisy: a transducer whose white noise is larger than it was.
+//   v' = (min((x_k - 2 x_{k-1} + x_{k-2})^2/6, limit^2 noise^2 window/3) - v)/window;  condition: v > limit^2 noise^2
+// Each square is capped, so that a step, which makes two of them large, is not yet noise; four large ones within the window are.
+// Second differences leave slow signals out: a ramp gives nothing, a sine of frequency f gives (2 pi f T)^4/6 of its square.
+// Settings: quantity, noise (its healthy sigma, with rounding), limit, window (samples), armed_by, armed_above (arming.h),
+//   minimum_time, release_time.   Size: sigma of what is added, sqrt(v - noise^2), bounds from v having window/1.1 degrees of freedom.
+#include <algorithm>
+#include <cmath>
+
+#include "faultline/detectors/arming.h"
+#include "faultline/detectors/persistence.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kNinetyPercent = 1.645;
+
+class Noisy : public Detector {
+ public:
+  explicit Noisy(const Settings& s)
+      : quantity_(s.word("quantity")),
+        arming_(s),
+        variance_(std::pow(s.number("noise", 1e-300, 1e12), 2)),
+        limit_(std::pow(s.number("limit", 1, 1e6), 2) * variance_),
+        window_(s.number("window", 2, 1e6)),
+        persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {}
+
+  void reset() override {
+    started_ = false;
+    persistence_.reset();
+  }
+
+  void process(const Estimate& estimate, Detection& detection) override {
+    if (!started_ || estimate.restarted) {
+      at_ = find_quantity(estimate, quantity_);
+      unit_ = estimate.quantities[at_].unit;
+      arming_.find(estimate);
+      started_ = true;
+      rows_ = 0;
+      mean_ = variance_;
+      long_mean_ = long_rows_ = 0;
+      persistence_.reset();
+    }
+    const double value = estimate.quantities[at_].value;
+    const double second = value - 2 * last_ + before_;
+    before_ = last_;
+    last_ = value;
+    if (rows_ < 2) {
+      ++rows_;
+      detection = Detection();
+      return;
+    }
+    if (!arming_.armed(estimate) || !std::isfinite(second)) {
+      mean_ = variance_;
+      rows_ = std::isfinite(second) ? rows_ : 0;
+      persistence_.update(estimate.time, false);
+      detection = Detection();
+      return;
+    }
+    const double square = second * second / 6;
+    mean_ += (std::min(square, limit_ * window_ / 3) - mean_) / window_;
+    const bool beyond = mean_ > limit_;
+    const bool active = persistence_.update(estimate.time, beyond);
+    detection = Detection();
+    detection.active = active;
+    if (!active) {
+      long_mean_ = long_rows_ = 0;
+      return;
+    }
+    // Since it is there, a plain mean of all of it.
+    if (beyond) {
+      long_rows_ += 1;
+      long_mean_ += (square - long_mean_) / long_rows_;
+    }
+    detection.since = persistence_.since();
+    detection.has_size = true;
+    const auto added = [this](double v) { return std::sqrt(std::max(0.0, v - variance_)); };
+    // Squares of second differences have a relative standard deviation of 1.41, neighbours being alike for some 3 samples.
+    const double spread = kNinetyPercent * 1.41 * std::sqrt(3 / std::max(long_rows_, 3.0));
+    detection.size = added(long_mean_);
+    detection.low = added(long_mean_ / (1 + spread));
+    detection.high = added(long_mean_ * (1 + spread));
+    detection.confidence = 1 - 0.5 * limit_ / std::max(limit_, mean_);
+  }
+
+  std::string size_name() const override { return "std"; }
+  std::string size_unit() const override { return unit_; }
+
+ private:
+  std::string quantity_, unit_;
+  Arming arming_;
+  double variance_, limit_, window_;
+  Persistence persistence_;
+  bool started_ = false;
+  std::size_t at_ = 0;
+  int rows_ = 0;
+  double last_ = 0, before_ = 0, mean_ = 0, long_mean_ = 0, long_rows_ = 0;
+};
+
+FAULTLINE_DETECTOR(noisy, {"noisy", make_detector_of<Noisy>});
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,52 @@
+// Relations between the channels of a rig that are linear in unknown coefficients: y_i = h_i' theta_i. Each is fitted by its own
+// recursive least squares. y and h may be filtered (state variable filters), so a model has memory. Models register themselves.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/estimators/estimate.h"
+#include "faultline/rig/datasheet.h"
+
+namespace faultline {
+
+struct Relation {
+  std::string name;                 // of its residual
+  std::vector<State> coefficients;  // theta
+  std::vector<double> first;        // theta at the start
+  std::vector<int> channels;        // that y and h need
+  double excitation = 0;            // smallest |h| that says something
+};
+
+class RelationModel {
+ public:
+  virtual ~RelationModel() = default;
+
+  virtual std::vector<Relation> relations() const = 0;
+  virtual void reset(const double* channels) = 0;                 // begins anew with this sample
+  virtual void advance(const double* channels, double dt) = 0;    // filters, from the last sample to this one, dt in s
+  virtual double row(std::size_t relation, double* h) const = 0;  // writes h, returns y, for the last sample
+  // Further quantities, after the coefficients. Names and number never change.
+  virtual void quantities(const double* channels, std::vector<Quantity>& result) const = 0;
+};
+
+struct RelationModelType {
+  std::string name;
+  std::unique_ptr<RelationModel> (*make)(const Datasheet& sheet, const Settings& settings);
+};
+
+bool register_relation_model(RelationModelType type);
+// InputError that lists the known models where there is none of that name.
+std::unique_ptr<RelationModel> make_relation_model(const std::string& name, const Datasheet& sheet,
+                                                   const Settings& settings);
+
+template <class T>
+std::unique_ptr<RelationModel> make_relation_model_of(const Datasheet& sheet, const Settings& settings) {
+  return std::make_unique<T>(sheet, settings);
+}
+
+}  // namespace faultline
+
+#define FAULTLINE_RELATION_MODEL(name, ...) \
+  const bool registered_relation_model_##name = ::faultline::register_relation_model(__VA_ARGS__)

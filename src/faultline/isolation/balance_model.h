@@ -1,0 +1,64 @@
+// What a rig's balances say of each fault, for the signature isolator. A model names features (quantities of an estimator stage),
+// residuals that are zero while nothing has changed, and hypotheses: faults of one unknown size each.
+//
+// A hypothesis is tried by taking its effect out of the features: residuals(features, reference, h, size) are those that a rig
+// without the fault would show if fault h of that size explained what is measured. The right one, of the right size, leaves nothing.
+// Its derivative by the size is the fault's signature. Models register themselves by name.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/rig/datasheet.h"
+
+namespace faultline {
+
+struct Hypothesis {
+  std::string kind;          // fault | sensor
+  std::string effect, port;  // of the datasheet
+  std::string text;          // one sentence
+  std::string size_name, size_unit;
+  double unit = 1;            // a small size, for differences
+  double low = 0, high = 0;   // allowed sizes
+  std::vector<int> channels;  // of the rig: not sought while one of these is already known to be off
+  std::string drift_unit;     // of a sensor's offset per second; empty: a slow change of this is not a drift
+  double shown_from = 0;      // the effect's no-effect value: what is told is this plus the size
+};
+
+class BalanceModel {
+ public:
+  virtual ~BalanceModel() = default;
+
+  virtual std::vector<std::string> features() const = 0;        // names of quantities
+  virtual std::vector<double> feature_noise() const = 0;        // white, per sample, one sigma
+  virtual std::vector<std::string> residuals() const = 0;       // names, for messages
+  virtual std::vector<std::string> residual_kinds() const = 0;  // by which settings are given, one per residual
+  virtual std::vector<Hypothesis> hypotheses() const = 0;
+  // Which channels of the rig each residual rests on.
+  virtual std::vector<std::vector<int>> residual_channels() const = 0;
+  // Coefficients at the balances, from mean features of a healthy rig; `reference` has one entry per residual.
+  virtual void reference(const double* features, double* reference) const = 0;
+  // hypothesis -1: as measured.
+  virtual void residuals(const double* features, const double* reference, int hypothesis, double size,
+                         double* result) const = 0;
+};
+
+struct BalanceModelType {
+  std::string name;
+  std::unique_ptr<BalanceModel> (*make)(const Datasheet& sheet, const Settings& settings);
+};
+
+bool register_balance_model(BalanceModelType type);
+std::unique_ptr<BalanceModel> make_balance_model(const std::string& name, const Datasheet& sheet,
+                                                 const Settings& settings);
+
+template <class T>
+std::unique_ptr<BalanceModel> make_balance_model_of(const Datasheet& sheet, const Settings& settings) {
+  return std::make_unique<T>(sheet, settings);
+}
+
+}  // namespace faultline
+
+#define FAULTLINE_BALANCE_MODEL(name, ...) \
+  const bool registered_balance_model_##name = ::faultline::register_balance_model(__VA_ARGS__)

@@ -1,0 +1,46 @@
+// An isolator turns the estimates of a rig's stages into a finding: which fault or sensor it is, where, how large, and what else
+// it might be. Settings of all: stage (an estimator of the rig; its first where there is none given).
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/estimators/estimate.h"
+#include "faultline/rig/datasheet.h"
+
+namespace faultline {
+
+struct Finding {
+  bool active = false;
+  double since = 0;                     // s, when it began, as estimated
+  std::string kind;                     // fault | sensor | unknown
+  std::string effect, port;             // of the datasheet; empty where none is claimed
+  std::vector<std::string> equivalent;  // effect@port of what it cannot be told from
+  std::string text;                     // one sentence, without size
+  bool has_size = false;
+  std::string size_name, size_unit;
+  double size = 0, low = 0, high = 0;  // 90 % bounds
+  double confidence = 0;               // 0..1, that it is the effect named
+};
+
+class Isolator {
+ public:
+  virtual ~Isolator() = default;
+  virtual void reset() = 0;
+  // `doubted`: one flag per channel of the rig, set where its transducer is already known to be off.
+  virtual void process(const Estimate& estimate, const std::vector<bool>& doubted, Finding& finding) = 0;
+};
+
+struct IsolatorType {
+  std::string name;
+  std::unique_ptr<Isolator> (*make)(const Datasheet& sheet, const StageSpec& spec);
+};
+
+bool register_isolator(IsolatorType type);
+std::unique_ptr<Isolator> make_isolator(const Datasheet& sheet, const StageSpec& spec);
+
+}  // namespace faultline
+
+#define FAULTLINE_ISOLATOR(name, ...) \
+  const bool registered_isolator_##name = ::faultline::register_isolator(__VA_ARGS__)

@@ -1,0 +1,342 @@
+#include "faultline/isolation/signature_isolator.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "faultline/detectors/run_length.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kNinetyPercent = 1.645;
+constexpr double kHour = 3600;          // s
+constexpr std::uint32_t kEvery = 20;    // samples from one evaluation to the next
+constexpr std::size_t kFewRivals = 3;   // hypotheses left, with which an event is told at once
+constexpr std::size_t kMostRivals = 6;  // beyond these it says nothing to name one
+constexpr double kDriftAge = 2;         // s of an event before its course says anything
+constexpr double kStraight = 0.9;       // correlation of size and time from which it is a ramp
+
+}  // namespace
+
+SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& spec)
+    : model_(make_balance_model(spec.settings.word("model"), sheet, spec.settings)),
+      feature_names_(model_->features()),
+      residual_names_(model_->residuals()),
+      residual_channels_(model_->residual_channels()),
+      hypotheses_(model_->hypotheses()),
+      arming_(spec.settings),
+      period_(sheet.sample_period) {
+  const Settings& s = spec.settings;
+  feature_noise_ = model_->feature_noise();
+  learn_ = s.number("learn", 10 * period_, 1e4);
+  window_ = s.number("window", 10 * period_, 60);
+  confirm_ = static_cast<std::uint32_t>(s.number("confirm", 1, 1e4));
+  patience_ = s.number("patience", 0, 1e3);
+  noise_limit_ = s.number("noise_limit", 1e-9, 1e9);
+  rival_ = s.number("rival", 0, 1e6);
+  significance_ = s.number("significance", 0, 1e9);
+  fit_ = s.number("fit", 1e-3, 1e9);
+  relative_error_ = s.number("relative_error", 0, 1);
+  release_time_ = s.number("release_time", 0, 1e4);
+  const std::size_t n = residual_names_.size(), f = feature_names_.size();
+  samples_between_alarms_ = static_cast<double>(n) * kHour / period_ / s.number("false_alarms_per_hour", 1e-9, 1e6);
+  for (const std::string& kind : model_->residual_kinds()) {
+    change_.push_back(s.number("change_" + kind, 1e-9, 1e3));
+    floor_.push_back(s.number("floor_" + kind, 1e-12, 1e3));
+  }
+  capacity_ = static_cast<std::size_t>(window_ / period_) + 2;
+  ring_.assign(capacity_ * f, 0);
+  at_.resize(f);
+  for (auto* v : {&features_, &sum_, &mean_}) v->assign(f, 0);
+  for (auto* v : {&reference_, &residual_, &noise_, &weight_, &tried_, &ahead_}) v->assign(n, 0);
+  tests_.resize(n);
+  useless_.assign(n, false);
+  masked_.assign(n, false);
+  matches_.resize(hypotheses_.size());
+}
+
+void SignatureIsolator::reset() { started_ = false; }
+
+void SignatureIsolator::begin(const Estimate& estimate) {
+  for (std::size_t i = 0; i < at_.size(); ++i) at_[i] = find_quantity(estimate, feature_names_[i]);
+  arming_.find(estimate);
+  started_ = true;
+  learnt_ = armed_ = event_ = false;
+  named_ = -1;
+  learn_count_ = 0;
+  std::fill(sum_.begin(), sum_.end(), 0.0);
+  forget_window();
+}
+
+void SignatureIsolator::forget_window() {
+  for (TwoSidedCusum& test : tests_) test.reset();
+  head_ = filled_ = 0;
+  std::fill_n(ring_.begin(), feature_names_.size(), 0.0);
+  age_ = 0;
+}
+
+void SignatureIsolator::learn() {
+  for (std::size_t i = 0; i < sum_.size(); ++i) sum_[i] += features_[i];
+  learn_count_ += 1;
+  if (learn_count_ * period_ < learn_) return;
+  for (double& sum : sum_) sum /= learn_count_;
+  model_->reference(sum_.data(), reference_.data());
+  learnt_ = true;
+  forget_window();
+}
+
+void SignatureIsolator::set_thresholds() {
+  std::fill(noise_.begin(), noise_.end(), 0.0);
+  mean_ = features_;
+  model_->residuals(mean_.data(), reference_.data(), -1, 0, tried_.data());
+  for (std::size_t f = 0; f < mean_.size(); ++f) {
+    if (feature_noise_[f] == 0) continue;
+    mean_[f] = features_[f] + feature_noise_[f];
+    model_->residuals(mean_.data(), reference_.data(), -1, 0, ahead_.data());
+    mean_[f] = features_[f];
+    for (std::size_t i = 0; i < noise_.size(); ++i) noise_[i] += (ahead_[i] - tried_[i]) * (ahead_[i] - tried_[i]);
+  }
+  for (std::size_t i = 0; i < noise_.size(); ++i) {
+    noise_[i] = std::max(std::sqrt(noise_[i]), 1e-9);
+    useless_[i] = noise_[i] > noise_limit_;
+    tests_[i].allowance = 0.5 * change_[i];
+    if (useless_[i]) continue;
+    // However quiet a residual is, one sample beyond its change is not yet an event.
+    tests_[i].threshold =
+        std::max(change_[i], noise_[i] * siegmund_threshold(0.5 * change_[i] / noise_[i], samples_between_alarms_));
+  }
+}
+
+void SignatureIsolator::remember() {
+  const std::size_t f = features_.size();
+  const std::size_t next = (head_ + 1) % capacity_;
+  for (std::size_t i = 0; i < f; ++i) ring_[next * f + i] = ring_[head_ * f + i] + features_[i];
+  head_ = next;
+  filled_ = std::min(filled_ + 1, capacity_ - 1);
+}
+
+bool SignatureIsolator::watch(const std::vector<bool>& doubted) {
+  model_->residuals(features_.data(), reference_.data(), -1, 0, residual_.data());
+  bool beyond = false;
+  double most = 0;
+  for (std::size_t i = 0; i < tests_.size(); ++i) {
+    masked_[i] = useless_[i];
+    for (const int channel : residual_channels_[i])
+      masked_[i] = masked_[i] || doubted[static_cast<std::size_t>(channel)];
+    if (masked_[i]) {
+      tests_[i].reset();
+      continue;
+    }
+    if (!tests_[i].update(residual_[i])) continue;
+    beyond = true;
+    const double height = std::max(tests_[i].up, tests_[i].down) / tests_[i].threshold;
+    if (!event_ && height > most) {
+      most = height;
+      age_ = tests_[i].steps();
+    }
+  }
+  return beyond;
+}
+
+double SignatureIsolator::weighed(std::size_t h, double size) {
+  model_->residuals(mean_.data(), reference_.data(), static_cast<int>(h), size, tried_.data());
+  double chi2 = 0;
+  for (std::size_t i = 0; i < tried_.size(); ++i) chi2 += weight_[i] * tried_[i] * tried_[i];
+  return chi2;
+}
+
+void SignatureIsolator::match(std::size_t h) {
+  const Hypothesis& hypothesis = hypotheses_[h];
+  Match& m = matches_[h];
+  m.size = 0;
+  m.chi2 = weighed(h, 0);
+  for (int pass = 0; pass < 3; ++pass) {
+    const std::size_t n = tried_.size();
+    model_->residuals(mean_.data(), reference_.data(), static_cast<int>(h), m.size + hypothesis.unit, ahead_.data());
+    double slope = 0, square = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      const double derivative = (ahead_[i] - tried_[i]) / hypothesis.unit;
+      slope += weight_[i] * derivative * tried_[i];
+      square += weight_[i] * derivative * derivative;
+    }
+    if (!(square > 0)) return;
+    m.variance = 1 / square;
+    const double size = std::clamp(m.size - slope / square, hypothesis.low, hypothesis.high);
+    const double chi2 = weighed(h, size);
+    // Not a better fit: the last was the best, and tried_ is that of the worse one.
+    if (!(chi2 < m.chi2)) return;
+    m.size = size;
+    m.chi2 = chi2;
+  }
+}
+
+void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, Finding& finding) {
+  const std::size_t f = features_.size();
+  const std::size_t n = std::min<std::size_t>(std::max<std::uint32_t>(age_, 1), filled_);
+  const std::size_t tail = (head_ + capacity_ - n) % capacity_;
+  for (std::size_t i = 0; i < f; ++i) mean_[i] = (ring_[head_ * f + i] - ring_[tail * f + i]) / static_cast<double>(n);
+  for (std::size_t i = 0; i < weight_.size(); ++i)
+    weight_[i] = masked_[i] ? 0 : 1 / (noise_[i] * noise_[i] / static_cast<double>(n) + floor_[i] * floor_[i]);
+  unexplained_ = weighed(0, 0);
+  for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
+    matches_[h].tried = true;
+    for (const int channel : hypotheses_[h].channels)
+      if (doubted[static_cast<std::size_t>(channel)]) matches_[h].tried = false;
+    if (matches_[h].tried) match(h);
+  }
+  tell(time, finding);
+}
+
+void SignatureIsolator::tell(double time, Finding& finding) {
+  std::size_t best = hypotheses_.size();
+  for (std::size_t h = 0; h < matches_.size(); ++h)
+    if (matches_[h].tried && (best == hypotheses_.size() || matches_[h].chi2 < matches_[best].chi2 - 1e-9)) best = h;
+  if (best == hypotheses_.size()) return;
+  if (!finding.active && unexplained_ - matches_[best].chi2 < significance_) return;
+  std::size_t rivals = 0;
+  double total = 0;
+  for (std::size_t h = 0; h < matches_.size(); ++h) {
+    if (!matches_[h].tried || matches_[h].size == 0) continue;
+    const double behind = matches_[h].chi2 - matches_[best].chi2;
+    total += std::exp(-0.5 * behind);
+    rivals += h != best && behind < rival_;
+  }
+  const double age = age_ * period_;
+  if (!finding.active && rivals >= kFewRivals && age < patience_) return;
+
+  const Hypothesis& h = hypotheses_[best];
+  const Match& m = matches_[best];
+  const bool known = m.chi2 < fit_ * static_cast<double>(tried_.size()) && m.size != 0;
+  if (named_ != static_cast<int>(best)) slope_n_ = slope_t_ = slope_tt_ = slope_a_ = slope_ta_ = slope_aa_ = 0;
+  named_ = known ? static_cast<int>(best) : -1;
+  finding.active = true;
+  finding.since = onset_;
+  finding.equivalent.clear();
+  if (!known) {
+    finding.kind = "unknown";
+    finding.effect = finding.port = "";
+    finding.text = fmt::format("The balances have changed in a way that no single fault explains (nearest: {}@{})",
+                               h.effect, h.port);
+    finding.has_size = false;
+    finding.confidence = 0.5;
+    return;
+  }
+  finding.kind = h.kind;
+  finding.effect = h.effect;
+  finding.port = h.port;
+  finding.text = h.text;
+  if (rivals > kMostRivals) {
+    finding.kind = "unknown";
+    finding.effect = finding.port = "";
+    finding.text =
+        fmt::format("The balances have changed by too little to say what it is (nearest: {}@{})", h.effect, h.port);
+    finding.has_size = false;
+    finding.confidence = 0.5;
+    return;
+  }
+  for (std::size_t other = 0; other < matches_.size(); ++other)
+    if (other != best && matches_[other].tried && matches_[other].size != 0 && matches_[other].chi2 - m.chi2 < rival_) {
+      finding.equivalent.push_back(fmt::format("{}@{}", hypotheses_[other].effect, hypotheses_[other].port));
+      if (hypotheses_[other].kind == "fault") finding.kind = "fault";
+    }
+  if (!finding.equivalent.empty())
+    finding.text += fmt::format("; ambiguous: {{{}@{}, {}}}", h.effect, h.port, fmt::join(finding.equivalent, ", "));
+  finding.confidence = total > 0 ? 1 / total : 1;
+  finding.has_size = true;
+  finding.size_name = h.size_name;
+  finding.size_unit = h.size_unit;
+  const double std = std::sqrt(m.variance + std::pow(relative_error_ * m.size, 2));
+  finding.size = h.shown_from + m.size;
+  finding.low = finding.size - kNinetyPercent * std;
+  finding.high = finding.size + kNinetyPercent * std;
+  if (h.low == 0) finding.low = std::max(finding.low, h.shown_from);
+  if (!h.drift_unit.empty()) tell_drift(time, h, finding);
+}
+
+void SignatureIsolator::tell_drift(double time, const Hypothesis& h, Finding& finding) {
+  const double t = time - onset_, a = finding.size;
+  slope_n_ += 1;
+  slope_t_ += t;
+  slope_tt_ += t * t;
+  slope_a_ += a;
+  slope_ta_ += t * a;
+  slope_aa_ += a * a;
+  if (t < kDriftAge || slope_n_ < 3) return;
+  const double tt = slope_tt_ - slope_t_ * slope_t_ / slope_n_, aa = slope_aa_ - slope_a_ * slope_a_ / slope_n_;
+  const double ta = slope_ta_ - slope_t_ * slope_a_ / slope_n_;
+  if (!(tt > 0) || !(aa > 0) || std::abs(ta) < kStraight * std::sqrt(tt * aa)) return;
+  const double rate = ta / tt;
+  // A step whose window is only filling also rises: a drift goes on by most of what it has become.
+  if (std::abs(rate) * t < 0.5 * std::abs(a)) return;
+  const double spread = std::sqrt(std::max(0.0, aa - ta * ta / tt) / std::max(slope_n_ - 2, 1.0) / tt);
+  finding.effect = "drift";
+  finding.size_name = "rate";
+  finding.size_unit = h.drift_unit;
+  finding.size = rate;
+  const double std = std::sqrt(spread * spread + std::pow(relative_error_ * rate, 2));
+  finding.low = rate - kNinetyPercent * std;
+  finding.high = rate + kNinetyPercent * std;
+  finding.text = fmt::format("{}: this transducer drifts", h.port.substr(h.port.find('.') + 1));
+}
+
+void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool>& doubted, Finding& finding) {
+  if (!started_ || estimate.restarted) {
+    begin(estimate);
+    finding = Finding();
+  }
+  bool finite = true;
+  for (std::size_t i = 0; i < at_.size(); ++i) {
+    features_[i] = estimate.quantities[at_[i]].value;
+    finite = finite && std::isfinite(features_[i]);
+  }
+  if (!finite || !arming_.armed(estimate)) {
+    // What was found stays; what is watched begins anew.
+    if (learnt_) forget_window();
+    armed_ = false;
+    event_ = event_ && finding.active;
+    last_beyond_ = estimate.time;
+    return;
+  }
+  if (!learnt_) {
+    learn();
+    return;
+  }
+  if (!armed_) set_thresholds();
+  armed_ = true;
+  remember();
+  const bool beyond = watch(doubted);
+  if (beyond) last_beyond_ = estimate.time;
+  if (!event_) {
+    if (!beyond) return;
+    event_ = true;
+    onset_ = estimate.time - age_ * period_;
+    raised_from_ = estimate.time;
+  } else {
+    ++age_;
+    if (estimate.time - last_beyond_ > (finding.active ? release_time_ : 0)) {
+      event_ = false;
+      named_ = -1;
+      finding = Finding();
+      return;
+    }
+  }
+  const bool due = finding.active ? age_ % kEvery == 0 : age_ == confirm_ || (age_ > confirm_ && age_ % kEvery == 0);
+  if (beyond && (due || (!finding.active && age_ > confirm_ && estimate.time == raised_from_)))
+    evaluate(estimate.time, doubted, finding);
+}
+
+namespace {
+
+std::unique_ptr<Isolator> make(const Datasheet& sheet, const StageSpec& spec) {
+  return std::make_unique<SignatureIsolator>(sheet, spec);
+}
+
+FAULTLINE_ISOLATOR(signatures, {"signatures", make});
+
+}  // namespace
+
+}  // namespace faultline

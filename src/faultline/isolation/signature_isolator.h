@@ -1,0 +1,81 @@
+// Isolation by signatures: which single fault, and of which size, explains what the balances of a rig show.
+// Sources: Basseville, Nikiforov, Detection of Abrupt Changes (1993), chapters 2 and 7; Gertler, Fault Detection and Diagnosis in
+// Engineering Systems (1998), chapter 3.
+//
+// 1. Once armed, mean features of `learn` s give the reference. It is kept from one operating point to the next.
+// 2. Whenever it arms, the noise sigma_i of each residual follows from that of the features at the operating point there is; a residual
+//    of more than `noise_limit` is left out. A two-sided CUSUM (cusum.h) on each, its threshold from sigma_i and
+//    false_alarms_per_hour over all of them (run_length.h), starts an event; the CUSUM says when it began.
+// 3. From then on, features are averaged over the n samples since (at most `window` s, the latest). For every hypothesis h
+//      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2)      (two Gauss-Newton steps)
+//    floor_i stands for what the balances themselves get wrong. The least chi2_h names the fault; all within `rival` of it are
+//    told as equivalent; a least chi2_h above `fit` per residual is an unknown fault.
+// 4. A sensor's offset that grows in proportion to the time since the beginning is a drift.
+// The finding is given at `confirm` samples if at most three hypotheses are left, else at `patience` s, and then as unknown if
+// there are still more than six; not at all while nothing fits better than "no change" by `significance`. It is sharpened as samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its threshold.
+// One fault at a time: two at once are named as the one that fits best, or as unknown. A fault that is there from the start is
+// learnt as normal.
+// Settings: stage, model, armed_by, armed_above, learn, false_alarms_per_hour, noise_limit, window, confirm, patience, rival,
+// significance, fit, relative_error (of a size, from tolerances), release_time; change_KIND and floor_KIND for each kind of residual of the model.
+#pragma once
+
+#include <cstddef>
+
+#include "faultline/detectors/arming.h"
+#include "faultline/detectors/cusum.h"
+#include "faultline/isolation/balance_model.h"
+#include "faultline/isolation/isolator.h"
+
+namespace faultline {
+
+class SignatureIsolator : public Isolator {
+ public:
+  SignatureIsolator(const Datasheet& sheet, const StageSpec& spec);
+
+  void reset() override;
+  void process(const Estimate& estimate, const std::vector<bool>& doubted, Finding& finding) override;
+
+ private:
+  struct Match {
+    double size = 0, variance = 0, chi2 = 0;
+    bool tried = false;
+  };
+  void begin(const Estimate& estimate);
+  void forget_window();
+  void learn();
+  void set_thresholds();  // at the operating point of features_
+  bool watch(const std::vector<bool>& doubted);
+  void remember();
+  void evaluate(double time, const std::vector<bool>& doubted, Finding& finding);
+  void match(std::size_t h);
+  double weighed(std::size_t h, double size);  // residuals into tried_; returns chi2
+  void tell(double time, Finding& finding);
+  void tell_drift(double time, const Hypothesis& h, Finding& finding);
+
+  std::unique_ptr<BalanceModel> model_;
+  std::vector<std::string> feature_names_, residual_names_;
+  std::vector<std::vector<int>> residual_channels_;
+  std::vector<Hypothesis> hypotheses_;
+  Arming arming_;
+  double period_, learn_, samples_between_alarms_, window_, patience_, noise_limit_, rival_, significance_, fit_,
+      relative_error_, release_time_;
+  std::uint32_t confirm_;
+  std::vector<double> change_, floor_;
+
+  bool started_ = false, learnt_ = false, armed_ = false, event_ = false;
+  std::vector<std::size_t> at_;
+  std::vector<double> features_, sum_, reference_, residual_, noise_, feature_noise_;
+  std::vector<TwoSidedCusum> tests_;
+  std::vector<bool> useless_, masked_;  // too noisy here; or resting on a doubted channel
+  std::vector<double> ring_;            // running sums of the features, capacity_ rows
+  std::size_t capacity_, head_ = 0, filled_ = 0;
+  double learn_count_ = 0, onset_ = 0, raised_from_ = 0, last_beyond_ = 0;
+  std::uint32_t age_ = 0;  // samples since the event began
+  std::vector<double> mean_, weight_, tried_, ahead_;
+  std::vector<Match> matches_;
+  int named_ = -1;
+  double unexplained_ = 0;                                                                       // chi2 of no change
+  double slope_n_ = 0, slope_t_ = 0, slope_tt_ = 0, slope_a_ = 0, slope_ta_ = 0, slope_aa_ = 0;  // of size against time
+};
+
+}  // namespace faultline
