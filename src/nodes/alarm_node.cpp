@@ -13,12 +13,9 @@ int main(int argc, char** argv) {
     if (sheet.estimators.empty())
       throw InputError(
           fmt::format("{}: the datasheet names no estimator; this rig cannot be diagnosed yet", sheet.file));
-    std::vector<std::string> stages;
-    for (const StageSpec& spec : sheet.estimators) stages.push_back(spec.name);
-    const std::string stage = parameters.choice("stage", stages.front(), stages);
     const double patience = parameters.number("patience", 0.5, 0, 60);
     parameters.check_used();
-    AlarmPublisher publisher(sheet, stage, patience);
+    AlarmPublisher publisher(sheet, patience);
     ros::spin();
     return 0;
   });

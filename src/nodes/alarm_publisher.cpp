@@ -74,10 +74,10 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report) {
   return array;
 }
 
-AlarmPublisher::AlarmPublisher(const Datasheet& sheet, const std::string& stage, double patience)
+AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience)
     : sheet_(sheet),
-      name_(stage),
       stage_(sheet),
+      join_(sheet.estimators.size()),
       monitor_(sequence_settings(sheet)),
       silence_(patience),
       health_(sheet.rig, "alarms", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }) {
@@ -98,7 +98,9 @@ double AlarmPublisher::simulated_seconds() const {
 }
 
 void AlarmPublisher::take(const faultline_msgs::Estimate& message) {
-  if (message.stage != name_) {
+  const auto from = std::find_if(sheet_.estimators.begin(), sheet_.estimators.end(),
+                                 [&](const StageSpec& spec) { return spec.name == message.stage; });
+  if (from == sheet_.estimators.end()) {
     ++other_stage_;
     return;
   }
@@ -110,9 +112,13 @@ void AlarmPublisher::take(const faultline_msgs::Estimate& message) {
     ++bad_;
     return;
   }
-  monitor_.observe(estimate.sequence, estimate.time);
-  stage_.process(estimate);
-  silence_.arrived(estimate.time, steady_seconds(), simulated_seconds());
+  const double time = estimate.time;
+  const std::uint64_t sequence = estimate.sequence;
+  const auto stage = static_cast<std::size_t>(from - sheet_.estimators.begin());
+  if (!join_.add(stage, std::move(estimate), estimates_of_sample_)) return;
+  monitor_.observe(sequence, time);
+  stage_.process(estimates_of_sample_);
+  silence_.arrived(time, steady_seconds(), simulated_seconds());
   if (stage_.changes() != published_changes_) publish();
 }
 
@@ -144,6 +150,7 @@ void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   tell_counts(counts, told_, status);
   status.add("not understood", bad_);
   status.add("of other stages", other_stage_);
+  status.add("samples that an estimator left out", join_.dropped());
   if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some estimates do not fit this rig");
   if (silent)
     status.mergeSummary(DiagnosticStatus::WARN,

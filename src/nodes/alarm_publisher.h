@@ -5,11 +5,13 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <ros/node_handle.h>
 
 #include "faultline/alarms/alarm_stage.h"
+#include "faultline/alarms/estimate_join.h"
 #include "faultline/signal/sequence_monitor.h"
 #include "nodes/messages.h"
 #include "nodes/node_health.h"
@@ -23,8 +25,8 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report);
 
 class AlarmPublisher {
  public:
-  // Listens to the estimates of `stage`. `patience`: s, see SilenceWatch.
-  AlarmPublisher(const Datasheet& sheet, const std::string& stage, double patience);
+  // Listens to the estimates of all the rig's estimators. `patience`: s, see SilenceWatch.
+  AlarmPublisher(const Datasheet& sheet, double patience);
 
  private:
   void take(const faultline_msgs::Estimate& message);
@@ -34,8 +36,9 @@ class AlarmPublisher {
   double simulated_seconds() const;
 
   const Datasheet& sheet_;
-  std::string name_;
   AlarmStage stage_;
+  EstimateJoin join_;
+  std::vector<Estimate> estimates_of_sample_;
   SequenceMonitor monitor_;
   SilenceWatch silence_;
   ros::NodeHandle node_;

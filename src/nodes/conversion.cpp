@@ -28,6 +28,7 @@ faultline_msgs::Alarm to_message(const Alarm& alarm) {
   message.size_high = alarm.high;
   message.confidence = alarm.confidence;
   message.text = alarm.text;
+  message.equivalent = alarm.equivalent;
   return message;
 }
 
@@ -51,6 +52,7 @@ Alarm from_message(const faultline_msgs::Alarm& message) {
   alarm.high = message.size_high;
   alarm.confidence = message.confidence;
   alarm.text = message.text;
+  alarm.equivalent = message.equivalent;
   return alarm;
 }
 

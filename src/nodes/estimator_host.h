@@ -1,9 +1,10 @@
-// Hosts one estimator stage of a rig: /RIG/sample in, /RIG/estimate out, the service ~reset. Only header stamps matter:
-// the same stage fed offline with the same samples gives the same estimates.
+// Hosts the estimator stages of one family of a rig: /RIG/sample in, /RIG/estimate out (one message a stage and sample), the
+// service ~reset. Only header stamps matter: the same stages fed offline with the same samples give the same estimates.
 #pragma once
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include <ros/node_handle.h>
 #include <std_srvs/Trigger.h>
@@ -15,10 +16,12 @@
 
 namespace faultline {
 
+enum class EstimatorFamily { kalman, least_squares };
+
 class EstimatorHost {
  public:
-  // `stage`: of the datasheet's estimators; empty: its first. Throws InputError that lists the stages there are.
-  EstimatorHost(const Datasheet& sheet, const std::string& stage);
+  // `stage`: of the datasheet's estimators of this family; empty: all of them. Throws InputError that lists the stages there are.
+  EstimatorHost(const Datasheet& sheet, EstimatorFamily family, const std::string& stage);
   // Subscribes once /RIG/estimate has `wait_for` subscribers, so that they miss nothing.
   void start(int wait_for);
 
@@ -28,9 +31,12 @@ class EstimatorHost {
   void tell(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   const Datasheet& sheet_;
-  EstimatorStage stage_;
-  EstimateNames names_;
-  Estimate estimate_;
+  struct Hosted {
+    EstimatorStage stage;
+    EstimateNames names;
+    Estimate estimate;
+  };
+  std::vector<Hosted> hosted_;
   ros::NodeHandle node_, private_node_;
   ros::Publisher estimates_;
   ros::ServiceServer service_;

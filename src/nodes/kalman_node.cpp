@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
     const std::string stage = parameters.word("stage", "");
     const int wait_for = static_cast<int>(parameters.integer("wait_for", 0, 0, 100));
     parameters.check_used();
-    EstimatorHost node(sheet, stage);
+    EstimatorHost node(sheet, EstimatorFamily::kalman, stage);
     node.start(wait_for);
     ros::spin();
     return 0;

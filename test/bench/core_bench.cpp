@@ -8,6 +8,7 @@
 #include "count_allocations.h"
 #include "faultline/alarms/alarm_stage.h"
 #include "faultline/estimators/estimator_stage.h"
+#include "faultline/estimators/state_estimator.h"
 #include "servo_runs.h"
 
 namespace faultline {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <map>
 
 #include "detectors/estimates.h"
 #include "faultline/detectors/persistence.h"
@@ -17,8 +18,43 @@ std::vector<std::string> types() {
   return names;
 }
 
+// Detectors that the servo actuator does not use, on signals of sigma one.
+const std::map<std::string, Settings>& further() {
+  static const std::map<std::string, Settings> all = {
+      {"cusum",
+       {"test",
+        {{"change", 8}, {"threshold_changes", 3}, {"reference", 0}, {"minimum_time", 0.5}, {"release_time", 3}},
+        {},
+        {{"quantity", "shifting"}}}},
+      {"redline",
+       {"test",
+        {{"margin", 10}, {"expected", 0}, {"minimum_time", 0.5}, {"release_time", 3}},
+        {},
+        {{"quantity", "shifting"}}}},
+      {"innovation_test",
+       {"test",
+        {{"window", 100},
+         {"noise", 1},
+         {"period", 1e-3},
+         {"false_alarms_per_hour", 1e-3},
+         {"minimum_time", 0.5},
+         {"release_time", 3}},
+        {},
+        {{"quantity", "shifting"}}}},
+      {"frozen", {"test", {{"count", 10}, {"release_time", 3}}, {}, {{"quantity", "dying"}}}},
+      {"noisy",
+       {"test",
+        {{"noise", 1}, {"limit", 3}, {"window", 10}, {"minimum_time", 0.5}, {"release_time", 3}},
+        {},
+        {{"quantity", "roughening"}}}},
+  };
+  return all;
+}
+
 // The first stage of the sheet that uses the type.
 StageSpec stage(const std::string& type) {
+  const auto found = further().find(type);
+  if (found != further().end()) return {type, type, found->second};
   for (const StageSpec& spec : servo().detectors)
     if (spec.type == type) return spec;
   throw InputError("the servo actuator's sheet has no detector of type " + type);

@@ -1,10 +1,18 @@
 // Estimates made by hand: a rig on which nothing is the matter, and one on which everything is.
 #pragma once
 
+#include <cmath>
+
 #include "faultline/detectors/detector.h"
 #include "servo_runs.h"
 
 namespace faultline {
+
+// A white signal of sigma one, always the same at the same time.
+inline double white(double time) {
+  const double x = std::sin(std::fmod(time * 12989.8, 6.283185307179586)) * 43758.5453;
+  return (x - std::floor(x) - 0.5) * std::sqrt(12.0);
+}
 
 inline Estimate quiet(double time) {
   Estimate estimate;
@@ -16,7 +24,10 @@ inline Estimate quiet(double time) {
                          {"friction_force", "N", 0, 0},
                          {"pressure_parity", "Pa", 0, 0},
                          {"pressure_sum", "Pa", 0, 0},
-                         {"leak_drive", "sqrt(Pa)", 800, 0}};
+                         {"leak_drive", "sqrt(Pa)", 800, 0},
+                         {"shifting", "1", white(time), 0},
+                         {"dying", "1", white(time), 0},
+                         {"roughening", "1", white(time), 0}};
   return estimate;
 }
 
@@ -26,6 +37,9 @@ inline Estimate loud(double time) {
   estimate.quantities[0].value = 2e-8;
   estimate.quantities[3].value = 1e5;
   estimate.quantities[4].value = -2e6;
+  estimate.quantities[6].value += 30;
+  estimate.quantities[7].value = 0.25;
+  estimate.quantities[8].value *= 30;
   return estimate;
 }
 

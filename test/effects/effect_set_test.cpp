@@ -1,6 +1,8 @@
 // The effects of a rig by port: what is refused, how they chain, how they grow, and that a seed fixes them.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include <string>
 #include <vector>
 
@@ -62,6 +64,21 @@ TEST(EffectSet, RefusesASpecThatNoTextCouldGive) {
   EXPECT_THROW(check_effect(bench(), spec), InputError);
   spec.effect = "no_such_effect";
   EXPECT_THROW(check_effect(bench(), spec), InputError);
+}
+
+TEST(EffectSpec, SwellsComeAndGoWithinTheirTime) {
+  const EffectSpec spec = parse_effect("scale@command.valve:factor=1.1,from=30,to=50,swells=2");
+  EXPECT_EQ(growth(spec, 29), 0);
+  EXPECT_NEAR(growth(spec, 32.5), 0.5, 1e-12);
+  EXPECT_NEAR(growth(spec, 35), 1, 1e-12);
+  EXPECT_NEAR(growth(spec, 40), 0, 1e-12);
+  EXPECT_NEAR(growth(spec, 46), 0.5 * (1 - std::cos(2 * 3.14159265358979323846 * 1.6)), 1e-12);
+  EXPECT_EQ(growth(spec, 50), 0);
+  EXPECT_EQ(growth(spec, 60), 0);
+  EXPECT_EQ(to_string(spec), "scale@command.valve:factor=1.1,from=30,to=50,swells=2");
+  for (const char* wrong : {"from=1,to=2,swells=0", "from=1,to=2,swells=1.5", "from=1,swells=1", "to=2,swells=1",
+                            "from=1,to=2,swells=many", "from=1,to=2,swells=1e9"})
+    EXPECT_THROW(parse_effect(std::string("scale@command.valve:factor=1.1,") + wrong), InputError) << wrong;
 }
 
 TEST(EffectSet, EmptyPortChangesNothing) {

@@ -54,6 +54,14 @@ class LinearModel : public ProcessModel {
     Eigen::Map<Eigen::VectorXd>(y, c.rows()).noalias() = c.lazyProduct(Eigen::Map<const Eigen::VectorXd>(x, a.rows()));
   }
   std::vector<int> observed_states() const override { return selecting_ ? measured_channels() : std::vector<int>(); }
+  bool jacobian(const double*, double, double* out) const override {
+    Eigen::Map<Eigen::Matrix<double, -1, -1, Eigen::RowMajor>>(out, a.rows(), a.cols()) = a;
+    return true;
+  }
+  bool observe_jacobian(const double*, double* out) const override {
+    Eigen::Map<Eigen::Matrix<double, -1, -1, Eigen::RowMajor>>(out, c.rows(), c.cols()) = c;
+    return true;
+  }
   void quantities(const double*, const double*, const double*, std::vector<Quantity>&) const override {}
 
   Eigen::MatrixXd a, c;

@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 
 #include "faultline/estimators/estimator_stage.h"
+#include "faultline/estimators/state_estimator.h"
 #include "servo_runs.h"
 
 namespace faultline {

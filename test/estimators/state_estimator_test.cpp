@@ -173,7 +173,12 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{"divided_difference_2", 6, 4, true}, Case{"divided_difference_2", 6, 4, false},
                       Case{"divided_difference_2", 4, 2, true}, Case{"divided_difference_2", 3, 3, false},
                       Case{"divided_difference_1", 11, 5, true}, Case{"divided_difference_2", 11, 5, true},
-                      Case{"divided_difference_2", 11, 5, false}, Case{"divided_difference_2", 16, 8, false}));
+                      Case{"divided_difference_2", 11, 5, false}, Case{"divided_difference_2", 16, 8, false},
+                      Case{"extended_kalman", 6, 4, true}, Case{"extended_kalman", 6, 4, false},
+                      Case{"extended_kalman", 10, 5, true}, Case{"extended_kalman", 16, 8, false},
+                      Case{"unscented_kalman", 3, 3, false}, Case{"unscented_kalman", 6, 4, true},
+                      Case{"unscented_kalman", 6, 4, false}, Case{"unscented_kalman", 10, 5, true},
+                      Case{"unscented_kalman", 16, 8, false}));
 
 TEST(DividedDifference, SecondOrderBeatsFirstOnASquare) {
   // y = x^2 with a wide first guess: the first order misses E(y) = x^2 + P and trusts its answer too much. Known in closed form for
@@ -217,6 +222,47 @@ TEST(DividedDifference, SecondOrderBeatsFirstOnASquare) {
   }
   EXPECT_LT(excess2, 0.1 * excess1);  // how far it is from what it believes
   EXPECT_LT(error2, 0.5 * error1);
+}
+
+TEST(UnscentedKalman, OnASquareItKnowsWhatTheSecondOrderKnows) {
+  // The same closed form as above: with one state the points match the fourth moment.
+  SquareModel model;
+  const auto filter = make_state_estimator("unscented_kalman", model);
+  const double x0 = 1, p0 = 0.09, y = 1.3;
+  const bool use = true;
+  filter->reset(&x0, &p0);
+  filter->correct(&y, &use);
+  EXPECT_NEAR(filter->innovation()[0], y - 1 - 0.09, 1e-12);
+  EXPECT_NEAR(filter->innovation_std()[0], std::sqrt(4 * 0.09 + 2 * 0.0081 + 1e-4), 1e-12);
+}
+
+TEST(ExtendedKalman, RefusesAModelWithoutJacobian) {
+  SquareModel model;
+  EXPECT_THROW(make_state_estimator("extended_kalman", model), InputError);
+}
+
+// A random walk driven by one measured input: the noise of that input must reach the state through G.
+class DrivenModel : public LinearModel {
+ public:
+  DrivenModel() : LinearModel(2, 1, true, 3) {}
+  std::vector<double> input_noise() const override { return {0.25}; }
+  void input_jacobian(const double*, double, double* g) const override { g[0] = 2, g[1] = -1; }
+};
+
+TEST(InputNoise, IsMappedThroughG) {
+  DrivenModel driven;
+  for (const char* type : {"extended_kalman", "unscented_kalman"}) {
+    const auto filter = make_state_estimator(type, driven);
+    filter->reset(driven.first.data(), driven.variance.data());
+    filter->predict(1e-3, 1);
+    Eigen::Matrix2d p, q = Eigen::Vector2d(driven.q[0], driven.q[1]).asDiagonal();
+    Eigen::Matrix<double, 2, 2, Eigen::RowMajor> heard;
+    filter->covariance(heard.data());
+    const Eigen::Vector2d g(2, -1);
+    p = driven.a * Eigen::Vector2d(driven.variance[0], driven.variance[1]).asDiagonal() * driven.a.transpose() + q +
+        0.25 * g * g.transpose();
+    EXPECT_LT((heard - p).cwiseAbs().maxCoeff(), 1e-12) << type;
+  }
 }
 
 TEST(StateEstimator, UnknownTypeIsRefusedWithTheKnownOnes) {

@@ -82,7 +82,7 @@ inputs:
 controllers:
   level_control: {gain: 2, period: 1}
 profiles:
-  - {name: steps, controller: level_control, shape: steps, duration: 10, low: 0, high: 1, shortest: 1, longest: 2, meaning: steps}
+  - {name: steps, controller: level_control, shape: steps, duration: 10, low: 0, high: 1, shortest: 1, longest: 2, second: {shape: constant, value: 3}, inputs: {supply: 4.0e+5}, meaning: steps}
 faults:
   - {name: leak, meaning: leak at a, profile: steps, effects: ["orifice_leakage@flow.a_ambient:coefficient=1e-3,from=2,to=4"]}
   - {name: opened, meaning: valve opens, commands: {valve: {time: [1, 2], value: [0, 5]}}}
@@ -122,6 +122,9 @@ TEST_F(SmallDatasheet, IsRead) {
   EXPECT_TRUE(sheet.parameters[2].identify);
   EXPECT_EQ(sheet.port("sensor.inflow").channel, "supply");
   EXPECT_EQ(sheet.port("flow.b_ambient").kind, PortKind::flow);
+  EXPECT_EQ(sheet.profile("steps").second_shape, "constant");
+  EXPECT_EQ(sheet.profile("steps").second_settings.number("value", 0, 9), 3);
+  EXPECT_EQ(sheet.profile("steps").inputs.at("supply"), 4e5);
   EXPECT_EQ(sheet.fault("leak").effects.at(0), "orifice_leakage@flow.a_ambient:coefficient=1e-3,from=2,to=4");
   EXPECT_EQ(sheet.estimators.at(0).settings.word("kind"), "fast");
   EXPECT_EQ(sheet.estimators.at(0).settings.list("gains", 2, 0, 9), (std::vector<double>{1, 2}));
@@ -218,9 +221,14 @@ const Case kCases[] = {
     {"shape: steps", "shape: zigzag", "profiles[0]", "no excitation shape 'zigzag'"},
     {"duration: 10", "duration: 0", "profiles[0].duration", "out of range"},
     {"low: 0, high", "low: deep, high", "profiles[0]", "'low' must be a number"},
+    {"{shape: constant", "{form: constant", "profiles[0].second", "lacks the key 'shape'"},
+    {"shape: constant, value: 3", "shape: constant, level: 3", "profiles[0].second", "'value' is missing"},
+    {"shape: constant", "shape: zigzag", "profiles[0].second", "no excitation shape 'zigzag'"},
+    {"{supply: 4.0e+5}", "{valve: 4.0e+5}", "profiles[0].inputs.valve", "role input"},
+    {"{supply: 4.0e+5}", "{supply: high}", "profiles[0].inputs.supply", "text"},
     {"orifice_leakage@flow.a_", "orifice_leakage@flow.c_", "faults[0].effects[0]", "ports are command.valve"},
     {"orifice_leakage@", "laminar_leakage@", "faults[0].effects[0]", "there are orifice_leakage"},
-    {"coefficient=1e-3", "size=1e-3", "faults[0].effects[0]", "allowed are from, to, coefficient"},
+    {"coefficient=1e-3", "size=1e-3", "faults[0].effects[0]", "allowed are from, to, swells, coefficient"},
     {"coefficient=1e-3", "coefficient=big", "faults[0].effects[0]", "not a number"},
     {":coefficient=1e-3,from=2,to=4", "", "faults[0].effects[0]", "write effect@port"},
     {"profile: steps", "profile: waves", "faults[0].profile", "profiles are steps"},

@@ -8,6 +8,8 @@
 namespace faultline {
 namespace {
 
+constexpr double kFaultRows = 12000;  // samples, by which every rig has been moved, and fired on
+
 std::vector<std::string> rigs() {
   std::vector<std::string> names;
   for (const RigType& type : rig_types()) names.push_back(type.name);
@@ -55,10 +57,11 @@ TEST_P(EveryRig, EveryFaultSimulatesAndShows) {
     SimulationSetup setup;
     setup.noise = false;
     setup.profile = fault.profile;
-    // Over before it began: the fault at once, at full size.
+    // Over before it began: the fault at once, at full size. A stuck channel sticks as soon as it may move.
     for (const std::string& text : fault.effects) {
       EffectSpec spec = parse_effect(text);
       spec.from = spec.to = 0;
+      if (spec.effect == "stuck") spec.parameters[0] = 0.1;
       setup.effects.push_back(spec);
     }
     for (CommandTable table : fault.commands) {
@@ -71,7 +74,7 @@ TEST_P(EveryRig, EveryFaultSimulatesAndShows) {
     SimulationSetup plain;
     plain.noise = false;
     plain.profile = fault.profile;
-    const double duration = 3000 * sheet_.sample_period;
+    const double duration = kFaultRows * sheet_.sample_period;
     const Recording a = simulate(sheet_, setup, duration), b = simulate(sheet_, plain, duration);
     double apart = 0;
     for (std::size_t k = 0; k < a.rows(); ++k)

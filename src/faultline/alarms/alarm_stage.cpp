@@ -19,6 +19,20 @@ std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
   return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
 }
 
+std::vector<std::string> split(const std::string& text) {
+  std::vector<std::string> words;
+  std::string word;
+  for (const char c : text + ",") {
+    if (c != ',') {
+      if (c != ' ') word += c;
+    } else if (!word.empty()) {
+      words.push_back(word);
+      word.clear();
+    }
+  }
+  return words;
+}
+
 bool yes_or_no(const StageSpec& spec, const std::string& key, bool fallback) {
   const std::string word = spec.settings.word_or(key, fallback ? "yes" : "no");
   if (word != "yes" && word != "no")
@@ -54,7 +68,10 @@ AlarmStage::AlarmStage(const Datasheet& sheet)
     w.withholds = w.kind == "unknown" && yes_or_no(spec, "withholds_faults", true);
     if (w.kind == "sensor")
       for (const Port& port : sheet_.ports)
-        if (port.name == w.port && port.kind == PortKind::sensor) w.channel = sheet_.channel(port.channel);
+        if (port.name == w.port && port.kind == PortKind::sensor)
+          w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(port.channel)));
+    for (const std::string& channel : split(spec.settings.word_or("doubts", "")))
+      w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
     w.detector = make_detector(spec);
     spec.settings.check_used();
     watched_.push_back(std::move(w));
@@ -209,8 +226,17 @@ void AlarmStage::detect(const Estimate* estimates) {
   for (Watched& w : watched_) {
     w.detector->process(estimates[w.stage], w.detection);
     if (w.withholds && w.detection.active) model_fits = false;
-    if (w.channel >= 0 && w.detection.active) doubted_[static_cast<std::size_t>(w.channel)] = true;
+    if (w.detection.active && w.kind == "sensor")
+      for (const std::size_t channel : w.doubts) doubted_[channel] = true;
   }
+  // A fault that shows in a transducer which is itself off is none.
+  for (Watched& w : watched_)
+    if (w.detection.active && w.kind == "fault" && w.alarm < 0)
+      for (const std::size_t channel : w.doubts)
+        if (doubted_[channel]) w.detection.active = false;
+  for (Watched& w : watched_)
+    if (w.detection.active && w.kind == "fault")
+      for (const std::size_t channel : w.doubts) doubted_[channel] = true;
   isolate(estimates);
   for (const Isolated& i : isolated_)
     if (i.isolator->overrules() && i.finding.active) model_fits = true;

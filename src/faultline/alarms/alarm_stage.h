@@ -3,7 +3,8 @@
 //
 // A detector or isolator reads the estimates of one of the rig's estimators: `stage`, by default the first. A detector whose
 // `withholds_faults` is no (a redline) says unknown without speaking against the model. Sensors that a detector or the data
-// already found off are named to the isolators, which leave them out. An isolator's alarm changes its place and size as it learns.
+// already found off are named to the isolators, which leave them out; so are the channels that a detector of a fault lists in `doubts`,
+// with commas between; where one of those is itself off, that fault is not raised. An isolator's alarm changes its place and size as it learns.
 // An isolator that overrules weighed every fault of the datasheet: while it names one, detections of faults, of sensors without an
 // effect and of unknown trouble that it does not confirm are not told, nor is an alarm twice; a detected fault waits for its judgement.
 //
@@ -47,7 +48,7 @@ class AlarmStage {
     std::string name, kind, effect, port, text;
     std::size_t stage = 0;  // whose estimates it reads
     bool withholds = true;
-    int channel = -1;  // whose transducer it says is off
+    std::vector<std::size_t> doubts;  // channels that isolators leave out while it is active
     std::unique_ptr<Detector> detector;
     Detection detection;
     int alarm = -1;  // index into report_.alarms while active

@@ -23,6 +23,8 @@ struct Hypothesis {
   double low = 0, high = 0;   // allowed sizes
   std::vector<int> channels;  // of the rig: not sought while one of these is already known to be off
   std::string drift_unit;     // of a sensor's offset per second; empty: a slow change of this is not a drift
+  double rise = -1;           // s, time constant with which a step of it shows; -1: not told apart by that
+  int feature = -1;           // what the sensor itself shows; -1: whether it is stuck cannot be seen
   double shown_from = 0;      // the effect's no-effect value: what is told is this plus the size
 };
 
@@ -39,6 +41,9 @@ class BalanceModel {
   virtual std::vector<std::vector<int>> residual_channels() const = 0;
   // Coefficients at the balances, from mean features of a healthy rig; `reference` has one entry per residual.
   virtual void reference(const double* features, double* reference) const = 0;
+  // What the change of the operating point since `learnt` may do to each residual because the balances are only nearly right; one
+  // sigma, zero at the same point.
+  virtual void errors(const double* features, const double* learnt, double* error) const = 0;
   // hypothesis -1: as measured.
   virtual void residuals(const double* features, const double* reference, int hypothesis, double size,
                          double* result) const = 0;

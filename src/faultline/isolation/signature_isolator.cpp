@@ -17,7 +17,15 @@ constexpr double kHour = 3600;          // s
 constexpr std::uint32_t kEvery = 20;    // samples from one evaluation to the next
 constexpr std::size_t kFewRivals = 3;   // hypotheses left, with which an event is told at once
 constexpr std::size_t kMostRivals = 6;  // beyond these it says nothing to name one
+constexpr double kErrors = 2;           // sigmas of a balance's own error that are no change
 constexpr double kDriftAge = 2;         // s of an event before its course says anything
+constexpr double kCourseAge = 0.9;      // of the window: when the course of an event is judged
+constexpr double kEarly = 0.02;         // s
+constexpr double kPlateau = 0.1;        // s at the end and in the middle, that must agree
+constexpr double kCourseMiss = 0.35;    // that the early share may be off
+constexpr double kCourseCost = 100;     // chi-squared that a wrong course adds
+constexpr double kMoved = 4;            // sigmas by which sizes must scatter to show a stuck sensor
+constexpr double kStill = 0.15;         // of that, which a stuck sensor's own reading may scatter
 constexpr double kStraight = 0.9;       // correlation of size and time from which it is a ramp
 
 }  // namespace
@@ -51,8 +59,8 @@ SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& sp
   capacity_ = static_cast<std::size_t>(window_ / period_) + 2;
   ring_.assign(capacity_ * f, 0);
   at_.resize(f);
-  for (auto* v : {&features_, &sum_, &mean_}) v->assign(f, 0);
-  for (auto* v : {&reference_, &residual_, &noise_, &weight_, &tried_, &ahead_}) v->assign(n, 0);
+  for (auto* v : {&features_, &sum_, &mean_, &window_mean_}) v->assign(f, 0);
+  for (auto* v : {&reference_, &residual_, &noise_, &error_, &weight_, &tried_, &ahead_}) v->assign(n, 0);
   tests_.resize(n);
   useless_.assign(n, false);
   masked_.assign(n, false);
@@ -77,6 +85,8 @@ void SignatureIsolator::forget_window() {
   head_ = filled_ = 0;
   std::fill_n(ring_.begin(), feature_names_.size(), 0.0);
   age_ = 0;
+  course_ = -1;
+  course_known_ = false;
 }
 
 void SignatureIsolator::learn() {
@@ -100,14 +110,16 @@ void SignatureIsolator::set_thresholds() {
     mean_[f] = features_[f];
     for (std::size_t i = 0; i < noise_.size(); ++i) noise_[i] += (ahead_[i] - tried_[i]) * (ahead_[i] - tried_[i]);
   }
+  model_->errors(features_.data(), sum_.data(), error_.data());
   for (std::size_t i = 0; i < noise_.size(); ++i) {
     noise_[i] = std::max(std::sqrt(noise_[i]), 1e-9);
     useless_[i] = noise_[i] > noise_limit_;
-    tests_[i].allowance = 0.5 * change_[i];
+    const double allowance = 0.5 * change_[i] + kErrors * error_[i];
+    tests_[i].allowance = allowance;
     if (useless_[i]) continue;
     // However quiet a residual is, one sample beyond its change is not yet an event.
     tests_[i].threshold =
-        std::max(change_[i], noise_[i] * siegmund_threshold(0.5 * change_[i] / noise_[i], samples_between_alarms_));
+        std::max(change_[i], noise_[i] * siegmund_threshold(allowance / noise_[i], samples_between_alarms_));
   }
 }
 
@@ -180,7 +192,10 @@ void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, 
   const std::size_t tail = (head_ + capacity_ - n) % capacity_;
   for (std::size_t i = 0; i < f; ++i) mean_[i] = (ring_[head_ * f + i] - ring_[tail * f + i]) / static_cast<double>(n);
   for (std::size_t i = 0; i < weight_.size(); ++i)
-    weight_[i] = masked_[i] ? 0 : 1 / (noise_[i] * noise_[i] / static_cast<double>(n) + floor_[i] * floor_[i]);
+    weight_[i] =
+        masked_[i]
+            ? 0
+            : 1 / (noise_[i] * noise_[i] / static_cast<double>(n) + floor_[i] * floor_[i] + error_[i] * error_[i]);
   unexplained_ = weighed(0, 0);
   for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
     matches_[h].tried = true;
@@ -188,7 +203,45 @@ void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, 
       if (doubted[static_cast<std::size_t>(channel)]) matches_[h].tried = false;
     if (matches_[h].tried) match(h);
   }
+  window_mean_ = mean_;
+  judge_course();
+  if (course_known_)
+    for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
+      const double rise = hypotheses_[h].rise;
+      if (rise < 0) continue;
+      // What a step of it would have shown in the first moments.
+      const double share = rise == 0 ? 1 : 1 - rise / kEarly * (1 - std::exp(-kEarly / rise));
+      if (std::abs(course_ - share) > kCourseMiss) matches_[h].chi2 += kCourseCost;
+    }
   tell(time, finding);
+}
+
+double SignatureIsolator::window_residual(std::size_t row, std::size_t from, std::size_t to) {
+  const std::size_t f = features_.size();
+  const std::size_t tail = (head_ + capacity_ - from) % capacity_, front = (head_ + capacity_ - to) % capacity_;
+  for (std::size_t i = 0; i < f; ++i)
+    mean_[i] = (ring_[front * f + i] - ring_[tail * f + i]) / static_cast<double>(from - to);
+  model_->residuals(mean_.data(), reference_.data(), -1, 0, ahead_.data());
+  return ahead_[row];
+}
+
+void SignatureIsolator::judge_course() {
+  // Judged once an event, while the window still reaches back to its beginning.
+  const std::size_t age = age_, early = static_cast<std::size_t>(kEarly / period_);
+  const std::size_t plateau = static_cast<std::size_t>(kPlateau / period_);
+  if (course_ >= 0 || age > filled_ || static_cast<double>(age) < kCourseAge * window_ / period_ ||
+      age < early + 2 * plateau)
+    return;
+  weighed(0, 0);
+  std::size_t row = 0;
+  for (std::size_t i = 0; i < tried_.size(); ++i)
+    if (weight_[i] * tried_[i] * tried_[i] > weight_[row] * tried_[row] * tried_[row]) row = i;
+  const double last = window_residual(row, plateau, 0);
+  const double middle = window_residual(row, age / 2 + plateau / 2, age / 2 - plateau / 2);
+  const double first = window_residual(row, age, age - early);
+  course_ = std::abs(last - middle) < 0.15 * std::abs(last) ? std::clamp(first / last, 0.0, 2.0) : 0.0;
+  course_known_ = std::abs(last - middle) < 0.15 * std::abs(last) &&
+                  noise_[row] / std::sqrt(kEarly / period_) < 0.1 * std::abs(last);
 }
 
 void SignatureIsolator::tell(double time, Finding& finding) {
@@ -243,8 +296,6 @@ void SignatureIsolator::tell(double time, Finding& finding) {
       finding.equivalent.push_back(fmt::format("{}@{}", hypotheses_[other].effect, hypotheses_[other].port));
       if (hypotheses_[other].kind == "fault") finding.kind = "fault";
     }
-  if (!finding.equivalent.empty())
-    finding.text += fmt::format("; ambiguous: {{{}@{}, {}}}", h.effect, h.port, fmt::join(finding.equivalent, ", "));
   finding.confidence = total > 0 ? 1 / total : 1;
   finding.has_size = true;
   finding.size_name = h.size_name;
@@ -254,10 +305,13 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   finding.low = finding.size - kNinetyPercent * std;
   finding.high = finding.size + kNinetyPercent * std;
   if (h.low == 0) finding.low = std::max(finding.low, h.shown_from);
-  if (!h.drift_unit.empty()) tell_drift(time, h, finding);
+  if (!h.drift_unit.empty()) tell_sensor(time, h, m.variance, finding);
+  if (!finding.equivalent.empty())
+    finding.text +=
+        fmt::format("; ambiguous: {{{}@{}, {}}}", finding.effect, finding.port, fmt::join(finding.equivalent, ", "));
 }
 
-void SignatureIsolator::tell_drift(double time, const Hypothesis& h, Finding& finding) {
+void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double variance, Finding& finding) {
   const double t = time - onset_, a = finding.size;
   slope_n_ += 1;
   slope_t_ += t;
@@ -265,7 +319,24 @@ void SignatureIsolator::tell_drift(double time, const Hypothesis& h, Finding& fi
   slope_a_ += a;
   slope_ta_ += t * a;
   slope_aa_ += a * a;
-  if (t < kDriftAge || slope_n_ < 3) return;
+  if (h.feature >= 0) {
+    const double shown = window_mean_[static_cast<std::size_t>(h.feature)];
+    if (slope_n_ == 1) shown_first_ = shown, shown_ = shown_square_ = 0;
+    shown_ += shown - shown_first_;
+    shown_square_ += (shown - shown_first_) * (shown - shown_first_);
+  }
+  if (t < kDriftAge || slope_n_ < 10) return;
+  const double sizes = slope_aa_ / slope_n_ - std::pow(slope_a_ / slope_n_, 2);
+  if (h.feature >= 0 && sizes > kMoved * kMoved * variance &&
+      shown_square_ / slope_n_ - std::pow(shown_ / slope_n_, 2) < kStill * kStill * sizes) {
+    // Nothing else explains a reading that does not move.
+    finding.kind = "sensor";
+    finding.effect = "stuck";
+    finding.has_size = false;
+    finding.equivalent.clear();
+    finding.text = fmt::format("{}: this transducer is stuck", h.port.substr(h.port.find('.') + 1));
+    return;
+  }
   const double tt = slope_tt_ - slope_t_ * slope_t_ / slope_n_, aa = slope_aa_ - slope_a_ * slope_a_ / slope_n_;
   const double ta = slope_ta_ - slope_t_ * slope_a_ / slope_n_;
   if (!(tt > 0) || !(aa > 0) || std::abs(ta) < kStraight * std::sqrt(tt * aa)) return;
@@ -280,6 +351,8 @@ void SignatureIsolator::tell_drift(double time, const Hypothesis& h, Finding& fi
   const double std = std::sqrt(spread * spread + std::pow(relative_error_ * rate, 2));
   finding.low = rate - kNinetyPercent * std;
   finding.high = rate + kNinetyPercent * std;
+  for (std::string& other : finding.equivalent)
+    if (other.rfind("offset@sensor.", 0) == 0) other = "drift" + other.substr(other.find('@'));
   finding.text = fmt::format("{}: this transducer drifts", h.port.substr(h.port.find('.') + 1));
 }
 
@@ -295,7 +368,13 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
   }
   if (!finite || !arming_.armed(estimate)) {
     // What was found stays; what is watched begins anew.
-    if (learnt_) forget_window();
+    if (learnt_) {
+      forget_window();
+    } else {
+      // A mean over two operating points is a reference for neither.
+      learn_count_ = 0;
+      std::fill(sum_.begin(), sum_.end(), 0.0);
+    }
     armed_ = false;
     event_ = event_ && finding.active;
     last_beyond_ = estimate.time;
@@ -313,6 +392,8 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
   if (!event_) {
     if (!beyond) return;
     event_ = true;
+    course_ = -1;
+    course_known_ = false;
     onset_ = estimate.time - age_ * period_;
     raised_from_ = estimate.time;
   } else {

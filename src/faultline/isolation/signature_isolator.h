@@ -7,10 +7,13 @@
 //    of more than `noise_limit` is left out. A two-sided CUSUM (cusum.h) on each, its threshold from sigma_i and
 //    false_alarms_per_hour over all of them (run_length.h), starts an event; the CUSUM says when it began.
 // 3. From then on, features are averaged over the n samples since (at most `window` s, the latest). For every hypothesis h
-//      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2)      (two Gauss-Newton steps)
-//    floor_i stands for what the balances themselves get wrong. The least chi2_h names the fault; all within `rival` of it are
+//      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2 + error_i^2)  (Gauss-Newton steps)
+//    floor_i stands for what the balances themselves get wrong, error_i for what more of it a change of operating point brings. The least chi2_h names the fault; all within `rival` of it are
 //    told as equivalent; a least chi2_h above `fit` per residual is an unknown fault.
-// 4. A sensor's offset that grows in proportion to the time since the beginning is a drift.
+// 4. Rivals that only the speed of their step tells apart (a warmed wall acts through the water's heat capacity, a thermocouple's offset
+//    at once): half a window after the beginning, the first 20 ms of the residual concerned are held against its plateau.
+// 5. A sensor's offset that grows in proportion to the time since the beginning is a drift; one that makes up for every change, so that
+//    the sensor itself shows none, means that it is stuck.
 // The finding is given at `confirm` samples if at most three hypotheses are left, else at `patience` s, and then as unknown if
 // there are still more than six; not at all while nothing fits better than "no change" by `significance`. It is sharpened as samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its threshold.
 // One fault at a time: two at once are named as the one that fits best, or as unknown. A fault that is there from the start is
@@ -49,8 +52,10 @@ class SignatureIsolator : public Isolator {
   void evaluate(double time, const std::vector<bool>& doubted, Finding& finding);
   void match(std::size_t h);
   double weighed(std::size_t h, double size);  // residuals into tried_; returns chi2
+  void judge_course();
+  double window_residual(std::size_t row, std::size_t from, std::size_t to);  // samples before now
   void tell(double time, Finding& finding);
-  void tell_drift(double time, const Hypothesis& h, Finding& finding);
+  void tell_sensor(double time, const Hypothesis& h, double variance, Finding& finding);
 
   std::unique_ptr<BalanceModel> model_;
   std::vector<std::string> feature_names_, residual_names_;
@@ -64,18 +69,22 @@ class SignatureIsolator : public Isolator {
 
   bool started_ = false, learnt_ = false, armed_ = false, event_ = false;
   std::vector<std::size_t> at_;
-  std::vector<double> features_, sum_, reference_, residual_, noise_, feature_noise_;
+  std::vector<double> features_, sum_, reference_, residual_, noise_, error_, feature_noise_;
   std::vector<TwoSidedCusum> tests_;
   std::vector<bool> useless_, masked_;  // too noisy here; or resting on a doubted channel
   std::vector<double> ring_;            // running sums of the features, capacity_ rows
   std::size_t capacity_, head_ = 0, filled_ = 0;
   double learn_count_ = 0, onset_ = 0, raised_from_ = 0, last_beyond_ = 0;
   std::uint32_t age_ = 0;  // samples since the event began
-  std::vector<double> mean_, weight_, tried_, ahead_;
+  std::vector<double> mean_, window_mean_, weight_, tried_, ahead_;
   std::vector<Match> matches_;
   int named_ = -1;
+  double course_ = -1;  // early residual over its plateau; -1: not judged yet
+  bool course_known_ = false;
   double unexplained_ = 0;                                                                       // chi2 of no change
   double slope_n_ = 0, slope_t_ = 0, slope_tt_ = 0, slope_a_ = 0, slope_ta_ = 0, slope_aa_ = 0;  // of size against time
+  double shown_ = 0, shown_square_ = 0;  // what the sensor itself showed, less its first
+  double shown_first_ = 0;
 };
 
 }  // namespace faultline

@@ -6,8 +6,8 @@
 
 namespace faultline {
 
-std::unique_ptr<Integrator> make_integrator(Rig& rig, Scheme scheme) {
-  if (rig.stiff()) return std::make_unique<Rosenbrock>(rig, scheme);
+std::unique_ptr<Integrator> make_integrator(Rig& rig) {
+  if (rig.stiff()) return std::make_unique<Rosenbrock>(rig);
   const int states = rig.states();
   if (states <= 8) return std::make_unique<RungeKutta4<8>>(rig);
   if (states <= 16) return std::make_unique<RungeKutta4<16>>(rig);

@@ -49,11 +49,6 @@ class RungeKutta4 : public Integrator {
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };
 
-enum class Scheme {
-  accurate,
-  quick
-};  // of the implicit methods: for the rig's simulator, for the model that recordings drive
-
-std::unique_ptr<Integrator> make_integrator(Rig& rig, Scheme scheme = Scheme::accurate);
+std::unique_ptr<Integrator> make_integrator(Rig& rig);
 
 }  // namespace faultline

@@ -1,7 +1,6 @@
 #include "faultline/rig/rosenbrock.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace faultline {
 namespace {
@@ -10,37 +9,14 @@ constexpr double kFirstStep = 1e-5;  // s, of settling
 constexpr double kGrowth = 1.6;      // from step to step
 constexpr double kLastStep = 1e5;    // s
 
-const double kRos2Gamma = 1 - std::sqrt(0.5);
-
 }  // namespace
 
-const Rosenbrock::Tableau& Rosenbrock::tableau(Scheme scheme) {
-  static const Tableau accurate = {4,
-                                   0.5,
-                                   {0, 0, 1, 1},
-                                   {0.5, 1.5, 0, 0},
-                                   {2, 0, 1, 1},
-                                   {{{}, {}, {2, 0}, {2, 0, 1}}},
-                                   {{{}, {4}, {1, -1}, {1, -1, -8.0 / 3}}},
-                                   {true, false, true, true}};
-  static const Tableau quick = {2,
-                                kRos2Gamma,
-                                {0, 1},
-                                {kRos2Gamma, -kRos2Gamma},
-                                {1.5 / kRos2Gamma, 0.5 / kRos2Gamma},
-                                {{{}, {1 / kRos2Gamma}}},
-                                {{{}, {-2 / kRos2Gamma}}},
-                                {true, true}};
-  return scheme == Scheme::quick ? quick : accurate;
-}
-
-Rosenbrock::Rosenbrock(Rig& rig, Scheme scheme)
+Rosenbrock::Rosenbrock(Rig& rig)
     : rig_(rig),
-      tableau_(tableau(scheme)),
       states_(static_cast<std::size_t>(rig.states())),
       lu_(rig.states(), rig.jacobian_entries()),
       state_(states_),
-      stage_state_(states_),
+      stage_(states_),
       rate_(states_),
       time_rate_(states_),
       jacobian_(rig.jacobian_entries().size()) {
@@ -58,27 +34,24 @@ void Rosenbrock::start_at(const double* nominal_state, const double* channels) {
 }
 
 void Rosenbrock::step(double time, double dt, const double* channels) {
-  const Tableau& t = tableau_;
+  auto& [u1, u2, u3, u4] = u_;
   rig_.jacobian(time, state_.data(), channels, rate_.data(), time_rate_.data(), jacobian_.data());
-  lu_.factor(1 / (dt * t.gamma), jacobian_.data());
-  for (std::size_t i = 0; i < t.stages; ++i) {
-    if (i > 0 && t.new_rate[i]) {
-      for (std::size_t s = 0; s < states_; ++s) {
-        double y = state_[s];
-        for (std::size_t j = 0; j < i; ++j) y += t.a[i][j] * u_[j][s];
-        stage_state_[s] = y;
-      }
-      rig_.derivative(time + t.alpha[i] * dt, stage_state_.data(), channels, rate_.data());
-    }
-    for (std::size_t s = 0; s < states_; ++s) {
-      double right = rate_[s] + t.gammas[i] * dt * time_rate_[s];
-      for (std::size_t j = 0; j < i; ++j) right += t.c[i][j] / dt * u_[j][s];
-      u_[i][s] = right;
-    }
-    lu_.solve(u_[i].data());
+  lu_.factor(2 / dt, jacobian_.data());
+  for (std::size_t s = 0; s < states_; ++s) u1[s] = rate_[s] + 0.5 * dt * time_rate_[s];
+  lu_.solve(u1.data());
+  for (std::size_t s = 0; s < states_; ++s) {
+    u2[s] = rate_[s] + 4 / dt * u1[s] + 1.5 * dt * time_rate_[s];
+    stage_[s] = state_[s] + 2 * u1[s];
   }
-  for (std::size_t i = 0; i < t.stages; ++i)
-    for (std::size_t s = 0; s < states_; ++s) state_[s] += t.weights[i] * u_[i][s];
+  lu_.solve(u2.data());
+  rig_.derivative(time + dt, stage_.data(), channels, rate_.data());
+  for (std::size_t s = 0; s < states_; ++s) u3[s] = rate_[s] + (u1[s] - u2[s]) / dt;
+  lu_.solve(u3.data());
+  for (std::size_t s = 0; s < states_; ++s) stage_[s] += u3[s];
+  rig_.derivative(time + dt, stage_.data(), channels, rate_.data());
+  for (std::size_t s = 0; s < states_; ++s) u4[s] = rate_[s] + (u1[s] - u2[s] - 8.0 / 3 * u3[s]) / dt;
+  lu_.solve(u4.data());
+  for (std::size_t s = 0; s < states_; ++s) state_[s] = stage_[s] + u4[s];
   rig_.after_step(time + dt, state_.data(), channels);
 }
 

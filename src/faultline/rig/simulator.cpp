@@ -22,12 +22,14 @@ std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<Ef
   return specs;
 }
 
+enum class Use { simulator, model };  // a rig's stand-in, or the model that a recording drives: which substep
+
 // A rig with its effects, and the effects on its signals by channel: what driven and closed-loop simulation share.
 class Plant {
  public:
-  Plant(const Datasheet& sheet, const SimulationSetup& setup, Scheme scheme)
+  Plant(const Datasheet& sheet, const SimulationSetup& setup, Use use)
       : sheet_(sheet),
-        substeps_(substeps(sheet, setup, scheme)),
+        substeps_(substeps(sheet, setup, use)),
         substep_(sheet.sample_period / substeps_),
         effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
     const RigType* type = find_rig_type(sheet.rig);
@@ -38,7 +40,7 @@ class Plant {
       throw InputError(fmt::format("{}: {} parameter values are given, the rig has {}", sheet.rig,
                                    setup.parameters.size(), sheet.parameters.size()));
     rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
-    integrator_ = make_integrator(*rig_, scheme);
+    integrator_ = make_integrator(*rig_);
     for (const Port& port : sheet.ports) {
       const EffectChain& chain = effects_.at(port.name);
       if (chain.empty() || port.channel.empty()) continue;
@@ -105,10 +107,10 @@ class Plant {
   const double* state() const { return integrator_->state(); }
 
  private:
-  static int substeps(const Datasheet& sheet, const SimulationSetup& setup, Scheme scheme) {
+  static int substeps(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
     const RigType* type = find_rig_type(sheet.rig);
     double wanted = type ? type->substep : sheet.sample_period;
-    if (type && scheme == Scheme::quick && type->model_substep > 0) wanted = type->model_substep;
+    if (type && use == Use::model && type->model_substep > 0) wanted = type->model_substep;
     if (setup.substep > 0) wanted = setup.substep;
     return std::max(1, static_cast<int>(std::ceil(sheet.sample_period / wanted - 1e-9)));
   }
@@ -168,7 +170,7 @@ double table_value(const CommandTable& table, double time) {
 
 struct Simulator::Parts {
   Parts(const Datasheet& datasheet, const SimulationSetup& given)
-      : sheet(datasheet), setup(given), plant(sheet, setup, Scheme::accurate) {
+      : sheet(datasheet), setup(given), plant(sheet, setup, Use::simulator) {
     const Profile& profile = setup.profile.empty() ? sheet.profile(first_profile()) : sheet.profile(setup.profile);
     controller = make_controller(sheet, profile, setup.seed);
     for (const CommandTable& table : setup.commands) {
@@ -296,7 +298,7 @@ struct DrivenModel::Parts {
 
       : sheet(datasheet),
         setup(given),
-        plant(sheet, setup, Scheme::quick),
+        plant(sheet, setup, Use::model),
         now(sheet.channels.size()),
         next(sheet.channels.size()) {}
 

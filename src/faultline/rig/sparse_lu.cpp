@@ -1,7 +1,6 @@
 #include "faultline/rig/sparse_lu.h"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 
 namespace faultline {
@@ -84,16 +83,14 @@ SparseLu::SparseLu(int size, const std::vector<std::pair<int, int>>& entries) {
   }
 }
 
-bool SparseLu::factor(double diagonal, const double* values) {
+void SparseLu::factor(double diagonal, const double* values) {
   std::fill(values_.begin(), values_.end(), 0);
   for (const std::uint16_t place : diagonal_places_) values_[place] = diagonal;
   for (std::size_t i = 0; i < entry_places_.size(); ++i) values_[entry_places_[i]] -= values[i];
   double* v = values_.data();
   std::size_t below = 0, updated = 0;
-  bool good = true;
   for (const Pivot& pivot : pivots_) {
     const double inverse = 1 / v[pivot.diagonal];
-    good = good && std::isfinite(inverse);
     v[pivot.diagonal] = inverse;
     for (; below < pivot.below_end; ++below) v[below_[below].value] *= inverse;
     for (; updated < pivot.updated_end; ++updated) {
@@ -101,7 +98,6 @@ bool SparseLu::factor(double diagonal, const double* values) {
       v[u.target] -= v[u.left] * v[u.right];
     }
   }
-  return good;
 }
 
 void SparseLu::solve(double* x) const {

@@ -15,10 +15,9 @@ class SparseLu {
   // `entries`: (row, column) of J's non-zeros in any order; one that stands twice is summed.
   SparseLu(int size, const std::vector<std::pair<int, int>>& entries);
 
-  // `values`: one per entry, in the same order. False where a pivot is zero or not finite.
-  bool factor(double diagonal, const double* values);
+  // `values`: one per entry, in the same order. A pivot of zero makes the solution infinite.
+  void factor(double diagonal, const double* values);
   void solve(double* right_side) const;  // in place
-  std::size_t stored() const { return values_.size(); }
 
  private:
   struct Update {  // target -= left right

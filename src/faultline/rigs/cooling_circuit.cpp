@@ -11,6 +11,7 @@ namespace faultline {
 namespace {
 
 enum { kValve, kFiring, kManifold, kFirstBranch };  // states; then P_1, P_2, T_1, T_2 of each branch
+constexpr int kBranchStates = 4;
 
 constexpr double kTransition = 100;            // Pa, below which roots and tubes turn linear
 constexpr double kTubePower = 8.0 / 7;         // of c
@@ -18,10 +19,10 @@ constexpr double kReferenceTemperature = 288;  // K, where the viscosity is nomi
 constexpr double kViscositySpan = 15;          // K above it, where the viscosity is factor times nominal
 constexpr double kViscosityPower = -0.125;     // of c with the viscosity
 constexpr double kSmallestInertance = 1e3;     // Pa s^2/m^3; less settles within nanoseconds
-constexpr double kShut = 1e-6;                 // opening below which a feed line's flow meets a valve of this opening
+constexpr double kShut = 1e-6;                 // smallest opening that is divided by
 constexpr double kTimeStep = 1e-6;             // s, for rates of boundary values
 constexpr double kSmallDrop = 1;               // Pa, for slopes of what effects make of a flow
-constexpr double kOpeningStep = 1e-6;          // for the slope of the valve's curve
+constexpr double kOpeningStep = 1e-7;          // for the slope of the valve's curve
 constexpr double kSmallWarming = 1e-3;         // K, for the slope of a flow with viscosity
 constexpr int kMostSteps = 20;                 // of Newton's method for the valve's flow
 
@@ -55,15 +56,6 @@ std::pair<double, double> bent(double x, double exponent, Power power) {
 
 std::pair<double, double> root(double x) {
   return bent(x, 0.25, [](double y) { return 1 / std::sqrt(std::sqrt(y)); });
-}
-
-// The x of which root(x) is r, and its derivative.
-std::pair<double, double> root_inverse(double r) {
-  const double d2 = kTransition * kTransition;
-  const double r4 = r * r * r * r;
-  const double x2 = 0.5 * (r4 + std::sqrt(r4 * r4 + 4 * r4 * d2));
-  const double x = std::copysign(std::sqrt(x2), r);
-  return {x, 1 / root(x).second};
 }
 
 }  // namespace
@@ -116,7 +108,7 @@ CoolingCircuit::CoolingCircuit(const Datasheet& sheet, const std::vector<double>
     branch.inlet_temperature = sheet.channel(b + "_inlet_temperature");
     branch.outlet_temperature = sheet.channel(b + "_outlet_temperature");
     branch.state = state;
-    state += 4;
+    state += kBranchStates;
     if (!branch.line_port->empty()) branch.line = count_++;
     branches_.push_back(branch);
   }
@@ -127,8 +119,11 @@ CoolingCircuit::CoolingCircuit(const Datasheet& sheet, const std::vector<double>
   // The places of the Jacobian's entries: those of any state, so one where all is well defined.
   std::vector<double> somewhere(static_cast<std::size_t>(count_), drain_pressure_), rate(somewhere.size());
   const std::vector<double> channels(sheet.channels.size(), 0.0);
-  Places places{entries_};
-  evaluate(0, somewhere.data(), channels.data(), rate.data(), places);
+  for (const bool rest : {true, false}) {
+    at_rest_ = rest;
+    Places places{rest ? rest_entries_ : entries_};
+    evaluate(0, somewhere.data(), channels.data(), rate.data(), places);
+  }
 }
 
 double CoolingCircuit::viscosity(double temperature) const {
@@ -187,20 +182,24 @@ double CoolingCircuit::valve_flow(double coefficient, double measured, double ma
 
 double CoolingCircuit::manifold_compliance(double pressure) const {
   const double modulus = density_ * sound_speed_ * sound_speed_;
+  if (at_rest_) return manifold_volume_ * density_ / modulus;
   return manifold_volume_ * density_ / manifold_port_.bulk_modulus(modulus, pressure);
 }
 
 template <class Sink>
 void CoolingCircuit::evaluate(double time, const double* state, const double* channels, double* rate,
                               Sink& sink) const {
+  if (at_rest_) std::fill_n(rate, count_, 0.0);
   rate[kValve] = (std::clamp(channels[valve_command_], 0.0, 1.0) - state[kValve]) / valve_time_;
   rate[kFiring] = (std::max(channels[heat_command_], 0.0) - state[kFiring]) / firing_time_;
   sink.add(kValve, kValve, -1 / valve_time_);
   sink.add(kFiring, kFiring, -1 / firing_time_);
 
+  const int feed = at_rest_ ? -1 : feed_;
   const double manifold = state[kManifold], measured = channels[supply_];
   const double coefficient = valve(state[kValve]);
-  const double flow = feed_ >= 0 ? state[feed_] : valve_flow(coefficient, measured, manifold, time);
+  const double flow =
+      feed >= 0 ? coefficient * root(state[feed]).first : valve_flow(coefficient, measured, manifold, time);
   const auto supply = [&](double mass_flow, double t) {
     return supply_port_.boundary(measured, mass_flow / density_, t);
   };
@@ -211,30 +210,39 @@ void CoolingCircuit::evaluate(double time, const double* state, const double* ch
   if constexpr (Sink::wanted) header.water_rate = (water(time + kTimeStep) - header.water) / kTimeStep;
   for (const Branch& branch : branches_) evaluate(branch, time, state, header, rate, sink);
   rate[kManifold] = (flow - header.drawn) / header.compliance;
-  if (feed_ < 0 && !Sink::wanted) return;
+  if (feed < 0 && !Sink::wanted) return;
 
   const double pressure = supply(flow, time);
-  const double open = std::max(coefficient, valve_coefficient_ * kShut);
   const double inertia = std::max(feed_line_.line().inertance, kSmallestInertance) / density_;
-  const auto [loss, loss_slope] = feed_ >= 0 ? root_inverse(flow / open) : std::pair{0.0, 0.0};
-  if (feed_ >= 0) rate[feed_] = (pressure - manifold - loss) / inertia;
+  // Of x, the pressure over the valve: q = K root(x), inertia q' = P - P_m - x.
+  const auto feed_rate = [&](double x, double opening) {
+    const double k = valve(opening), k_slope = (valve(opening + kOpeningStep) - k) / kOpeningStep;
+    const double opens = (std::clamp(channels[valve_command_], 0.0, 1.0) - opening) / valve_time_;
+    const auto [value, slope] = root(x);
+    return ((supply(k * value, time) - manifold - x) / inertia - k_slope * opens * value) /
+           (std::max(k, valve_coefficient_ * kShut) * slope);
+  };
+  if (feed >= 0) rate[feed] = feed_rate(state[feed], state[kValve]);
   if constexpr (Sink::wanted) {
     const double by_opening = (valve(state[kValve] + kOpeningStep) - coefficient) / kOpeningStep;
-    const double fall = pressure - supply(flow + 1, time);  // Pa per kg/s
     const double pressure_rate = (supply(flow, time + kTimeStep) - pressure) / kTimeStep;
+    const auto [value, slope] = root(feed < 0 ? pressure - manifold : state[feed]);
     double by_manifold = -header.drawn_slope;
-    if (feed_ < 0) {
-      const auto [value, slope] = root(pressure - manifold);
+    if (feed < 0) {
+      const double fall = pressure - supply(flow + 1, time);  // Pa per kg/s
       const double share = 1 / (1 + coefficient * slope * fall);
       by_manifold -= coefficient * slope * share;
       sink.add(kManifold, kValve, by_opening * value * share / header.compliance);
       sink.time(kManifold, coefficient * slope * share * pressure_rate / header.compliance);
     } else {
-      sink.add(kManifold, feed_, 1 / header.compliance);
-      sink.add(feed_, feed_, (-fall - loss_slope / open) / inertia);
-      sink.add(feed_, kManifold, -1 / inertia);
-      sink.add(feed_, kValve, coefficient >= open ? loss_slope * flow / (open * open) * by_opening / inertia : 0.0);
-      sink.time(feed_, pressure_rate / inertia);
+      const double x = state[feed], step = std::max(kSmallDrop, 1e-5 * std::abs(x));
+      const double per_pascal = 1 / (inertia * std::max(coefficient, valve_coefficient_ * kShut) * slope);
+      sink.add(kManifold, kValve, by_opening * value / header.compliance);
+      sink.add(kManifold, feed, coefficient * slope / header.compliance);
+      sink.add(feed, feed, (feed_rate(x + step, state[kValve]) - feed_rate(x - step, state[kValve])) / (2 * step));
+      sink.add(feed, kManifold, -per_pascal);
+      sink.add(feed, kValve, (feed_rate(x, state[kValve] + kOpeningStep) - rate[feed]) / kOpeningStep);
+      sink.time(feed, per_pascal * pressure_rate);
     }
     const double softer = manifold_compliance(manifold + kSmallDrop) - header.compliance;
     sink.add(kManifold, kManifold, (by_manifold - rate[kManifold] * softer / kSmallDrop) / header.compliance);
@@ -244,7 +252,7 @@ void CoolingCircuit::evaluate(double time, const double* state, const double* ch
 template <class Sink>
 void CoolingCircuit::evaluate(const Branch& branch, double time, const double* state, Header& header, double* rate,
                               Sink& sink) const {
-  const int p1 = branch.state, p2 = p1 + 1, t1 = p1 + 2, t2 = p1 + 3, line = branch.line;
+  const int p1 = branch.state, p2 = p1 + 1, t1 = p1 + 2, t2 = p1 + 3, line = at_rest_ ? -1 : branch.line;
   const double b = branch.compliance;
   const double coefficient = branch.feed_port->opening(branch.feed);
   const auto [feed_root, feed_root_slope] = root(state[kManifold] - state[p1]);
@@ -340,16 +348,21 @@ void CoolingCircuit::start(const double* channels, double* state) {
     state[branch.state] = state[branch.state + 1] = drain_pressure_;
     state[branch.state + 2] = state[branch.state + 3] = water_temperature_;
   }
-  start_at(state, channels, state);
+  at_rest_ = true;
   settle(*this, channels, state);
+  at_rest_ = false;
   // Standing water has no temperature of rest of its own: it is as it came.
   if (state[kValve] <= 0)
     for (const Branch& branch : branches_) state[branch.state + 2] = state[branch.state + 3] = water_temperature_;
+  start_at(state, channels, state);
 }
 
 void CoolingCircuit::start_at(const double* nominal_state, const double* channels, double* state) {
-  std::copy_n(nominal_state, kFirstBranch + 4 * static_cast<int>(branches_.size()), state);
-  if (feed_ >= 0) state[feed_] = valve_flow(valve(state[kValve]), channels[supply_], state[kManifold], 0);
+  std::copy_n(nominal_state, kFirstBranch + kBranchStates * static_cast<int>(branches_.size()), state);
+  if (feed_ >= 0) {
+    const double flow = valve_flow(valve(state[kValve]), channels[supply_], state[kManifold], 0);
+    state[feed_] = supply_port_.boundary(channels[supply_], flow / density_, 0) - state[kManifold];
+  }
   for (const Branch& branch : branches_)
     if (branch.line >= 0) state[branch.line] = state[branch.state] - state[branch.state + 1];
 }
@@ -366,7 +379,7 @@ void CoolingCircuit::outputs(double time, const double* state, double* channels)
 }
 
 namespace {
-FAULTLINE_RIG(cooling_circuit, {"cooling_circuit", 0.25e-3, make_rig<CoolingCircuit>, 0.5e-3});
+FAULTLINE_RIG(cooling_circuit, {"cooling_circuit", 0.25e-3, make_rig<CoolingCircuit>, 1e-3});
 }
 
 }  // namespace faultline

@@ -9,9 +9,9 @@
 //     (rho b a^2 cv + C_w) T_2' = cv max(q_12, 0) (T_1 - T_2) + Q_n s - K (T_2 - T_a)                 (1), (3)
 //
 // Mass flows in kg/s, leaks are rho times the volume flow of the effect, pressures absolute in Pa, temperatures in K.
-// Stiff: cavities settle within microseconds. States as in the datasheet, then the flow in the feed line (line.feed: rho L/A
-// q'/rho = P - P_m - valve loss), then for each branch with line.{b}_orifice the pressure x lost over the tube, of which the
-// flow is tube(x): (inertance/rho) tube'(x) x' = P_1 - P_2 - x. Viscosity scales c by (mu/mu_nominal)^-0.125, mu falling
+// Stiff: cavities settle within microseconds. States as in the datasheet, then, where pipes have inertia, the
+// pressure x over what they feed: with line.feed over the valve, (inertance/rho) (k_v z root(x))' = P - P_m - x; with
+// line.{b}_orifice over the tube, (inertance/rho) tube(x)' = P_1 - P_2 - x. Viscosity scales c by (mu/mu_nominal)^-0.125, mu falling
 // exponentially with the branch's mean temperature. A restriction's effects at the tube act on c sqrt(x).
 #pragma once
 
@@ -30,7 +30,9 @@ class CoolingCircuit : public Rig {
   void derivative(double time, const double* state, const double* channels, double* rate) override;
   void outputs(double time, const double* state, double* channels) const override;
   bool stiff() const override { return true; }
-  const std::vector<std::pair<int, int>>& jacobian_entries() const override { return entries_; }
+  const std::vector<std::pair<int, int>>& jacobian_entries() const override {
+    return at_rest_ ? rest_entries_ : entries_;
+  }
   void jacobian(double time, const double* state, const double* channels, double* rate, double* time_rate,
                 double* entries) override;
 
@@ -43,7 +45,7 @@ class CoolingCircuit : public Rig {
     double reference_flow;                            // q_r of the tube's curve, kg/s
     const EffectChain *leak_inlet, *leak_outlet, *leak_drain, *feed_port, *tube_port, *drain_port, *back_pressure,
         *line_port, *wall;
-    int line = -1;                                                    // state of the tube's line, if it has one
+    int line = -1;  // state of the pressure over the tube, if its line has inertia
     int inlet, outlet, meter, inlet_temperature, outlet_temperature;  // channels
     int state;                                                        // first of P_1, P_2, T_1, T_2
   };
@@ -72,8 +74,10 @@ class CoolingCircuit : public Rig {
   int supply_, valve_command_, heat_command_;  // channels that drive
   const EffectChain &supply_port_, &water_port_, &manifold_port_, &feed_line_, &valve_port_;
   std::vector<Branch> branches_;
-  int feed_ = -1, count_;  // state of the feed line's flow, if it has one
-  std::vector<std::pair<int, int>> entries_;
+  int feed_ = -1, count_;  // state of the pressure over the valve, if the feed line has inertia
+  // While the state of rest is sought nothing has inertia and the manifold is stiff: neither changes where it ends.
+  bool at_rest_ = false;
+  std::vector<std::pair<int, int>> entries_, rest_entries_;
 };
 
 }  // namespace faultline

@@ -10,7 +10,8 @@
 // z and s follow the commands with their nominal lags. The pressures settle within 0.1 ms and the manifold within 2 ms, so balances at
 // rest hold from sample to sample; only z and s are doubtful while a command moves. P_m is not measured: a branch whose feed is off
 // pulls P_m by a fifth of it, which isolation reckons with. Rows with a drop below `smallest_drop` (Pa) or without firing are not used.
-// Further quantities: every channel but the commands, z, s, {b}_heat_row (theta_Q), {b}_heat_rise (T_2 - theta_T), and steady_time:
+// Further quantities: every channel but the commands, z, s, {b}_heat_row (theta_Q), {b}_heat_rise (T_2 - theta_T), {b}_back_pressure
+// (P_2 - (q_2/k_d nominal)^2, whose swings are those behind the throttle), and steady_time:
 // s since the bench fires and no command moved by more than 0.5 %; 0 while it does not fire.
 #include <algorithm>
 #include <cmath>
@@ -166,6 +167,7 @@ class CoolingBalances : public RelationModel {
       for (const Branch& b : branches_) {
         result.push_back({b.name + "_heat_row", "K/W", 0, 0});
         result.push_back({b.name + "_heat_rise", "K", 0, 0});
+        result.push_back({b.name + "_back_pressure", "Pa", 0, 0});
       }
     }
     Quantity* q = &result[coefficients];
@@ -177,6 +179,7 @@ class CoolingBalances : public RelationModel {
     for (const Branch& b : branches_) {
       (q++)->value = b.theta_q;
       (q++)->value = b.t2 - b.theta_t;
+      (q++)->value = b.p2 - (b.q / b.drain) * (b.q / b.drain);
     }
   }
 

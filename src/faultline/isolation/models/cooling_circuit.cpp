@@ -41,14 +41,17 @@ enum Cause {
   kViscosity
 };
 
-constexpr double kWaterScale = 10;  // K
-constexpr double kLeast = 1e-9;     // below this a flow or a drop is none
+constexpr double kWaterScale = 10;      // K
+constexpr double kPlay = 0.001;         // of the bench valve's opening
+constexpr double kLeast = 1e-9;         // below this a flow or a drop is none
+constexpr double kUsualPressure = 4e6;  // Pa, in cavity 2
 constexpr double kLargestLeak = 1e-6;
 
 struct Branch {
   std::string name;
   int inlet, outlet, flow, cold, warm;
   double feed;
+  double warming;  // s, with which cavity 2 warms at its nominal flow
 };
 
 struct Case {
@@ -65,11 +68,18 @@ class CoolingCircuit : public BalanceModel {
     };
     density_ = value("density");
     drain_pressure_ = value("drain_pressure");
+    drain_pressure_error_ =
+        drain_pressure_ * sheet.parameters[static_cast<std::size_t>(sheet.parameter("drain_pressure"))].tolerance;
     supply_ = sheet.channel("supply_pressure");
-    for (const std::string& b : sheet.branches)
+    for (const std::string& b : sheet.branches) {
+      const auto feed = static_cast<std::size_t>(sheet.parameter(b + "_feed_coefficient"));
+      feed_error_ = std::max(feed_error_, sheet.parameters[feed].tolerance);
+      const double flow = value(b + "_drain_coefficient") * std::sqrt(kUsualPressure);
+      const double warming = density_ * value(b + "_b") * std::pow(value("sound_speed"), 2) / flow;
       branches_.push_back({b, sheet.channel(b + "_inlet_pressure"), sheet.channel(b + "_outlet_pressure"),
                            sheet.channel(b + "_mass_flow"), sheet.channel(b + "_inlet_temperature"),
-                           sheet.channel(b + "_outlet_temperature"), value(b + "_feed_coefficient")});
+                           sheet.channel(b + "_outlet_temperature"), nominal[feed], warming});
+    }
     const auto noise = [&](int channel) {
       const Channel& c = sheet.channels[static_cast<std::size_t>(channel)];
       return std::sqrt(c.noise_std * c.noise_std + c.resolution * c.resolution / 12);
@@ -132,6 +142,21 @@ class CoolingCircuit : public BalanceModel {
     residuals(features, none.data(), -1, 0, reference);
   }
 
+  // The drain's back pressure and the feeds are known to their tolerance, the valve's opening to the play of its positioner.
+  void errors(const double* features, const double* learnt, double* error) const override {
+    const std::size_t n = branches_.size();
+    std::fill_n(error, kResiduals * n + 1, 0.0);
+    const double* end = features + kFeatures * n;
+    const double* end_learnt = learnt + kFeatures * n;
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t outlet = kFeatures * i + kOutlet;
+      error[kResiduals * i + kDrain] = std::abs(drain_share(features[outlet]) - drain_share(learnt[outlet]));
+    }
+    const double moved = std::abs(end[1] - end_learnt[1]) > kPlay ? kPlay / std::max(end[1], kPlay) : 0.0;
+    const double feeds = valve_share(features) - valve_share(learnt);
+    error[kResiduals * n] = std::hypot(moved, feeds);
+  }
+
   void residuals(const double* f, const double* reference, int hypothesis, double size, double* r) const override {
     const Case h = hypothesis < 0 ? Case{kLeakInlet, -2} : cases_[static_cast<std::size_t>(hypothesis)];
     const double* end = f + kFeatures * branches_.size();
@@ -177,6 +202,22 @@ class CoolingCircuit : public BalanceModel {
   }
 
  private:
+  // One sigma of ln k_d by the drain pressure, and of ln k_v by all feeds together.
+  double drain_share(double outlet) const {
+    return 0.5 * drain_pressure_error_ / std::max(outlet - drain_pressure_, kLeast);
+  }
+  double valve_share(const double* features) const {
+    double manifold = 0, drop = 0;
+    for (std::size_t i = 0; i < branches_.size(); ++i) {
+      const double feed = features[kFeatures * i + kFlow] / branches_[i].feed;
+      drop += feed * feed;
+      manifold += features[kFeatures * i + kInlet] + feed * feed;
+    }
+    const double n = static_cast<double>(branches_.size());
+    const double over_valve = features[kFeatures * branches_.size()] - manifold / n;
+    return feed_error_ / std::sqrt(n) * drop / n / std::max(over_valve, kLeast);
+  }
+
   static double log_of(double value) { return std::log(std::max(value, kLeast)); }
 
   void add(Cause cause, int branch, Hypothesis hypothesis) {
@@ -224,7 +265,7 @@ class CoolingCircuit : public BalanceModel {
       clog(kClogFeed, "feed", "trim orifice");
       clog(kClogDrain, "drain", "drain throttle");
       const auto offset = [&](Cause cause, const char* quantity, const char* unit, double step, double most,
-                              int channel) {
+                              int channel, int feature) {
         add(cause, at,
             {"sensor",
              "offset",
@@ -236,12 +277,14 @@ class CoolingCircuit : public BalanceModel {
              -most,
              most,
              {channel},
-             fmt::format("{}/s", unit)});
+             fmt::format("{}/s", unit),
+             cause == kOffsetWarm ? 0.0 : -1.0,
+             feature < 0 ? -1 : feature + kFeatures * at});
       };
-      offset(kOffsetInlet, "inlet_pressure", "Pa", 1e3, 1e6, branch.inlet);
-      offset(kOffsetOutlet, "outlet_pressure", "Pa", 1e3, 1e6, branch.outlet);
-      offset(kOffsetFlow, "mass_flow", "kg/s", 1e-3, 1, branch.flow);
-      offset(kOffsetCold, "inlet_temperature", "K", 0.1, 50, branch.cold);
+      offset(kOffsetInlet, "inlet_pressure", "Pa", 1e3, 1e6, branch.inlet, kInlet);
+      offset(kOffsetOutlet, "outlet_pressure", "Pa", 1e3, 1e6, branch.outlet, kOutlet);
+      offset(kOffsetFlow, "mass_flow", "kg/s", 1e-3, 1, branch.flow, kFlow);
+      offset(kOffsetCold, "inlet_temperature", "K", 0.1, 50, branch.cold, kCold);
       add(kWallHeat, at,
           {"fault",
            "scale",
@@ -254,8 +297,10 @@ class CoolingCircuit : public BalanceModel {
            5,
            {},
            "",
+           branch.warming,
+           -1,
            1});
-      offset(kOffsetWarm, "outlet_temperature", "K", 0.1, 50, branch.warm);
+      offset(kOffsetWarm, "outlet_temperature", "K", 0.1, 50, branch.warm, -1);
     }
     add(kDroop, -1,
         {"fault",
@@ -295,6 +340,8 @@ class CoolingCircuit : public BalanceModel {
          5,
          {},
          "",
+         -1,
+         -1,
          1});
     add(kWaterDrift, -1,
         {"fault",
@@ -326,7 +373,7 @@ class CoolingCircuit : public BalanceModel {
   std::vector<double> feature_noise_;
   std::vector<Hypothesis> hypotheses_;
   std::vector<Case> cases_;
-  double density_, drain_pressure_;
+  double density_, drain_pressure_, drain_pressure_error_, feed_error_ = 0;
   int supply_;
   mutable double feed_flow_[16] = {}, feed_open_[16] = {}, feed_pressure_[16] = {};
 };

@@ -1,0 +1,32 @@
+#include "faultline/alarms/estimate_join.h"
+
+#include <algorithm>
+
+namespace faultline {
+
+bool EstimateJoin::add(std::size_t stage, Estimate estimate, std::vector<Estimate>& set) {
+  auto found = std::find_if(waiting_.rbegin(), waiting_.rend(), [&](const Set& s) {
+    return s.sequence == estimate.sequence && s.time == estimate.time && !s.there[stage];
+  });
+  if (found == waiting_.rend()) {
+    Set fresh{estimate.sequence, estimate.time, std::vector<Estimate>(stages_), std::vector<bool>(stages_, false)};
+    waiting_.push_back(std::move(fresh));
+    found = waiting_.rbegin();
+  }
+  found->estimates[stage] = std::move(estimate);
+  found->there[stage] = true;
+  if (!std::all_of(found->there.begin(), found->there.end(), [](bool there) { return there; })) {
+    if (waiting_.size() > kMostWaiting) {
+      waiting_.pop_front();
+      ++dropped_;
+    }
+    return false;
+  }
+  set = std::move(found->estimates);
+  const auto until = found.base();  // all that came before will not be completed any more
+  dropped_ += static_cast<std::uint64_t>(std::distance(waiting_.begin(), until)) - 1;
+  waiting_.erase(waiting_.begin(), until);
+  return true;
+}
+
+}  // namespace faultline

@@ -1,0 +1,147 @@
+// CUSUM, redline, innovation test, frozen and noisy in numbers: delay, size, learning, arming, false alarms.
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "faultline/detectors/detector.h"
+#include "faultline/detectors/run_length.h"
+#include "faultline/rig/random.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+std::unique_ptr<Detector> make(const std::string& type, std::map<std::string, double> numbers, bool arming = false) {
+  numbers.insert({{"minimum_time", 0}, {"release_time", 0}});
+  if (type == "frozen") numbers.erase("minimum_time");
+  std::map<std::string, std::string> words = {{"quantity", "x"}};
+  if (arming) words["armed_by"] = "armed", numbers["armed_above"] = 0.5;
+  return make_detector({type, type, Settings("test", numbers, {}, words)});
+}
+
+// Feeds values at 1 kHz; remembers when it spoke.
+struct Feeder {
+  explicit Feeder(Detector& d) : detector(d) {}
+  bool feed(double value, double armed = 1) {
+    Estimate estimate;
+    estimate.time = 1e-3 * k++;
+    estimate.quantities = {{"x", "Pa", value, 0}, {"armed", "1", armed, 0}};
+    detector.process(estimate, detection);
+    return detection.active;
+  }
+  Detector& detector;
+  Detection detection;
+  int k = 0;
+};
+
+TEST(CusumDetector, PaperSettingsOnAStep) {
+  // delta 0.5 % of 0.0018, lambda 3 delta: a step of 0.9 % gains 1.3 delta a sample and is there with the third sample.
+  const auto detector = make("cusum", {{"relative_change", 0.005}, {"threshold_changes", 3}, {"reference", 0.0018}});
+  Feeder run(*detector);
+  for (int k = 0; k < 1000; ++k) ASSERT_FALSE(run.feed(0.0018 * 1.002));
+  int delay = 1;
+  while (!run.feed(0.0018 * 0.991)) ++delay;
+  EXPECT_EQ(delay, 3);
+  EXPECT_EQ(run.detection.since, 1.0);
+  EXPECT_NEAR(run.detection.size, -0.009 * 0.0018, 1e-12);
+  EXPECT_EQ(detector->size_unit(), "Pa");
+  int more = 0;
+  while (run.feed(0.0018)) ++more;
+  EXPECT_LE(more, 13);  // from twice lambda down to lambda, half a delta a sample
+}
+
+TEST(CusumDetector, FalseAlarmsAreThoseAskedFor) {
+  const double per_hour = 3600;  // one a second, to count some
+  const auto detector = make(
+      "cusum", {{"change", 1}, {"noise", 1}, {"period", 1e-3}, {"false_alarms_per_hour", per_hour}, {"reference", 5}});
+  Feeder run(*detector);
+  Random random(3);
+  int alarms = 0;
+  for (int k = 0; k < 3000000; ++k)
+    if (run.feed(5 + random.normal())) {
+      ++alarms;
+      detector->reset();
+    }
+  EXPECT_NEAR(alarms / 3000.0, 1, 0.08);
+}
+
+TEST(CusumDetector, LearnsItsReferenceOnceArmed) {
+  const auto detector = make("cusum", {{"change", 1}, {"threshold_changes", 5}, {"learn", 0.5}}, true);
+  Feeder run(*detector);
+  for (int k = 0; k < 300; ++k) ASSERT_FALSE(run.feed(1000, 0));  // not armed: neither learnt nor judged
+  for (int k = 0; k < 2000; ++k) ASSERT_FALSE(run.feed(7 + (k % 2 ? 0.2 : -0.2)));
+  for (int k = 0; k < 100; ++k) ASSERT_FALSE(run.feed(1000, 0));
+  for (int k = 0; k < 100; ++k) ASSERT_FALSE(run.feed(7));  // the reference outlives a pause
+  int delay = 1;
+  while (!run.feed(9)) ++delay;
+  EXPECT_EQ(delay, 4);  // 1.5 a sample up to 5
+  EXPECT_FALSE(run.feed(9, 0));
+}
+
+TEST(RedlineDetector, NeedsItsMarginForItsTime) {
+  const auto detector = make("redline", {{"relative_margin", 0.05}, {"learn", 0.2}, {"minimum_time", 0.2}}, true);
+  Feeder run(*detector);
+  for (int k = 0; k < 500; ++k) ASSERT_FALSE(run.feed(100));
+  for (int k = 0; k < 1000; ++k) ASSERT_FALSE(run.feed(104.9));
+  for (int k = 0; k < 199; ++k) ASSERT_FALSE(run.feed(105.1));
+  ASSERT_FALSE(run.feed(104.9));
+  int delay = 0;
+  while (!run.feed(94.9)) ++delay;
+  EXPECT_EQ(delay, 200);
+  EXPECT_NEAR(run.detection.since, 1.7, 1e-9);
+  EXPECT_EQ(run.detection.size, 94.9);
+  // Armed anew it learns anew: an operating point of its own.
+  EXPECT_FALSE(run.feed(50, 0));
+  for (int k = 0; k < 1000; ++k) ASSERT_FALSE(run.feed(50));
+}
+
+TEST(InnovationTest, SilentOnWhiteNoiseAndQuickOnMore) {
+  const auto detector =
+      make("innovation_test", {{"window", 100}, {"noise", 2}, {"period", 1e-3}, {"false_alarms_per_hour", 0.1}});
+  Feeder run(*detector);
+  Random random(6);
+  for (int k = 0; k < 600000; ++k) ASSERT_FALSE(run.feed(2 * random.normal())) << k;
+  int delay = 1;
+  while (!run.feed(2 * random.normal() + 6)) ++delay;
+  EXPECT_LT(delay, 25);
+  EXPECT_GT(run.detection.size, 1.5);
+}
+
+TEST(FrozenDetector, CountsEqualNumbers) {
+  const auto detector = make("frozen", {{"count", 10}});
+  Feeder run(*detector);
+  for (int k = 0; k < 100; ++k) ASSERT_FALSE(run.feed(k / 5));  // never more than five
+  for (int k = 0; k < 9; ++k) ASSERT_FALSE(run.feed(77));
+  EXPECT_TRUE(run.feed(77));
+  EXPECT_NEAR(run.detection.since, 0.1, 1e-9);
+  EXPECT_FALSE(run.feed(78));
+}
+
+TEST(NoisyDetector, KnowsNoiseFromAStepAndARamp) {
+  const auto detector = make("noisy", {{"noise", 1}, {"limit", 3}, {"window", 10}, {"release_time", 0.5}});
+  Feeder run(*detector);
+  Random random(8);
+  double level = 0;
+  for (int k = 0; k < 100000; ++k) {
+    if (k % 1000 == 999) level += k % 2000 > 1000 ? -40 : 40;  // steps of forty sigma
+    level += 0.05;
+    ASSERT_FALSE(run.feed(level + random.normal())) << k;
+  }
+  int delay = 1;
+  while (!run.feed(level + 10 * random.normal())) ++delay;
+  EXPECT_LE(delay, 15);
+  for (int k = 0; k < 3000; ++k) run.feed(level + 10 * random.normal());
+  EXPECT_NEAR(run.detection.size, std::sqrt(99), 0.8);
+  EXPECT_LT(run.detection.low, std::sqrt(99));
+  EXPECT_GT(run.detection.high, std::sqrt(99));
+}
+
+TEST(Detectors, RefuseWhatContradictsItself) {
+  EXPECT_THROW(make("cusum", {{"change", 1}}), InputError);                            // no threshold
+  EXPECT_THROW(make("cusum", {{"change", 1}, {"threshold_changes", 3}}), InputError);  // no reference
+  EXPECT_THROW(make("redline", {{"margin", -1}, {"expected", 0}}), InputError);
+  EXPECT_THROW(make("frozen", {{"count", 1}}), InputError);
+}
+
+}  // namespace
+}  // namespace faultline

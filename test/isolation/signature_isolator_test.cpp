@@ -1,0 +1,257 @@
+// Isolation by signatures on the simulated cooling circuit: place, size, delay; silence; what cannot be told apart; reset, pauses.
+// Settings are the datasheet's; the seeds here are none of those that they were chosen with (docs/cooling_circuit.md).
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "cooling_recordings.h"
+#include "count_allocations.h"
+#include "faultline/alarms/diagnosis.h"
+#include "faultline/isolation/balance_model.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kFrom = 6;  // s
+
+struct Answer {
+  std::vector<Alarm> found;  // by isolation: neither redlines nor data
+  std::size_t redlines = 0;
+};
+
+Answer diagnose(const std::string& effect, std::uint64_t seed, double duration = 8,
+                const std::string& profile = "steady") {
+  Simulator simulator(cooling(), cooling_recording(profile, seed, effect));
+  Diagnosis diagnosis(cooling());
+  for (int k = 0; k < static_cast<int>(duration * 1000); ++k) diagnosis.process(simulator.step());
+  Answer answer;
+  for (const Alarm& alarm : diagnosis.report().alarms)
+    if (alarm.text.rfind("Redline", 0) == 0)
+      ++answer.redlines;
+    else
+      answer.found.push_back(alarm);
+  return answer;
+}
+
+struct Fault {
+  const char* effect;
+  const char* port;
+  const char* size_name;
+  double size;
+  const char* kind;
+};
+
+void PrintTo(const Fault& f, std::ostream* out) { *out << f.effect << "@" << f.port; }
+
+class GrossFault : public ::testing::TestWithParam<Fault> {};
+
+TEST_P(GrossFault, IsNamedAtItsPlaceWithItsSizeWithinTenMilliseconds) {
+  const Fault& f = GetParam();
+  const Answer answer = diagnose(fmt::format("{}@{}:{}={},from={}", f.effect, f.port, f.size_name, f.size, kFrom), 301);
+  ASSERT_EQ(answer.found.size(), 1u);
+  const Alarm& alarm = answer.found[0];
+  EXPECT_EQ(alarm.kind, f.kind);
+  EXPECT_EQ(alarm.effect, f.effect);
+  EXPECT_EQ(alarm.port, f.port);
+  EXPECT_TRUE(alarm.equivalent.empty()) << alarm.text;
+  EXPECT_NEAR(alarm.since, kFrom, 0.005);
+  EXPECT_LE(alarm.raised - kFrom, 0.0121);
+  EXPECT_TRUE(alarm.active);
+  EXPECT_EQ(alarm.size_name, f.size_name);
+  EXPECT_LE(alarm.low, f.size);
+  EXPECT_GE(alarm.high, f.size);
+  EXPECT_LT(alarm.high - alarm.low, 0.25 * std::abs(f.size));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, GrossFault,
+    ::testing::Values(Fault{"orifice_leakage", "flow.m_outlet_ambient", "coefficient", 2e-7, "fault"},
+                      Fault{"orifice_leakage", "flow.t_outlet_ambient", "coefficient", 2e-7, "fault"},
+                      Fault{"orifice_leakage", "flow.v3_inlet_ambient", "coefficient", 2e-7, "fault"},
+                      Fault{"orifice_leakage", "flow.v1_drain_ambient", "coefficient", 2e-7, "fault"},
+                      Fault{"clogging", "restriction.v2_orifice", "fraction", 0.2, "fault"},
+                      Fault{"clogging", "restriction.t_feed", "fraction", 0.2, "fault"},
+                      Fault{"clogging", "restriction.m_drain", "fraction", 0.2, "fault"},
+                      Fault{"offset", "sensor.v1_inlet_pressure", "value", 5e4, "sensor"},
+                      Fault{"offset", "sensor.v3_outlet_pressure", "value", -5e4, "sensor"},
+                      Fault{"offset", "sensor.t_mass_flow", "value", 0.1, "sensor"},
+                      Fault{"offset", "sensor.m_inlet_temperature", "value", 5, "sensor"},
+                      Fault{"offset", "sensor.v2_outlet_temperature", "value", 4, "sensor"},
+                      Fault{"offset", "sensor.t_inlet_pressure", "value", 5e4, "sensor"}),
+    [](const auto& tested) {
+      std::string name = std::string(tested.param.effect) + "_" + tested.param.port;
+      std::replace(name.begin(), name.end(), '.', '_');
+      return name;
+    });
+
+TEST(Isolation, HealthyRunsAreSilent) {
+  for (const std::uint64_t seed : {311, 312, 313}) {
+    const Answer answer = diagnose("", seed, 15);
+    EXPECT_TRUE(answer.found.empty()) << seed << " " << answer.found[0].text;
+    EXPECT_EQ(answer.redlines, 0u);
+  }
+  const Answer moving = diagnose("", 314, 20, "valve_cycle");
+  EXPECT_TRUE(moving.found.empty()) << moving.found[0].text;
+}
+
+TEST(Isolation, ASmallLeakIsNamedWhileRedlinesAreSilent) {
+  const Answer answer = diagnose("orifice_leakage@flow.t_outlet_ambient:coefficient=1.28e-8,from=6,to=11", 321, 13);
+  EXPECT_EQ(answer.redlines, 0u);
+  ASSERT_EQ(answer.found.size(), 1u);
+  EXPECT_EQ(answer.found[0].effect, "orifice_leakage");
+  EXPECT_EQ(answer.found[0].port, "flow.t_outlet_ambient");
+  EXPECT_LT(answer.found[0].raised, 10);
+  EXPECT_LE(answer.found[0].low, 1.28e-8);
+  EXPECT_GE(answer.found[0].high, 1.28e-8);
+}
+
+TEST(Isolation, WhatOnlyTheValveSeesIsToldAsASet) {
+  const Answer answer = diagnose("droop@source.supply:resistance=6e7,from=6,to=7", 322, 9);
+  ASSERT_FALSE(answer.found.empty());
+  std::vector<std::string> named = answer.found[0].equivalent;
+  named.push_back(answer.found[0].effect + "@" + answer.found[0].port);
+  std::sort(named.begin(), named.end());
+  EXPECT_EQ(named, (std::vector<std::string>{"clogging@restriction.bench_valve", "droop@source.supply",
+                                             "offset@sensor.supply_pressure"}));
+  EXPECT_EQ(answer.found[0].kind, "fault");  // the worse of what it may be
+  EXPECT_NE(answer.found[0].text.find("ambiguous"), std::string::npos);
+  EXPECT_LT(answer.found[0].confidence, 0.5);
+}
+
+TEST(Isolation, HeatFromAllWallsTakesTheTimeOfTheFiring) {
+  const Answer answer = diagnose("scale@command.heat_load_command:factor=1.3,from=6", 334);
+  ASSERT_EQ(answer.found.size(), 1u);
+  EXPECT_EQ(answer.found[0].effect, "scale");
+  EXPECT_EQ(answer.found[0].port, "command.heat_load_command");
+  EXPECT_LT(answer.found[0].raised, 6.08);
+  EXPECT_LE(answer.found[0].low, 1.3);
+  EXPECT_GE(answer.found[0].high, 1.3);
+}
+
+TEST(Isolation, WallHeatAndThermocoupleAreToldApartByTheirStep) {
+  const Answer wall = diagnose("scale@heat.v3_wall:factor=1.3,from=6", 335);
+  ASSERT_EQ(wall.found.size(), 1u);
+  EXPECT_EQ(wall.found[0].port, "heat.v3_wall");
+  EXPECT_TRUE(wall.found[0].equivalent.empty());
+  const Answer slow = diagnose("scale@heat.v3_wall:factor=1.3,from=6,to=7.5", 336);
+  ASSERT_EQ(slow.found.size(), 1u);
+  EXPECT_EQ(slow.found[0].equivalent.size(), 1u);  // grown slowly it may be either
+}
+
+TEST(Isolation, SensorsThatSpeakForThemselves) {
+  // A converter that hangs gives the very same number; the simulator's stuck transducer still has its noise.
+  Simulator simulator(cooling(), cooling_recording("steady", 331));
+  Diagnosis diagnosis(cooling());
+  double held = 0;
+  const auto flow = static_cast<std::size_t>(cooling().channel("v2_mass_flow"));
+  for (int k = 0; k < 8000; ++k) {
+    Sample sample = simulator.step();
+    if (k < 6000) held = sample.values[flow];
+    sample.values[flow] = held;
+    diagnosis.process(sample);
+  }
+  const std::vector<Alarm> stuck = diagnosis.report().alarms;
+  ASSERT_EQ(stuck.size(), 1u);
+  EXPECT_EQ(stuck[0].effect, "stuck");
+  EXPECT_EQ(stuck[0].port, "sensor.v2_mass_flow");
+  EXPECT_LE(stuck[0].raised, 6.012);
+  const Answer noisy = diagnose("noise@sensor.t_mass_flow:std=0.03,from=6", 332);
+  ASSERT_EQ(noisy.found.size(), 1u) << noisy.found[1].text;
+  EXPECT_EQ(noisy.found[0].effect, "noise");
+  EXPECT_EQ(noisy.found[0].port, "sensor.t_mass_flow");
+  EXPECT_LT(noisy.found[0].raised, 6.02);
+  EXPECT_NEAR(noisy.found[0].size, 0.03, 0.003);
+}
+
+TEST(Isolation, CavitationIsARippleWithItsAmplitude) {
+  const Answer answer = diagnose("ripple@source.v3_drain:amplitude=2e5,frequency=30,from=6", 333, 9);
+  const auto found = std::find_if(answer.found.begin(), answer.found.end(),
+                                  [](const Alarm& a) { return a.effect == "ripple" && a.port == "source.v3_drain"; });
+  ASSERT_NE(found, answer.found.end());
+  EXPECT_LT(found->raised, 6.15);
+  EXPECT_NEAR(found->size, 2e5, 3e4);
+  for (const Alarm& alarm : answer.found)
+    if (&alarm != &*found) {
+      EXPECT_EQ(alarm.kind, "unknown");  // before it has swung it may be anything; no wrong name
+      EXPECT_LT(alarm.until - alarm.since, 2);
+    }
+}
+
+// ---- the isolator by itself
+
+StageSpec spec() { return cooling().isolators.front(); }
+
+TEST(SignatureIsolator, RefusesUnknownModelsAndMissingSettings) {
+  StageSpec other = spec();
+  other.type = "oracle";
+  EXPECT_THROW(make_isolator(cooling(), other), InputError);
+  other = spec();
+  other.settings = Settings("test", {}, {}, {{"model", "cooling_circuit"}});
+  EXPECT_THROW(make_isolator(cooling(), other), InputError);
+  EXPECT_THROW(make_balance_model("weather", cooling(), spec().settings), InputError);
+}
+
+TEST(SignatureIsolator, ResetIsCompleteAndASampleAllocatesNothingWhileAllIsWell) {
+  const auto isolator = make_isolator(cooling(), spec());
+  EstimatorStage stage(cooling(), cooling().estimators.front());
+  Simulator simulator(cooling(), cooling_recording("steady", 5));
+  std::vector<Estimate> estimates;
+  Estimate estimate;
+  for (int k = 0; k < 7000; ++k) {
+    stage.process(simulator.step(), estimate);
+    if (k == 0 || k >= 3500) estimates.push_back(estimate);
+  }
+  const std::vector<bool> doubted(cooling().channels.size(), false);
+  Finding finding;
+  for (const Estimate& e : estimates) isolator->process(e, doubted, finding);
+  EXPECT_FALSE(finding.active);
+  const std::uint64_t before = allocations();
+  for (std::size_t k = 1; k < estimates.size(); ++k) isolator->process(estimates[k], doubted, finding);
+  EXPECT_EQ(allocations() - before, 0u);
+
+  // A leak learnt as normal before the reset is nothing new after it.
+  isolator->reset();
+  finding = Finding();
+  for (Estimate e : estimates) {
+    for (Quantity& q : e.quantities)
+      if (q.name == "t_mass_flow") q.value *= 0.9;
+    isolator->process(e, doubted, finding);
+  }
+  EXPECT_FALSE(finding.active);
+}
+
+TEST(CoolingBalances, TheRightHypothesisOfTheRightSizeLeavesNothing) {
+  const auto model = make_balance_model("cooling_circuit", cooling(), spec().settings);
+  // Features of the reference point, five branches alike but for the nozzle.
+  std::vector<double> features;
+  for (int b = 0; b < 5; ++b)
+    features.insert(features.end(), {45e5, b == 4 ? 34.6e5 : 43.9e5, b == 4 ? 2.0 : 1.5, 288, 24, 1.6e-4});
+  features.insert(features.end(), {70e5, 1});
+  const std::size_t n = model->residuals().size();
+  std::vector<double> reference(n), r(n);
+  model->reference(features.data(), reference.data());
+  const std::vector<Hypothesis> all = model->hypotheses();
+  for (std::size_t h = 0; h < all.size(); ++h) {
+    // With no size nothing is left either; a size of its own leaves something: the hypothesis is not empty.
+    model->residuals(features.data(), reference.data(), static_cast<int>(h), 0, r.data());
+    EXPECT_LT(std::abs(*std::max_element(r.begin(), r.end())), 1e-12) << all[h].effect << "@" << all[h].port;
+    model->residuals(features.data(), reference.data(), static_cast<int>(h), 20 * all[h].unit, r.data());
+    double square = 0;
+    for (const double value : r) square += value * value;
+    EXPECT_GT(square, 1e-8) << all[h].effect << "@" << all[h].port;
+  }
+  // A meter that reads 0.05 kg/s too much.
+  std::vector<double> off = features;
+  off[6 * 1 + 2] += 0.05;
+  off[6 * 1 + 5] /= 1.55 / 1.5;  // theta_Q follows the metered flow
+  const auto meter =
+      std::find_if(all.begin(), all.end(), [](const Hypothesis& h) { return h.port == "sensor.v1_mass_flow"; });
+  model->residuals(off.data(), reference.data(), static_cast<int>(meter - all.begin()), 0.05, r.data());
+  for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(r[i], 0, i == 5 + 3 ? 0.04 : 1e-12) << model->residuals()[i];
+}
+
+}  // namespace
+}  // namespace faultline

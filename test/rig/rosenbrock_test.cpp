@@ -1,0 +1,127 @@
+// RODAS3 on problems with known solutions: order of convergence, damping of what is fast, moving boundary values, rest.
+#include "faultline/rig/rosenbrock.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "count_allocations.h"
+
+namespace faultline {
+namespace {
+
+class Problem : public Rig {
+ public:
+  int states() const override { return 2; }
+  void start(const double*, double* state) override { state[0] = state[1] = 1; }
+  void start_at(const double* nominal, const double*, double* state) override { std::copy_n(nominal, 2, state); }
+  void outputs(double, const double*, double*) const override {}
+  bool stiff() const override { return true; }
+  const std::vector<std::pair<int, int>>& jacobian_entries() const override { return entries_; }
+
+ protected:
+  std::vector<std::pair<int, int>> entries_ = {{0, 0}, {0, 1}, {1, 0}, {1, 1}};
+};
+
+// x' = -2 x + y^2, y' = x - y - y^2: x = exp(-2 t), y = exp(-t) (Kaps, 1981, at unit stiffness).
+class Kaps : public Problem {
+ public:
+  void derivative(double, const double* s, const double*, double* rate) override {
+    rate[0] = -2 * s[0] + (s[1] * s[1] - s[0]) * k_;
+    rate[1] = s[0] - s[1] * (1 + s[1]);
+  }
+  void jacobian(double t, const double* s, const double* c, double* rate, double* time_rate, double* entries) override {
+    derivative(t, s, c, rate);
+    time_rate[0] = time_rate[1] = 0;
+    entries[0] = -2 - k_;
+    entries[1] = 2 * s[1] * k_;
+    entries[2] = 1;
+    entries[3] = -1 - 2 * s[1];
+  }
+  double k_ = 1;  // stiffness; the solution does not depend on it
+};
+
+// x' = rate (cos t - x), a boundary that moves; y' = -y.
+class Driven : public Problem {
+ public:
+  void derivative(double t, const double* s, const double*, double* rate) override {
+    rate[0] = fast_ * (std::cos(t) - s[0]);
+    rate[1] = -s[1];
+  }
+  void jacobian(double t, const double* s, const double* c, double* rate, double* time_rate, double* entries) override {
+    derivative(t, s, c, rate);
+    time_rate[0] = -fast_ * std::sin(t);
+    time_rate[1] = 0;
+    entries[0] = -fast_;
+    entries[1] = entries[2] = 0;
+    entries[3] = -1;
+  }
+  double fast_ = 1e6;
+};
+
+double kaps_error(double stiffness, int steps) {
+  Kaps rig;
+  rig.k_ = stiffness;
+  Rosenbrock method(rig);
+  method.start(nullptr);
+  for (int k = 0; k < steps; ++k) method.step(static_cast<double>(k) / steps, 1.0 / steps, nullptr);
+  return std::hypot(method.state()[0] - std::exp(-2), method.state()[1] - std::exp(-1));
+}
+
+TEST(Rosenbrock, IsOfOrderThree) {
+  const double coarse = kaps_error(1, 20), fine = kaps_error(1, 40);
+  EXPECT_LT(coarse, 1e-5);
+  EXPECT_GT(coarse / fine, 6.5);
+  EXPECT_LT(coarse / fine, 9.5);
+}
+
+TEST(Rosenbrock, StaysAccurateWhereTheProblemIsStiff) {
+  // Explicit methods would need steps of 1e-8 s.
+  EXPECT_LT(kaps_error(1e8, 20), 1e-4);
+  EXPECT_LT(kaps_error(1e8, 40), 0.4 * kaps_error(1e8, 20));
+}
+
+TEST(Rosenbrock, FollowsABoundaryThatMoves) {
+  Driven rig;
+  Rosenbrock method(rig);
+  method.start(nullptr);
+  for (int k = 0; k < 100; ++k) {
+    method.step(0.05 * k, 0.05, nullptr);
+    ASSERT_NEAR(method.state()[0], std::cos(0.05 * (k + 1)), 1e-4) << k;
+  }
+}
+
+TEST(Rosenbrock, WhatIsFastDiesWithoutSwinging) {
+  // Off by 1e6, with 1e5 time constants in a step: what is left falls at least by that share from step to step.
+  Driven rig;
+  Rosenbrock method(rig);
+  const double far[2] = {1e6, 1};
+  method.start_at(far, nullptr);
+  method.step(0, 0.1, nullptr);
+  EXPECT_NEAR(method.state()[0], std::cos(0.1), 100);
+  method.step(0.1, 0.1, nullptr);
+  EXPECT_NEAR(method.state()[0], std::cos(0.2), 2e-3);
+}
+
+TEST(Rosenbrock, SettlesWhereNothingMoves) {
+  Kaps rig;
+  rig.k_ = 1e6;
+  double state[2] = {3, -0.2};
+  settle(rig, nullptr, state);
+  double rate[2];
+  rig.derivative(0, state, nullptr, rate);
+  EXPECT_NEAR(rate[0], 0, 1e-6);
+  EXPECT_NEAR(rate[1], 0, 1e-9);
+}
+
+TEST(Rosenbrock, AStepAllocatesNothing) {
+  Kaps rig;
+  Rosenbrock method(rig);
+  method.start(nullptr);
+  const auto before = allocations();
+  for (int k = 0; k < 100; ++k) method.step(0.01 * k, 0.01, nullptr);
+  EXPECT_EQ(allocations(), before);
+}
+
+}  // namespace
+}  // namespace faultline
