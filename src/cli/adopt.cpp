@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "cli/datasheet_text.h"
 #include "cli/output_file.h"
 #include "faultline/rig/effect.h"
 #include "faultline/signal/error.h"
@@ -31,15 +32,7 @@ void adopt(const Datasheet& sheet, const GapResult& result, const std::string& f
   for (const auto& [name, factor] : level.parameters) {
     const Parameter& parameter = sheet.parameters[static_cast<std::size_t>(sheet.parameter(name))];
     if (std::abs(factor - 1) < 1e-6) continue;
-    // name: X ... nominal: NUMBER, on one line or the lines of one entry.
-    const std::regex entry("(name: *" + name + "\\b[^}]*?nominal: *)([-+0-9.eE]+)");
-    std::smatch match;
-    if (!std::regex_search(text, match, entry))
-      throw InputError(
-          fmt::format("{}: parameter {} is not written as 'name: {}, ..., nominal: NUMBER'; edit it by hand to {:.6g}",
-                      sheet.file, name, name, parameter.nominal * factor));
-    text = match.prefix().str() + match[1].str() + fmt::format("{:.6e}", parameter.nominal * factor) +
-           match.suffix().str();
+    set_parameter(sheet, text, name, "nominal", parameter.nominal * factor);
   }
   std::string list;
   for (const std::string& known : sheet.nominal_effects) list += fmt::format("  - \"{}\"\n", known);

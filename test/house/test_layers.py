@@ -18,6 +18,7 @@ ALLOWED = {
     "isolation": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors"},
     "alarms": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation"},
     "diagnosis": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
+    "tuning": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
     "gap": {"signal", "rig", "effects", "fit"},
 }
 # Transport and what belongs to it stay at the rim.

@@ -53,6 +53,12 @@ class Band : public Detector {
     detection.confidence = beyond > 0 ? 1 - 0.5 * std::exp(-beyond / std::max(high_ - low_, 1e-300)) : 0.0;
   }
 
+  // How far from the middle; `high` is what is told, `low` mirrors it.
+  Criterion criterion() const override {
+    const double middle = 0.5 * (low_ + high_);
+    return {started_ && last_ - begin_ >= average_time_ ? std::abs(mean_ - middle) : std::nan(""), high_ - middle,
+            "high", middle};
+  }
   std::string size_name() const override { return quantity_; }
   std::string size_unit() const override { return unit_; }
 

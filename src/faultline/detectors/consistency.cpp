@@ -41,6 +41,9 @@ class Consistency : public Detector {
     detection.confidence = mean_ > limit_ ? 1 - 0.5 * limit_ / mean_ : 0.0;
   }
 
+  Criterion criterion() const override {
+    return {started_ && last_ - begin_ >= settle_ ? mean_ : std::nan(""), limit_, "limit", 0};
+  }
   std::string size_name() const override { return "normalised_innovation"; }
   std::string size_unit() const override { return "1"; }
 

@@ -5,6 +5,7 @@
 //   release_time  s            how long it must be gone before it ends
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -20,6 +21,15 @@ struct Detection {
   bool has_size = false;
   double size = 0, low = 0, high = 0;  // in size_unit, with 90 % bounds
   double confidence = 0;               // 0..1, that it is there
+  bool blind = false;                  // it could not show itself now: not observable in this motion
+};
+
+// What a detector holds against its threshold: for choosing that threshold from healthy recordings.
+struct Criterion {
+  double value = std::numeric_limits<double>::quiet_NaN();  // NaN while there is not evidence enough to ask
+  double threshold = 0;                                     // as set; an alarm needs value > threshold
+  const char* setting = nullptr;                            // its name in the datasheet; null: this detector has none
+  double offset = 0;                                        // setting = offset + threshold
 };
 
 class Detector {
@@ -27,6 +37,7 @@ class Detector {
   virtual ~Detector() = default;
   virtual void reset() = 0;
   virtual void process(const Estimate& estimate, Detection& detection) = 0;
+  virtual Criterion criterion() const { return {}; }
   virtual std::string size_name() const { return ""; }
   virtual std::string size_unit() const { return ""; }
 };

@@ -48,6 +48,7 @@ class Settings {
   void check_used() const;                             // InputError if a key was never asked for
   const std::string& where() const { return where_; }  // file and key path, for messages
   void set(const std::string& key, double value);      // overrides one number (tuning, command line)
+  void set(const std::string& key, const std::vector<double>& values);
 
  private:
   std::string where_;

@@ -90,4 +90,10 @@ void Settings::set(const std::string& key, double value) {
   numbers_[key] = value;
 }
 
+void Settings::set(const std::string& key, const std::vector<double>& values) {
+  numbers_.erase(key);
+  words_.erase(key);
+  lists_[key] = values;
+}
+
 }  // namespace faultline

@@ -1,0 +1,40 @@
+#include "cli/datasheet_text.h"
+
+#include <regex>
+
+#include <fmt/format.h>
+
+#include "faultline/signal/error.h"
+
+namespace faultline {
+
+void set_parameter(const Datasheet& sheet, std::string& text, const std::string& parameter, const std::string& key,
+                   double value) {
+  // name: X ... key: NUMBER, on one line or the lines of one entry.
+  const std::regex entry("(name: *" + parameter + "\\b[^}]*?\\b" + key + ": *)([-+0-9.eE]+)");
+  std::smatch match;
+  if (!std::regex_search(text, match, entry))
+    throw InputError(
+        fmt::format("{}: parameter {} is not written as 'name: {}, ..., {}: NUMBER'; edit it by hand to {:.6g}",
+                    sheet.file, parameter, parameter, key, value));
+  text = match.prefix().str() + match[1].str() + fmt::format("{:.6e}", value) + match.suffix().str();
+}
+
+void set_stage_setting(const Datasheet& sheet, std::string& text, const std::string& stage, const std::string& key,
+                       const std::string& value) {
+  const auto fail = [&] {
+    throw InputError(fmt::format(
+        "{}: stage {} is not written as '- name: {}' with '{}: VALUE' on a line of its own; edit it by hand to {}",
+        sheet.file, stage, stage, key, value));
+  };
+  std::smatch head;
+  if (!std::regex_search(text, head, std::regex("\\n *- name: *" + stage + " *\\n"))) fail();
+  const auto begin = static_cast<std::size_t>(head.position() + head.length());
+  const std::size_t end = std::min(text.find("- name:", begin), text.size());
+  const std::string entry = text.substr(begin, end - begin);
+  std::smatch line;
+  if (!std::regex_search(entry, line, std::regex("(\\n|^)( *" + key + ": *)(\\[[^\\]\\n]*\\]|[-+0-9.eE]+)"))) fail();
+  text.replace(begin + static_cast<std::size_t>(line.position(3)), static_cast<std::size_t>(line.length(3)), value);
+}
+
+}  // namespace faultline

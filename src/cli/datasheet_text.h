@@ -1,0 +1,18 @@
+// Edits numbers in the text of a datasheet in place: comments and layout stay.
+#pragma once
+
+#include <string>
+
+#include "faultline/rig/datasheet.h"
+
+namespace faultline {
+
+// Gives a parameter another nominal value, or tolerance (`key`). InputError where the text is of a form that cannot be edited in place.
+void set_parameter(const Datasheet& sheet, std::string& text, const std::string& parameter, const std::string& key,
+                   double value);
+
+// Gives a setting of a stage (an entry `- name: STAGE` of estimators, detectors, ...) another value, as text.
+void set_stage_setting(const Datasheet& sheet, std::string& text, const std::string& stage, const std::string& key,
+                       const std::string& value);
+
+}  // namespace faultline

@@ -1,0 +1,121 @@
+// `faultline fit`: the parameters that a rig's datasheet marks, from recordings, with intervals; and what the recordings cannot tell.
+#include <cmath>
+#include <memory>
+#include <thread>
+
+#include <unistd.h>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "cli/datasheet_text.h"
+#include "cli/interrupt.h"
+#include "cli/load_recording.h"
+#include "cli/output_file.h"
+#include "cli/subcommand.h"
+#include "faultline/fit/parameter_fit.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kNinetyPercent = 1.645;
+
+struct Options {
+  std::string rig, config, json, patch;
+  std::vector<std::string> runs;
+  int jobs = 0;
+};
+
+Json result_json(const Datasheet& sheet, const std::vector<std::string>& runs, const ParameterFit& fit) {
+  Json json = {
+      {"rig", sheet.rig}, {"runs", runs}, {"segments", fit.segments}, {"segment_duration", fit.segment_duration}};
+  json["parameters"] = Json::array();
+  for (const FittedParameter& p : fit.parameters)
+    json["parameters"].push_back({{"name", p.name},
+                                  {"unit", p.unit},
+                                  {"nominal", p.nominal},
+                                  {"tolerance", p.tolerance},
+                                  {"determined", p.determined},
+                                  {"estimate", p.estimate},
+                                  {"low", p.low},
+                                  {"high", p.high},
+                                  {"relative_error", {{"statistical", p.statistical}, {"systematic", p.systematic}}},
+                                  {"reason", p.reason}});
+  json["channels"] = Json::array();
+  for (const ChannelMisfit& c : fit.channels)
+    json["channels"].push_back(
+        {{"channel", c.channel}, {"unit", c.unit}, {"noise", c.noise}, {"before", c.before}, {"after", c.after}});
+  return json;
+}
+
+void print_result(const Datasheet& sheet, const ParameterFit& fit) {
+  fmt::print("{}: {} segments of {:g} s\n\n", sheet.rig, fit.segments, fit.segment_duration);
+  fmt::print("{:<26} {:>11} {:>11} {:>24}  {:<20} {}\n", "parameter", "datasheet", "estimate", "90 % interval", "unit",
+             "change");
+  for (const FittedParameter& p : fit.parameters) {
+    if (!p.determined) continue;
+    fmt::print("{:<26} {:>11.4g} {:>11.4g} {:>11.4g}..{:<11.4g}  {:<20} {:+.1f} %\n", p.name, p.nominal, p.estimate,
+               p.low, p.high, p.unit, 100 * (p.estimate / p.nominal - 1));
+  }
+  for (const FittedParameter& p : fit.parameters)
+    if (!p.determined) fmt::print("{:<26} {:>11.4g} not determined: {}\n", p.name, p.nominal, p.reason);
+  fmt::print("\n{:<26} {:>11} {:>11} {:>11}  {}\n", "residual, rms", "noise", "before", "after", "unit");
+  for (const ChannelMisfit& c : fit.channels)
+    fmt::print("{:<26} {:>11.3g} {:>11.3g} {:>11.3g}  {}\n", c.channel, c.noise, c.before, c.after, c.unit);
+}
+
+// The datasheet with what was found as nominal values and tolerances.
+void write_patch(const Datasheet& sheet, const ParameterFit& fit, const std::string& file) {
+  std::string text = read_text(sheet.file);
+  for (const FittedParameter& p : fit.parameters) {
+    if (!p.determined) continue;
+    set_parameter(sheet, text, p.name, "nominal", p.estimate);
+    set_parameter(sheet, text, p.name, "tolerance", 0.5 * (p.high - p.low) / kNinetyPercent / std::abs(p.estimate));
+  }
+  // Read back before it takes its name: what cannot be loaded is not kept.
+  OutputFile output(file);
+  write_text(output.written(), text);
+  read_datasheet(output.written());
+  output.commit();
+}
+
+void run(const Options& options) {
+  std::vector<std::pair<std::string, Recording>> runs;
+  const Datasheet sheet = load_datasheet(options.rig, options.config);
+  for (const std::string& file : options.runs) {
+    LoadedRecording loaded = load_recording(file, options.rig, options.config);
+    print_remarks("fit", loaded.remarks);
+    runs.emplace_back(file, std::move(loaded.recording));
+  }
+  const int jobs = options.jobs > 0 ? options.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const bool tell = isatty(fileno(stderr)) != 0;
+  const ParameterFit fit = fit_parameters(sheet, std::move(runs), jobs, [tell](const std::string& text) {
+    check_interrupt();
+    if (tell) fmt::print(stderr, "fit: {}\n", text);
+  });
+  if (!options.patch.empty()) write_patch(sheet, fit, options.patch);
+  if (!options.json.empty()) write_text(options.json, result_json(sheet, options.runs, fit).dump(2) + "\n");
+  if (options.json != "-") print_result(sheet, fit);
+}
+
+void add(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  app.add_option("RIG", options->rig, "the rig; its datasheet marks what is estimated with 'identify: true'")
+      ->required();
+  app.add_option("RUN", options->runs, "recordings, .bag or .csv, of the rig without faults")->required();
+  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
+  app.add_option("--json", options->json, "write the answer as JSON to this file; - is standard output");
+  app.add_option("--patch", options->patch,
+                 "write the datasheet with the estimates as nominal values and tolerances to this file, for --config");
+  app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(CLI::Range(1, 256));
+  app.callback([options] { run(*options); });
+}
+
+FAULTLINE_SUBCOMMAND(fit, {"fit", "estimate a rig's parameters from recordings, with intervals",
+                           "faultline fit servo_actuator prbs1.bag prbs2.bag --patch mine.yaml", add});
+
+}  // namespace
+}  // namespace faultline

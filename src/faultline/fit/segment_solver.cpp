@@ -1,0 +1,279 @@
+#include "faultline/fit/segment_solver.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <ceres/ceres.h>
+#include <Eigen/QR>
+
+#include "faultline/fit/in_parallel.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kStep = 0.1;      // tolerances, of the differences that give sensitivities
+constexpr double kHuber = 1.5;     // root mean square of a segment, in scatters, beyond which it counts less
+constexpr double kRange = 0.9;     // parameters stay within 1 -+ this times the datasheet's value downwards ...
+constexpr double kRangeUp = 9;     // ... and upwards
+constexpr std::size_t kBlock = 4;  // segments whose gradients are summed before their scatter is taken: what they share
+
+}  // namespace
+
+// Ceres asks for the residual blocks one by one; all are computed at once when it moves.
+class SegmentCosts : public ceres::EvaluationCallback {
+ public:
+  SegmentCosts(const SegmentSolver& solver, std::vector<double> values, const std::vector<std::size_t>& free)
+      : solver_(solver), values_(std::move(values)), free_(free), z(free.size()) {
+    for (std::size_t j = 0; j < free_.size(); ++j)
+      z[j] = (values_[free_[j]] / solver_.nominal_[free_[j]] - 1) / solver_.scales_[free_[j]];
+  }
+  void PrepareForEvaluation(bool derivatives, bool moved) override {
+    if (!moved && (have_derivatives_ || !derivatives)) return;
+    for (std::size_t j = 0; j < free_.size(); ++j)
+      values_[free_[j]] = solver_.nominal_[free_[j]] * (1 + z[j] * solver_.scales_[free_[j]]);
+    solver_.triangles(values_, free_, derivatives, triangles);
+    have_derivatives_ = derivatives;
+  }
+  const std::vector<double>& values() const { return values_; }
+
+ private:
+  const SegmentSolver& solver_;
+  std::vector<double> values_;
+  const std::vector<std::size_t>& free_;
+  bool have_derivatives_ = false;
+
+ public:
+  std::vector<double> z;
+  std::vector<Eigen::MatrixXd> triangles;
+};
+
+namespace {
+
+class SegmentCost : public ceres::CostFunction {
+ public:
+  SegmentCost(const std::vector<Eigen::MatrixXd>& triangles, std::size_t at, int parameters)
+      : triangles_(triangles), at_(at), parameters_(parameters) {
+    set_num_residuals(parameters + 1);
+    mutable_parameter_block_sizes()->push_back(parameters);
+  }
+  bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
+    const Eigen::MatrixXd& t = triangles_[at_];
+    const Eigen::Index n = parameters_;
+    Eigen::Map<Eigen::VectorXd> r(residuals, n + 1);
+    r = t.col(t.cols() - 1).head(n + 1);
+    if (jacobians && jacobians[0])
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(jacobians[0], n + 1, n) =
+          t.leftCols(n);
+    return r.allFinite();
+  }
+
+ private:
+  const std::vector<Eigen::MatrixXd>& triangles_;
+  std::size_t at_;
+  int parameters_;
+};
+
+}  // namespace
+
+SegmentSolver::SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun> runs, std::vector<double> noise,
+                             std::vector<double> scales, int jobs)
+    : model_(model),
+      runs_(std::move(runs)),
+      noise_(std::move(noise)),
+      sigma_(noise_),
+      scales_(std::move(scales)),
+      nominal_(model.sheet().nominal()),
+      jobs_(jobs) {
+  for (const SegmentedRun& run : runs_) segments_ += run.restarts.size();
+}
+
+double SegmentSolver::weight(double square) const {
+  const double values = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
+  const double limit = kHuber * std::sqrt(values);
+  const double size = std::sqrt(square);
+  return size <= limit ? 1 : limit / size;
+}
+
+std::vector<double> SegmentSolver::misfit(const std::vector<double>& values) const {
+  std::vector<double> sums(sigma_.size(), 0);
+  double rows = 0;
+  for (const SegmentedRun& run : runs_) {
+    const Eigen::MatrixXf r = model_.residuals({values, {}}, run, noise_);
+    const auto used = static_cast<Eigen::Index>(run.restarts.size() * model_.segment());
+    for (std::size_t i = 0; i < sums.size(); ++i)
+      sums[i] += r.col(static_cast<Eigen::Index>(i)).head(used).cast<double>().squaredNorm();
+    rows += static_cast<double>(used);
+  }
+  for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = noise_[i] * std::sqrt(sums[i] / rows);
+  return sums;
+}
+
+void SegmentSolver::set_scatter(const std::vector<double>& values) {
+  std::vector<std::vector<double>> squares(noise_.size());
+  std::vector<Eigen::MatrixXf> residuals(runs_.size());
+  in_parallel(runs_.size(), jobs_, [&](std::size_t r) {
+    residuals[r] = model_.residuals({values, {}}, runs_[r], noise_);
+  });
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    for (const std::size_t row : runs_[r].restarts)
+      for (std::size_t i = 0; i < noise_.size(); ++i)
+        squares[i].push_back(
+            residuals[r]
+                .col(static_cast<Eigen::Index>(i))
+                .segment(static_cast<Eigen::Index>(row) + 1, static_cast<Eigen::Index>(model_.segment()) - 1)
+                .cast<double>()
+                .squaredNorm() /
+            static_cast<double>(model_.segment() - 1));
+  for (std::size_t i = 0; i < noise_.size(); ++i) {
+    // Mean of the lower nine tenths: a few segments in which the model goes astray do not set the scale.
+    std::sort(squares[i].begin(), squares[i].end());
+    const std::size_t count = std::max<std::size_t>(1, squares[i].size() * 9 / 10);
+    double mean = 0;
+    for (std::size_t k = 0; k < count; ++k) mean += squares[i][k] / static_cast<double>(count);
+    sigma_[i] = noise_[i] * std::sqrt(std::max(1.0, mean));
+  }
+  prepare_starts(values);
+}
+
+void SegmentSolver::prepare_starts(const std::vector<double>& values) {
+  starts_.assign(runs_.size(), {});
+  in_parallel(runs_.size(), jobs_, [&](std::size_t r) {
+    const std::vector<Eigen::MatrixXf> columns = model_.start_columns({values, {}}, runs_[r], sigma_);
+    const auto rows = static_cast<Eigen::Index>((model_.segment() - 1) * model_.outputs().size());
+    for (const std::size_t row : runs_[r].restarts) {
+      Eigen::MatrixXd starts(rows, static_cast<Eigen::Index>(columns.size()));
+      for (std::size_t c = 0; c < columns.size(); ++c)
+        starts.col(static_cast<Eigen::Index>(c)) = model_.stacked(columns[c], row);
+      starts_[r].push_back(std::move(starts));
+    }
+  });
+}
+
+std::vector<Eigen::MatrixXf> SegmentSolver::simulated(const std::vector<ModelChange>& changes,
+                                                      const SegmentedRun& run) const {
+  std::vector<Eigen::MatrixXf> columns(changes.size());
+  in_parallel(changes.size(), jobs_, [&](std::size_t c) { columns[c] = model_.residuals(changes[c], run, sigma_); });
+  return columns;
+}
+
+std::vector<Eigen::MatrixXf> SegmentSolver::columns(const std::vector<double>& values,
+                                                    const std::vector<std::size_t>& free, const SegmentedRun& run,
+                                                    const std::vector<Change>& changes) const {
+  std::vector<ModelChange> wanted;
+  for (const std::size_t index : free) {
+    std::vector<double> moved = values;
+    moved[index] += kStep * scales_[index] * nominal_[index];
+    wanted.push_back({moved, {}});
+  }
+  wanted.push_back({values, {}});
+  for (const Change& change : changes) {
+    wanted.push_back(change.plus);
+    wanted.push_back(change.minus);
+  }
+  const std::vector<Eigen::MatrixXf> all = simulated(wanted, run);
+  std::vector<Eigen::MatrixXf> result;
+  const Eigen::MatrixXf& here = all[free.size()];
+  for (std::size_t j = 0; j < free.size(); ++j) result.push_back((all[j] - here) * static_cast<float>(1 / kStep));
+  result.push_back(here);
+  for (std::size_t c = 0; c < changes.size(); ++c)
+    result.push_back(all[free.size() + 2 + 2 * c] - all[free.size() + 1 + 2 * c]);
+  return result;
+}
+
+SegmentSolver::Columns SegmentSolver::whitened(const std::vector<Eigen::MatrixXf>& columns, std::size_t run) const {
+  Columns result(runs_[run].restarts.size());
+  const auto rows = static_cast<Eigen::Index>((model_.segment() - 1) * model_.outputs().size());
+  in_parallel(result.size(), jobs_, [&](std::size_t s) {
+    result[s].resize(rows, static_cast<Eigen::Index>(columns.size()));
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      result[s].col(static_cast<Eigen::Index>(c)) = model_.stacked(columns[c], runs_[run].restarts[s]);
+    SegmentModel::project(starts_[run][s], result[s]);
+  });
+  return result;
+}
+
+void SegmentSolver::triangles(const std::vector<double>& values, const std::vector<std::size_t>& free, bool derivatives,
+                              Columns& result) const {
+  const auto n = static_cast<Eigen::Index>(free.size());
+  result.clear();
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    Columns stacks = whitened(columns(values, derivatives ? free : std::vector<std::size_t>(), runs_[r], {}), r);
+    in_parallel(stacks.size(), jobs_, [&](std::size_t s) {
+      Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(n + 1, n + 1);
+      if (derivatives)
+        triangle =
+            Eigen::HouseholderQR<Eigen::MatrixXd>(stacks[s]).matrixQR().topRows(n + 1).triangularView<Eigen::Upper>();
+      else
+        triangle(n, n) = stacks[s].norm();
+      stacks[s] = std::move(triangle);
+    });
+    for (Eigen::MatrixXd& triangle : stacks) result.push_back(std::move(triangle));
+  }
+}
+
+void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::size_t>& free, int iterations) const {
+  SegmentCosts costs(*this, values, free);
+  ceres::Problem::Options problem_options;
+  problem_options.evaluation_callback = &costs;
+  ceres::Problem problem(problem_options);
+  const int n = static_cast<int>(free.size());
+  costs.triangles.assign(segments_, Eigen::MatrixXd::Zero(n + 1, n + 1));
+  const double rows = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
+  for (std::size_t s = 0; s < segments_; ++s)
+    problem.AddResidualBlock(new SegmentCost(costs.triangles, s, n), new ceres::HuberLoss(kHuber * std::sqrt(rows)),
+                             costs.z.data());
+  for (int j = 0; j < n; ++j) {
+    const double scale = scales_[free[static_cast<std::size_t>(j)]];
+    problem.SetParameterLowerBound(costs.z.data(), j, -kRange / scale);
+    problem.SetParameterUpperBound(costs.z.data(), j, kRangeUp / scale);
+  }
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  options.max_num_iterations = iterations;
+  options.function_tolerance = 1e-4;
+  options.parameter_tolerance = 1e-3;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  for (int j = 0; j < n; ++j) {
+    const std::size_t index = free[static_cast<std::size_t>(j)];
+    values[index] = nominal_[index] * (1 + costs.z[static_cast<std::size_t>(j)] * scales_[index]);
+  }
+}
+
+SegmentSolver::Information SegmentSolver::information(const std::vector<double>& values,
+                                                      const std::vector<std::size_t>& free) const {
+  const auto n = static_cast<Eigen::Index>(free.size());
+  Information info{Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, n)};
+  Columns all;
+  triangles(values, free, true, all);
+  std::size_t at = 0;
+  for (const SegmentedRun& run : runs_) {
+    Eigen::VectorXd block = Eigen::VectorXd::Zero(n);
+    for (std::size_t s = 0; s < run.restarts.size(); ++s, ++at) {
+      const Eigen::MatrixXd jacobian = all[at].leftCols(n);
+      const Eigen::VectorXd residual = all[at].col(n);
+      const double w = weight(residual.squaredNorm());
+      info.hessian += w * jacobian.transpose() * jacobian;
+      block += w * jacobian.transpose() * residual;
+      if ((s + 1) % kBlock == 0 || s + 1 == run.restarts.size()) {
+        info.scatter += block * block.transpose();
+        block.setZero();
+      }
+    }
+  }
+  return info;
+}
+
+Eigen::MatrixXd SegmentSolver::responses(const std::vector<double>& values, const std::vector<std::size_t>& free,
+                                         const std::vector<Change>& changes) const {
+  const auto n = static_cast<Eigen::Index>(free.size()), m = static_cast<Eigen::Index>(changes.size());
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(n, m);
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    for (const Eigen::MatrixXd& stack : whitened(columns(values, free, runs_[r], changes), r))
+      sum += weight(stack.col(n).squaredNorm()) * stack.leftCols(n).transpose() * stack.rightCols(m);
+  return sum;
+}
+
+}  // namespace faultline

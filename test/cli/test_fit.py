@@ -1,0 +1,83 @@
+"""fit, tune and isolability: their answers as JSON, the datasheets they write, and what they refuse."""
+import json
+import pathlib
+import sys
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from program import ROOT, ProgramTest  # noqa: E402
+
+CONFIG = ROOT / "config/servo_actuator.yaml"
+
+
+class Fit(ProgramTest):
+    def test_estimates_and_patch(self):
+        run = self.simulate("a.bag", "--profile", "prbs", "--nuisance", duration=5)
+        said = self.run_program("fit", "servo_actuator", run, "--json", "-", "--patch", "mine.yaml").stdout
+        fit = json.loads(said)
+        self.assertEqual(fit["rig"], "servo_actuator")
+        self.assertEqual(fit["segments"], 20)
+        found = {p["name"]: p for p in fit["parameters"]}
+        self.assertLess(abs(found["coulomb_friction"]["estimate"] / 400 - 1), 0.03)
+        for p in fit["parameters"]:
+            self.assertLess(p["low"], p["estimate"])
+            self.assertLess(p["estimate"], p["high"])
+            self.assertEqual(p["determined"], p["reason"] == "")
+        listed = json.loads(self.run_program("rigs", "servo_actuator", "--config", "mine.yaml", "--json", "-").stdout)
+        values = {p["name"]: p["nominal"] for p in listed["rigs"][0]["parameters"]}
+        self.assertAlmostEqual(values["coulomb_friction"] / found["coulomb_friction"]["estimate"], 1, places=5)
+        self.assertEqual(values["ram_area"], 6.33e-4)
+
+    def test_refusals(self):
+        run = self.simulate("a.bag", duration=1)
+        text = CONFIG.read_text().replace("identify: true, ", "")
+        (self.folder / "unmarked.yaml").write_text(text)
+        self.complains(["fit", "servo_actuator", run, "--config", "unmarked.yaml"], "unmarked.yaml", "identify: true")
+        self.complains(["fit", "servo_actuator", "none.bag"], "none.bag")
+        short = self.simulate("b.bag", duration=0.2)
+        self.complains(["fit", "servo_actuator", short], "b.bag", "too few")
+
+
+class Tune(ProgramTest):
+    def test_thresholds_and_patch(self):
+        run = self.simulate("a.bag", "--nuisance", "--off-nominal", duration=90)
+        answer = json.loads(self.run_program("tune", "servo_actuator", run, "--keep-noise", "--rate", 0.1, "--json", "-",
+                                             "--patch", "tuned.yaml").stdout)
+        thresholds = {t["detector"]: t for t in answer["thresholds"]}
+        self.assertIn("internal_leak", thresholds)
+        for t in answer["thresholds"]:
+            self.assertGreaterEqual(t["upper"], t["chosen"])
+            self.assertGreaterEqual(t["blocks"], 8)
+        self.assertIn(f"threshold: {thresholds['internal_leak']['chosen']:.4e}", (self.folder / "tuned.yaml").read_text())
+        self.run_program("diagnose", run, "--config", "tuned.yaml")
+
+    def test_refusals(self):
+        run = self.simulate("a.bag", duration=20)
+        self.complains(["tune", "servo_actuator", run, "--keep-noise"], "blocks")
+        self.complains(["tune", "servo_actuator", run, "--stage", "nobody"], "nobody", "leak_filter")
+
+
+class Isolability(ProgramTest):
+    def test_what_a_motion_shows(self):
+        run = self.simulate("a.bag", "--profile", "multisine", duration=7)
+        answer = json.loads(self.run_program("isolability", run, "--json", "-").stdout)
+        names = [f"{f['effect']}@{f['port']}:{f['size_name']}" for f in answer["faults"]]
+        cosines = answer["cosines"]
+        at = {name: i for i, name in enumerate(names)}
+        pair = lambda a, b: abs(cosines[at[a]][at[b]])  # noqa: E731
+        # Remark 2 of the paper, in the datasheet's numbers.
+        self.assertGreater(pair("orifice_leakage@flow.chamber_a_chamber_b:coefficient",
+                                "laminar_leakage@flow.chamber_a_chamber_b:coefficient"), 0.9)
+        self.assertGreater(pair("lag@command.valve_command:time_constant", "delay@command.valve_command:time"), 0.95)
+        self.assertLess(pair("orifice_leakage@flow.chamber_a_chamber_b:coefficient",
+                             "offset@sensor.load_pressure:value"), 0.5)
+        for i in range(len(names)):
+            self.assertIn(round(cosines[i][i], 3), (0, 1))
+        rest = self.simulate("b.bag", "--profile", "standstill", duration=7)
+        still = json.loads(self.run_program("isolability", rest, "--json", "-").stdout)["faults"]
+        by_name = {f["effect"] + "@" + f["port"]: f["least_size"] for f in still}
+        self.assertIsNone(by_name["viscous_friction@force.piston"])
+
+
+if __name__ == "__main__":
+    unittest.main()

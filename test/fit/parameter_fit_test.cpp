@@ -1,0 +1,102 @@
+// The fit on runs of the simulator whose parameters are known: estimates lie within their intervals, and what a run cannot tell is said.
+#include "faultline/fit/parameter_fit.h"
+
+#include <gtest/gtest.h>
+
+#include "faultline/fit/in_parallel.h"
+#include "faultline/signal/error.h"
+#include "servo_runs.h"
+
+namespace faultline {
+namespace {
+
+const FittedParameter& find(const ParameterFit& fit, const std::string& name) {
+  for (const FittedParameter& p : fit.parameters)
+    if (p.name == name) return p;
+  throw std::out_of_range(name);
+}
+
+Datasheet with_marks(const std::vector<std::string>& names) {
+  Datasheet sheet = servo();
+  for (Parameter& p : sheet.parameters) p.identify = std::find(names.begin(), names.end(), p.name) != names.end();
+  return sheet;
+}
+
+TEST(ParameterFit, FindsWhatTheRunWasMadeWith) {
+  const Datasheet sheet = with_marks({"coulomb_friction", "compliance", "flow_coefficient"});
+  SimulationSetup setup = servo_setup("prbs", 3);
+  setup.parameters = servo().nominal();
+  const auto set = [&](const char* name, double factor) {
+    setup.parameters[static_cast<std::size_t>(sheet.parameter(name))] *= factor;
+  };
+  set("coulomb_friction", 1.08);
+  set("compliance", 0.85);
+  set("flow_coefficient", 0.97);
+  const ParameterFit fit = fit_parameters(sheet, {{"prbs", simulate(sheet, setup, 8)}}, 2);
+  for (const auto& [name, factor] :
+       {std::pair("coulomb_friction", 1.08), std::pair("compliance", 0.85), std::pair("flow_coefficient", 0.97)}) {
+    const FittedParameter& p = find(fit, name);
+    EXPECT_TRUE(p.determined) << name;
+    EXPECT_NEAR(p.estimate / (p.nominal * factor), 1, 0.03) << name;
+    EXPECT_LT(p.low, p.nominal * factor) << name;
+    EXPECT_GT(p.high, p.nominal * factor) << name;
+    EXPECT_LT((p.high - p.low) / p.nominal, 0.1) << name;
+  }
+  for (const ChannelMisfit& c : fit.channels) {
+    EXPECT_LE(c.after, c.before * 1.01) << c.channel;
+    EXPECT_LT(c.after, 2.5 * c.noise) << c.channel;
+  }
+}
+
+TEST(ParameterFit, SaysWhatStandstillCannotTell) {
+  const Datasheet sheet = with_marks({"moving_mass", "viscous_damping"});
+  const ParameterFit fit = fit_parameters(sheet, {{"rest", simulate(sheet, servo_setup("standstill"), 3)}}, 2);
+  for (const FittedParameter& p : fit.parameters) {
+    EXPECT_FALSE(p.determined) << p.name;
+    EXPECT_EQ(p.estimate, p.nominal);
+    EXPECT_NEAR((p.high - p.nominal) / p.nominal, 1.645 * p.tolerance, 1e-9);
+    EXPECT_FALSE(p.reason.empty());
+  }
+}
+
+TEST(ParameterFit, TheAnswerDoesNotDependOnThreads) {
+  const Datasheet sheet = with_marks({"coulomb_friction"});
+  const Recording run = simulate(sheet, servo_setup("prbs", 5), 3);
+  const ParameterFit one = fit_parameters(sheet, {{"a", run}}, 1), two = fit_parameters(sheet, {{"a", run}}, 2);
+  EXPECT_EQ(one.parameters[0].estimate, two.parameters[0].estimate);
+  EXPECT_EQ(one.parameters[0].high, two.parameters[0].high);
+}
+
+TEST(ParameterFit, RefusesWhatItCannotUse) {
+  const Recording run = simulate(servo(), servo_setup("prbs"), 3);
+  EXPECT_THROW(fit_parameters(with_marks({}), {{"a", run}}, 1), InputError);
+  EXPECT_THROW(fit_parameters(servo(), {}, 1), InputError);
+  EXPECT_THROW(fit_parameters(servo(), {{"a", simulate(servo(), servo_setup("prbs"), 0.2)}}, 1), InputError);
+  Recording holes = run;
+  holes.values[1000 * holes.columns() + column("velocity")] = std::nan("");
+  EXPECT_THROW(fit_parameters(servo(), {{"a", holes}}, 1), InputError);
+  Recording jump = run;
+  for (std::size_t k = 1500; k < jump.rows(); ++k) jump.time[k] += 0.5;
+  EXPECT_THROW(fit_parameters(servo(), {{"a", jump}}, 1), InputError);
+}
+
+// (I + S S')^(-1/2) x, against the eigenvalues of the large matrix.
+TEST(SegmentModel, ProjectsAsTheLargeMatrixWould) {
+  const Eigen::MatrixXd s = Eigen::MatrixXd::Random(12, 3) * 3;
+  Eigen::MatrixXd x = Eigen::MatrixXd::Random(12, 2);
+  const Eigen::MatrixXd square = Eigen::MatrixXd::Identity(12, 12) + s * s.transpose();
+  const Eigen::MatrixXd wanted = x.transpose() * square.inverse() * x;
+  SegmentModel::project(s, x);
+  EXPECT_LT((x.transpose() * x - wanted).norm(), 1e-10 * wanted.norm());
+}
+
+TEST(InParallel, ThrowsOn) {
+  EXPECT_THROW(in_parallel(8, 2,
+                           [](std::size_t i) {
+                             if (i == 3) throw InputError("three");
+                           }),
+               InputError);
+}
+
+}  // namespace
+}  // namespace faultline
