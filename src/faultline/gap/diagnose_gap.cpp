@@ -23,11 +23,11 @@ constexpr double kSignificance = 3;     // standard errors that a gain must exce
 constexpr double kMaterial = 0.04;      // share of the mean squared residual that a first effect must remove
 constexpr double kMaterialNext = 0.10;  // ... and a further one
 constexpr double kDecisive = 0.4;       // ... or this share of the excess, either of them
-constexpr double kQuiet = 0.05;         // excess below which there is nothing left to explain
+constexpr double kQuiet = 0.05;         // excess below which there is nothing left to explain, at the datasheet's noise
 constexpr double kQuietShare = 0.02;    // ... plus this share of what there was
-constexpr double kUnexplained = 0.25;   // excess from which something that no effect explains is worth a word
+constexpr double kNoisy = 0.2;          // share of that which is left where the recording is much noisier
+constexpr double kUnexplained = 5;      // times the quiet excess: something that no effect explains is worth a word
 constexpr double kRefitMatters = 0.05;  // excess that the refit must remove to speak of miscalibration
-constexpr double kFloor = 0.05;         // excess that small unmodelled things leave where nothing is missing
 constexpr double kLeft = 0.07;          // share of the refit's excess that may be left beyond that floor
 constexpr double kStrain = 70;          // squared tolerances, summed over the parameters, that are as doubtful
 constexpr double kSteepness = 4;        // of the doubt's logistic curve
@@ -61,6 +61,20 @@ NamedEffect named(const FitResult& fit, std::size_t position) {
                                                   candidate.from_coordinate(p, c + 1.645 * std)};
   }
   return result;
+}
+
+// Excess that small unmodelled things leave where nothing is missing. They have a size of their own, so the noisier the recording against
+// the datasheet's noise, the less of them is seen.
+double quiet_excess(const ResidualModel& model) {
+  double ratio = 0;
+  int count = 0;
+  for (std::size_t i = 0; i < model.outputs().size(); ++i) {
+    const Channel& channel = model.sheet().channels[static_cast<std::size_t>(model.outputs()[i])];
+    if (channel.noise_std <= 0) continue;
+    ratio += model.noise()[i] / channel.noise_std;
+    ++count;
+  }
+  return kQuiet * (kNoisy + (1 - kNoisy) / std::max(1.0, count > 0 ? ratio / count : 1.0));
 }
 
 std::string kind_of(const Datasheet& sheet, const std::string& port) {
@@ -126,6 +140,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   const double values = work.held_out_values();
   const auto excess = [&](const std::vector<double>& losses) { return std::max(0.0, 2 * sum(losses) / values - 1); };
 
+  const double quiet = quiet_excess(work.model());
   work.tell(0.02, "refitting parameters");
   GapModel nominal;
   nominal.parameters = sheet.nominal();
@@ -139,11 +154,11 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   std::vector<Structure> first_ranked, screened_first;
   std::vector<double> now_losses = refit_losses, now_score = plain.score;
   for (int round = 0; round < settings.most_effects; ++round) {
-    if (round > 0 && excess(now_losses) < kQuiet + kQuietShare * refit_excess) break;
+    if (round > 0 && excess(now_losses) < quiet + kQuietShare * refit_excess) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     std::vector<Structure> structures = work.screen(base, from, from + 0.5 * width);
     if (round == 0) screened_first = structures;
-    if (structures.empty() || refit_excess < kQuiet) break;
+    if (structures.empty() || refit_excess < quiet) break;
     if (structures.size() > kFinalists) structures.resize(kFinalists);
     work.shortlist(base, structures, from + 0.5 * width, from + 0.65 * width);
     std::size_t kept = 1;
@@ -165,7 +180,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     const bool significant = sum(gain) > kSignificance * standard_error(gain);
     // Some effects (a breakaway level) show in a few segments only, but there decide the mean.
     const double before = excess(now_losses), after = excess(best.held_out);
-    const bool decisive = before - after > kDecisive * before && before - after > kFloor;
+    const bool decisive = before - after > kDecisive * before && before - after > quiet;
     if (!significant || (!decisive && share < (round == 0 ? kMaterial : kMaterialNext))) break;
     base = work.refit(best.fit.model, best.fit.effects);
     base.covariance = best.fit.covariance;
@@ -284,10 +299,10 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
           std::pow((base.model.parameters[i] / sheet.parameters[i].nominal - 1) / sheet.parameters[i].tolerance, 2);
   double doubt = 0;
   if (found) {
-    doubt = std::max(0.0, explained_excess - kFloor) / std::max(refit_excess, 1e-9) / kLeft + strain / kStrain;
+    doubt = std::max(0.0, explained_excess - quiet) / std::max(refit_excess, 1e-9) / kLeft + strain / kStrain;
     if (result.shrink_refit < kEnough || result.closable < kEnoughOfClosure) doubt += 1;
   } else {
-    doubt = refit_excess / kUnexplained;
+    doubt = refit_excess / (kUnexplained * quiet);
   }
   result.unknown_probability = 1 / (1 + std::exp(-kSteepness * (doubt - 1)));
   if (doubt > 1)
