@@ -20,6 +20,7 @@ import matplotlib
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.ticker  # noqa: E402
 import numpy as np  # noqa: E402
 import yaml  # noqa: E402
 
@@ -252,7 +253,9 @@ def delay_run(job):
                 continue
             if alarm['raised'] > FIRING[1] or alarm['until'] < FIRING[0]:
                 continue
-            if leak and 30 <= alarm['raised'] < 50:
+            if leak and alarm['raised'] < 30 <= alarm['until']:
+                first[name] = -1  # was on already: finds nothing
+            elif leak and 30 <= alarm['raised'] < 50:
                 first[name] = min(first.get(name, math.inf), alarm['raised'] - 30)
             elif not leak:
                 false[name] = false.get(name, 0) + 1
@@ -277,20 +280,26 @@ def delay(folder, out, seeds):
     for name in names:
         kind, threshold = name.split('|')
         delays = [first.get(name, math.inf) for leak, first, _ in results if leak]
+        delays = [math.inf if delay < 0 else delay for delay in delays]
         alarms = sum(false.get(name, 0) for leak, _, false in results if not leak)
         median = statistics.median(delays)
         curves.setdefault(kind, []).append((alarms / hours, median))
-        print(f'| {kind} | {threshold} | {sum(map(math.isfinite, delays))} | {median:.2f} | {alarms / hours:.0f} |')
+        print(f'| {kind} | {threshold} | {sum(map(math.isfinite, delays))} | {"%.2f" % median if math.isfinite(median) else "-"} | {alarms / hours:.0f} |')
     floor = 0.5 / hours
     for kind, curve in curves.items():
         seen = [(max(rate, floor), median) for rate, median in curve if math.isfinite(median)]
-        axes.plot([rate for rate, _ in seen], [median for _, median in seen], 'o-', color=COLOURS[kind], label=kind, markersize=4)
+        axes.plot([rate for rate, _ in seen], [median for _, median in seen], '--s' if kind == 'CUSUM, unscented' else '-o',
+                  color=COLOURS[kind], label=kind, markersize=3 if kind == 'CUSUM, unscented' else 5)
         if not seen:
             axes.plot([], [], 'o-', color=COLOURS[kind], label=f'{kind}: none found')
     axes.axvline(floor, color='#9aa3ad', linewidth=0.7, linestyle=':')
     axes.text(floor, 0.02, ' none seen', color='#5a646e', fontsize=8, transform=axes.get_xaxis_transform())
     axes.set_xscale('log')
     axes.set_yscale('log')
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(matplotlib.ticker.FormatStrFormatter('%g'))
+        axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+    axes.set_yticks([0.5, 1, 2, 4])
     axes.set_xlabel(f'false alarms on the nozzle, per hour of steady firing ({hours:.2f} h)')
     axes.set_ylabel('median delay after the leak begins, s')
     axes.legend(frameon=False, fontsize=8.5)
