@@ -12,6 +12,7 @@
 #include "cli/load_recording.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
+#include "faultline/estimators/process_model.h"
 #include "faultline/signal/error.h"
 #include "faultline/tuning/noise_tuning.h"
 #include "faultline/tuning/threshold_tuning.h"

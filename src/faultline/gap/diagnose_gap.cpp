@@ -184,8 +184,11 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     if (!significant || (!decisive && share < (round == 0 ? kMaterial : kMaterialNext))) break;
     base = work.refit(best.fit.model, best.fit.effects);
     base.covariance = best.fit.covariance;
-    now_losses = best.held_out;
-    now_score = best.score;
+    // A further effect must not be credited with what one more refit wins.
+    const Structure again = work.score(base);
+    const Structure& better = sum(again.score) < sum(best.score) ? again : best;
+    now_losses = better.held_out;
+    now_score = better.score;
   }
   // What all the library's effects at the place could win together.
   double closure_gain = 0, named_gain = 0;
