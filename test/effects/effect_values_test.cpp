@@ -178,7 +178,16 @@ TEST(EffectValues, Lag) {
   const auto e = effect_of("lag@sensor.a:time_constant=0.01", 1e-3);
   EXPECT_EQ(e->signal(5, 0), 5);
   for (int k = 1; k <= 10; ++k) e->signal(6, k * 1e-3);
-  EXPECT_NEAR(e->signal(6, 0.011), 6 - std::exp(-1.1), 1e-12);
+  // The input ran from 5 to 6 within the first step and stayed there for ten.
+  const double left = (1 - std::exp(-0.1)) / 0.1;
+  EXPECT_NEAR(e->signal(6, 0.011), 6 - left * std::exp(-1.0), 1e-12);
+  // A ramp is followed the time constant late, also where that is shorter than a step.
+  for (const char* spec : {"lag@sensor.a:time_constant=0.01", "lag@sensor.a:time_constant=3e-4"}) {
+    const auto late = effect_of(spec, 1e-3);
+    double out = 0;
+    for (int k = 0; k <= 300; ++k) out = late->signal(k * 1e-3, k * 1e-3);
+    EXPECT_NEAR(0.3 - out, parse_effect(spec).parameters.front(), 1e-9) << spec;
+  }
 }
 
 TEST(EffectValues, Delay) {

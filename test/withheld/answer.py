@@ -18,6 +18,13 @@ def interval(entry):
     return _number(entry), math.nan, math.nan
 
 
+def with_intervals(effect):
+    """Parameters of an effect, each as [value, low, high] where the answer gives intervals beside the values."""
+    beside = effect.get("intervals", {})
+    return {name: [value, *beside[name]] if name in beside and not isinstance(value, (dict, list)) else value
+            for name, value in effect.get("parameters", {}).items()}
+
+
 class Answer:
     """What of an answer is scored."""
 
@@ -26,7 +33,7 @@ class Answer:
         self.verdict = cause.get("verdict", "missing")
         self.effects = [f"{e['effect']}@{e['port']}" for e in cause.get("effects", [])]
         self.probability = [_number(e.get("probability")) for e in cause.get("effects", [])]
-        self.parameters = {f"{e['effect']}@{e['port']}": e.get("parameters", {}) for e in cause.get("effects", [])}
+        self.parameters = {f"{e['effect']}@{e['port']}": with_intervals(e) for e in cause.get("effects", [])}
         self.equivalent = []
         for entry in cause.get("equivalent", []):
             members = entry.get("members", entry) if isinstance(entry, dict) else entry

@@ -1,8 +1,9 @@
 // Lag: time_constant dy/dt = u - y, a first-order low pass.
 //
-// time_constant [s]. Discretised exactly for an input held over the step h: y += (1 - exp(-h/time_constant)) (u - y).
-// y starts at the first value (no start-up transient). Continuous in time_constant down to 0, where y = u.
-// Limit: the value at the end of the held step is passed on at its start, at most one step early.
+// time_constant [s]. Discretised exactly for an input that runs straight from one step h to the next, e = exp(-h/time_constant):
+//   y += (1 - e)(u_before - y) + (1 - (1 - e) time_constant/h)(u - u_before)
+// so that the lag of a signal that moves is the time constant, however short. y starts at the first value (no start-up
+// transient). Continuous in time_constant down to 0, where y = u.
 
 #include <cmath>
 
@@ -16,19 +17,28 @@ class Lag : public Effect {
   void reset() override { started_ = false; }
 
   double signal(double value, double /*time*/) override {
-    if (!started_ || share_ >= 1)
+    if (!started_)
       state_ = value;
     else
-      state_ += share_ * (value - state_);
+      state_ += held_ * (before_ - state_) + straight_ * (value - before_);
+    before_ = value;
     started_ = true;
     return state_;
   }
 
  private:
-  void parameters_changed() override { share_ = parameter(0) > 0 ? -std::expm1(-context().step / parameter(0)) : 1; }
+  void parameters_changed() override {
+    if (parameter(0) <= 0) {
+      held_ = straight_ = 1;
+      return;
+    }
+    const double steps = context().step / parameter(0);
+    held_ = -std::expm1(-steps);
+    straight_ = steps > 1e-4 ? 1 - held_ / steps : steps / 2 - steps * steps / 6;
+  }
 
-  double share_ = 1;
-  double state_ = 0;
+  double held_ = 1, straight_ = 1;  // shares of the step before and of the way since
+  double state_ = 0, before_ = 0;
   bool started_ = false;
 };
 

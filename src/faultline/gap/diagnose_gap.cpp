@@ -37,6 +37,8 @@ constexpr double kEnoughOfClosure =
 constexpr double kNextDuration = 20;  // s
 constexpr double kRivalErrors = 2;    // standard errors within which a rival cannot be told apart
 constexpr double kRivalShare = 0.02;  // ... or this share of the gain
+constexpr double kInterval =
+    1.645 * 1.5;  // 90 %; half as wide again for what small unmodelled things shift (development cases)
 constexpr int kBootstraps = 400;
 
 NamedEffect named(const FitResult& fit, std::size_t position) {
@@ -57,8 +59,8 @@ NamedEffect named(const FitResult& fit, std::size_t position) {
     const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)));
     ++at;
     const double c = candidate.to_coordinate(p, value);
-    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, c - 1.645 * std),
-                                                  candidate.from_coordinate(p, c + 1.645 * std)};
+    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, c - kInterval * std),
+                                                  candidate.from_coordinate(p, c + kInterval * std)};
   }
   return result;
 }
