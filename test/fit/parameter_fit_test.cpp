@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+
 #include "faultline/fit/in_parallel.h"
 #include "faultline/signal/error.h"
 #include "servo_runs.h"
