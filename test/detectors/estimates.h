@@ -27,7 +27,8 @@ inline Estimate quiet(double time) {
                          {"leak_drive", "sqrt(Pa)", 800, 0},
                          {"shifting", "1", white(time), 0},
                          {"dying", "1", white(time), 0},
-                         {"roughening", "1", white(time), 0}};
+                         {"roughening", "1", white(time), 0},
+                         {"swinging", "1", white(time), 0}};
   return estimate;
 }
 
@@ -40,6 +41,7 @@ inline Estimate loud(double time) {
   estimate.quantities[6].value += 30;
   estimate.quantities[7].value = 0.25;
   estimate.quantities[8].value *= 30;
+  estimate.quantities[9].value += 30 * std::sin(188.49555921538757 * time);  // 30 Hz
   return estimate;
 }
 
