@@ -1,4 +1,4 @@
-#include "faultline/rig/effect_unit.h"
+#include "cli/effect_unit.h"
 
 #include <algorithm>
 
