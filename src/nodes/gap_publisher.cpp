@@ -27,7 +27,6 @@ constexpr int kNiceness = 10;  // of the worker: the diagnosis beside it comes f
 
 LiveGapSettings settings_of(const Datasheet& sheet) {
   LiveGapSettings settings;
-  settings.segment = gap_segment(sheet);
   // A segment of missing time is a restart; at 10 Hz that is longer than at 1 kHz.
   settings.jump = static_cast<double>(settings.segment) * sheet.sample_period;
   return settings;

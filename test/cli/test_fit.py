@@ -56,28 +56,5 @@ class Tune(ProgramTest):
         self.complains(["tune", "servo_actuator", run, "--keep-noise"], "blocks")
         self.complains(["tune", "servo_actuator", run, "--stage", "nobody"], "nobody", "leak_filter")
 
-
-class Isolability(ProgramTest):
-    def test_what_a_motion_shows(self):
-        run = self.simulate("a.bag", "--profile", "multisine", duration=7)
-        answer = json.loads(self.run_program("isolability", run, "--json", "-").stdout)
-        names = [f"{f['effect']}@{f['port']}:{f['size_name']}" for f in answer["faults"]]
-        cosines = answer["cosines"]
-        at = {name: i for i, name in enumerate(names)}
-        pair = lambda a, b: abs(cosines[at[a]][at[b]])  # noqa: E731
-        # Remark 2 of the paper, in the datasheet's numbers.
-        self.assertGreater(pair("orifice_leakage@flow.chamber_a_chamber_b:coefficient",
-                                "laminar_leakage@flow.chamber_a_chamber_b:coefficient"), 0.9)
-        self.assertGreater(pair("lag@command.valve_command:time_constant", "delay@command.valve_command:time"), 0.95)
-        self.assertLess(pair("orifice_leakage@flow.chamber_a_chamber_b:coefficient",
-                             "offset@sensor.load_pressure:value"), 0.5)
-        for i in range(len(names)):
-            self.assertIn(round(cosines[i][i], 3), (0, 1))
-        rest = self.simulate("b.bag", "--profile", "standstill", duration=7)
-        still = json.loads(self.run_program("isolability", rest, "--json", "-").stdout)["faults"]
-        by_name = {f["effect"] + "@" + f["port"]: f["least_size"] for f in still}
-        self.assertIsNone(by_name["viscous_friction@force.piston"])
-
-
 if __name__ == "__main__":
     unittest.main()

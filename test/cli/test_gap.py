@@ -190,7 +190,7 @@ class Diagnosed(unittest.TestCase):
 class BadInput(ProgramTest):
     def test_recordings(self):
         brief = self.simulate("brief.bag", duration=0.8)
-        self.complains(["gap", brief], "gap", "brief.bag", "too few")
+        self.complains(["gap", brief], "gap", "brief.bag", "too short")
         alone = self.simulate("alone.bag", duration=1.5)
         self.complains(["gap", alone], "alone.bag", "at least 2 s")
         self.complains(["gap", "none.bag"], "none.bag")

@@ -74,7 +74,7 @@ TEST(ShippedDatasheets, ServoActuator) {
   EXPECT_DOUBLE_EQ(sheet.parameters[static_cast<std::size_t>(sheet.parameter("compliance"))].tolerance, 0.15);
   std::size_t identified = 0;
   for (const Parameter& parameter : sheet.parameters) identified += parameter.identify ? 1 : 0;
-  EXPECT_EQ(identified, 8u);
+  EXPECT_EQ(identified, 10u);
   EXPECT_DOUBLE_EQ(sheet.constants.at("supply_pressure_set"), 6.89e6);
   EXPECT_EQ(channel(sheet, "position").role, Role::output);
   EXPECT_DOUBLE_EQ(channel(sheet, "position").noise_std, 5e-5);

@@ -86,8 +86,8 @@ struct GapResult {
   std::vector<PlaceScore> places;
   std::string where_kind;  // process | sensor | none
   std::vector<Region> regions;
-  std::vector<Region> bands;  // frequency bands of the residual, enrichment over white
-  std::string verdict;        // none | miscalibrated | named | unknown
+  std::vector<Region> bands;       // frequency bands of the residual, enrichment over white
+  std::string verdict;             // none | miscalibrated | named | unknown
   double unknown_probability = 0;  // that the cause is something that the library does not have
   std::string sentence;
   std::vector<NamedEffect> effects;
