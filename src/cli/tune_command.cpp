@@ -162,6 +162,15 @@ void write_patch(const Datasheet& sheet, const StageSpec& stage, const Options& 
   }
   for (const Threshold& t : a.thresholds) {
     set_stage_setting(sheet, text, t.detector, t.setting, fmt::format("{:.4e}", t.offset + t.chosen));
+    // What ends an alarm keeps its distance from what begins it.
+    const auto detector = std::find_if(sheet.detectors.begin(), sheet.detectors.end(),
+                                       [&](const StageSpec& d) { return d.name == t.detector; });
+    if (t.setting == "threshold" && detector != sheet.detectors.end() && detector->settings.has("release_threshold")) {
+      const double release = detector->settings.number("release_threshold", -1e300, 1e300);
+      const double before = detector->settings.number("threshold", -1e300, 1e300);
+      set_stage_setting(sheet, text, t.detector, "release_threshold",
+                        fmt::format("{:.4e}", (t.offset + t.chosen) * release / before));
+    }
     if (t.setting == "high")
       set_stage_setting(sheet, text, t.detector, "low", fmt::format("{:.4e}", t.offset - t.chosen));
   }

@@ -37,7 +37,7 @@ TEST(NoiseTuning, MakesInnovationsConsistent) {
       tune_noise(servo(), servo().estimators.front(), {simulate(servo(), off_nominal("square", 7), 12)});
   EXPECT_GT(tuned.likelihood_after, tuned.likelihood_before + 1);
   for (std::size_t i = 0; i < tuned.after.size(); ++i) {
-    EXPECT_GT(tuned.after[i].consistency, 0.5) << tuned.after[i].name;
+    EXPECT_GT(tuned.after[i].consistency, 0.3) << tuned.after[i].name;
     EXPECT_LT(tuned.after[i].consistency, 2) << tuned.after[i].name;
   }
   // What a healthy run cannot tell stays.
