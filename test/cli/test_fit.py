@@ -1,4 +1,4 @@
-"""fit, tune and isolability: their answers as JSON, the datasheets they write, and what they refuse."""
+"""fit and tune: their answers as JSON, the datasheets they write, and what they refuse."""
 import json
 import pathlib
 import sys
