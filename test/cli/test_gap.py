@@ -189,10 +189,10 @@ class Diagnosed(unittest.TestCase):
 
 class BadInput(ProgramTest):
     def test_recordings(self):
-        brief = self.simulate("brief.bag", duration=0.8)
-        self.complains(["gap", brief], "gap", "brief.bag", "too short")
-        alone = self.simulate("alone.bag", duration=1.5)
-        self.complains(["gap", alone], "alone.bag", "at least 2 s")
+        brief = self.simulate("brief.bag", duration=0.4)
+        self.complains(["gap", brief, brief], "gap", "brief.bag", "too few")
+        alone = self.simulate("alone.bag", duration=0.8)
+        self.complains(["gap", alone], "alone.bag", "at least 1 s")
         self.complains(["gap", "none.bag"], "none.bag")
         self.complains(["gap"], "RUN")
 
