@@ -172,6 +172,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     std::stable_sort(structures.begin(), structures.end(),
                      [](const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); });
     const Structure best = structures.front();
+    for (Structure& structure : structures) structure.around = {};  // only the best one's are needed, and they are large
     if (round == 0) {
       first_ranked = structures;
       first_ranked.insert(first_ranked.end(), rest.begin(), rest.end());
@@ -184,7 +185,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     const double before = excess(now_losses), after = excess(best.held_out);
     const bool decisive = before - after > kDecisive * before && before - after > quiet;
     if (!significant || (!decisive && share < (round == 0 ? kMaterial : kMaterialNext))) break;
-    base = work.refit(best.fit.model, best.fit.effects);
+    base = work.refit(best);
     base.covariance = best.fit.covariance;
     // A further effect must not be credited with what one more refit wins.
     const Structure again = work.score(base);

@@ -67,6 +67,13 @@ Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& mod
   prepare();
 }
 
+Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, const Linearisation& near)
+    : residuals_(residuals), runs_(near.runs_), free_(near.free_), columns_(near.columns_), starts_(near.starts_) {
+  at_model_ = residuals_of(residuals, model, runs_);
+  for (const std::size_t run : runs_) shifts_.push_back(residuals.start_shift(run));
+  prepare();
+}
+
 void Linearisation::prepare() {
   inverse_.resize(runs_.size());
   const auto length = static_cast<Eigen::Index>(residuals_.segment());

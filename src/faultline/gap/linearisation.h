@@ -20,6 +20,9 @@ class Linearisation {
   Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs, int jobs,
                 std::vector<std::vector<Eigen::MatrixXf>> starts = {});
 
+  // The sensitivities of `near` around a model that has hardly moved from there: only residuals and shifts of start states are new.
+  Linearisation(const ResidualModel& residuals, const GapModel& model, const Linearisation& near);
+
   // Loss r' W r / 2 of residuals r (one matrix per run) with the start states projected out, per segment.
   std::vector<double> segment_losses(const std::vector<Eigen::MatrixXf>& residuals) const;
   // The weight of each segment in fits: one over its mean squared residual at the model, at most 1, so that a few segments in
@@ -33,6 +36,7 @@ class Linearisation {
 
   const std::vector<Eigen::MatrixXf>& at_model() const { return at_model_; }
   const std::vector<std::vector<Eigen::MatrixXf>>& parameter_columns() const { return columns_; }  // d r / d z
+  const std::vector<Eigen::MatrixXf>& start_columns(std::size_t run) const { return starts_[run]; }
   const std::vector<std::size_t>& free_parameters() const { return free_; }
   const std::vector<std::size_t>& runs() const { return runs_; }
   double values() const;  // number of residuals that count (whole segments)

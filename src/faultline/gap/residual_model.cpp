@@ -244,10 +244,11 @@ Eigen::MatrixXd ResidualModel::start_shift(std::size_t index) const {
   return result;
 }
 
-std::vector<Eigen::MatrixXf> ResidualModel::settle_starts(const GapModel& model, std::size_t index) {
+std::vector<Eigen::MatrixXf> ResidualModel::settle_starts(const GapModel& model, std::size_t index,
+                                                          std::vector<Eigen::MatrixXf> known) {
   GapRun& run = runs_[index];
   const Eigen::MatrixXf before = residuals(model, index);
-  std::vector<Eigen::MatrixXf> sensitivity = start_sensitivity(model, index);
+  std::vector<Eigen::MatrixXf> sensitivity = known.empty() ? start_sensitivity(model, index) : std::move(known);
   const Eigen::MatrixXd shift = start_shift(index);
   const std::vector<double> old_states = run.start_states, old_shift = run.start_shift;
   const auto length = static_cast<Eigen::Index>(segment_);
