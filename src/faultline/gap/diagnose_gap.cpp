@@ -157,10 +157,11 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   std::vector<double> now_losses = refit_losses, now_score = plain.score;
   for (int round = 0; round < settings.most_effects; ++round) {
     if (round > 0 && excess(now_losses) < quiet + kQuietShare * refit_excess) break;
+    if (refit_excess < quiet) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     std::vector<Structure> structures = work.screen(base, from, from + 0.5 * width);
     if (round == 0) screened_first = structures;
-    if (structures.empty() || refit_excess < quiet) break;
+    if (structures.empty()) break;
     if (structures.size() > kFinalists) structures.resize(kFinalists);
     work.shortlist(base, structures, from + 0.5 * width, from + 0.65 * width);
     std::size_t kept = 1;
@@ -196,11 +197,9 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   // What all the library's effects at the place could win together.
   double closure_gain = 0, named_gain = 0;
   if (!base.effects.empty()) {
-    std::vector<Structure> closure = {work.closure(base, base.effects.front().effect.port)};
-    if (closure.front().fit.effects.size() > base.effects.size()) {
-      work.refine(closure, 0.88, 0.93);
-      closure_gain = sum(plain.score) - sum(closure.front().score);
-    }
+    work.tell(0.88, "fitting a flexible model");
+    const Structure closure = work.closure(base, base.effects.front().effect.port);
+    if (!closure.score.empty()) closure_gain = sum(plain.score) - sum(closure.score);
     named_gain = sum(plain.score) - sum(now_score);
     closure_gain = std::max(closure_gain, named_gain);
   }

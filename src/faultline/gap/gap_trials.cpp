@@ -14,11 +14,11 @@ constexpr double kSamplesCorrelate = 20;  // samples of a misfit that say the sa
 constexpr int kSteps = 4;                 // Gauss-Newton steps around one linearisation
 constexpr int kQuickSteps = 3;
 constexpr int kMostRounds = 5;         // linearisations of the refit
-constexpr int kRefineRounds = 2;       // ... and of a structure that is followed
-constexpr double kNear = 0.2;          // tolerances, or of an effect's size, that do not change sensitivities
+constexpr int kRefineRounds = 3;       // ... and of a structure that is followed
+constexpr double kNear = 0.35;         // tolerances, or of an effect's size, that do not change sensitivities
 constexpr double kSettled = 100;       // gain in log likelihood that is not worth another linearisation
 constexpr double kLongestReach = 3;    // times the size of a starting point
-constexpr std::size_t kFollowed = 20;  // candidates of which all starting points are tried
+constexpr std::size_t kFollowed = 14;  // candidates of which all starting points are tried
 
 // Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect that is new changes
 // nothing yet.
@@ -238,7 +238,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
   std::stable_sort(structures.begin(), structures.end(), better);
 }
 
-void GapTrials::refine(Structure& structure, int jobs) const {
+double GapTrials::follow(Structure& structure, int jobs) const {
   structure.around = settle(around_, structure.fit.model, jobs);
   double best = learned_loss(structure.around);
   for (int round = 0; round < kRefineRounds; ++round) {
@@ -253,6 +253,23 @@ void GapTrials::refine(Structure& structure, int jobs) const {
     structure.fit = fit;
     structure.around = std::move(moved);
     if (settled) break;
+  }
+  return best;
+}
+
+void GapTrials::refine(Structure& structure, int jobs) const {
+  // The refit without this effect may have bent parameters into a valley of their own, from which no step leads out: the fit starts at
+  // the datasheet's parameters again, and only where that ends worse than the quick fit from there.
+  const FitResult quick = structure.fit;
+  const Linearisation learn = around_.linear->subset(learn_);
+  const double quick_loss =
+      sum(robust(learn.segment_losses(residuals_of(model(), quick.model, learn_)), segment_values()));
+  structure.fit.model.parameters = sheet_.nominal();
+  const double best = follow(structure, jobs);
+  if (best > quick_loss) {
+    Structure bent = structure;
+    bent.fit = quick;
+    if (follow(bent, jobs) < best) structure = std::move(bent);
   }
   structure.fit.covariance =
       uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_));
@@ -332,6 +349,9 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
         add(candidate);
     }
   all.fit.model = with_effects(all.fit.effects, base.model.parameters);
+  if (all.fit.effects.size() == base.effects.size()) return all;
+  follow(all, settings_.jobs);
+  cross_score(all.around, all);
   return all;
 }
 

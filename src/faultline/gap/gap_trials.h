@@ -75,7 +75,7 @@ class GapTrials {
 
   // What a flexible model of a port could win: the effects of `base`, and at a port through which a signal or an opening passes a piecewise
   // linear curve and a memory (the effects of the family "flexible"), elsewhere everything smooth that the library has there. Each
-  // starts as small as its range allows.
+  // starts as small as its range allows. Without scores where the port has nothing to add.
   Structure closure(const FitResult& base, const std::string& port) const;
 
   // Losses per held-out segment of a model as it is.
@@ -88,6 +88,7 @@ class GapTrials {
   Surroundings settle(const Surroundings& before, const GapModel& at, int jobs) const;
   double learned_loss(const Surroundings& around) const;
   void refine(Structure& structure, int jobs) const;
+  double follow(Structure& structure, int jobs) const;
   void cross_score(const Surroundings& around, Structure& structure) const;
 
   const Datasheet& sheet_;
