@@ -194,7 +194,7 @@ TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
   ResidualModel residuals = model_of(setup, 6, 500);
   FitResult fit;
   fit.model = nominal();
-  for (int round = 0; round < 3; ++round) {
+  for (int round = 0; round < 5; ++round) {
     residuals.settle_starts(fit.model, 0);
     const Linearisation linear(residuals, fit.model, {0}, 2);
     const double before = total(linear.segment_losses(residuals_of(residuals, fit.model)));
