@@ -141,6 +141,10 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   GapTrials work(sheet, std::move(runs), folds, learn, settings, progress);
   const double values = work.held_out_values();
   const auto excess = [&](const std::vector<double>& losses) { return std::max(0.0, 2 * sum(losses) / values - 1); };
+  // Of a typical segment: a few that go astray (a breakaway a moment too late) are no evidence that something is missing.
+  const auto typical = [&](const std::vector<double>& scores) {
+    return std::expm1(std::max(0.0, 2 * sum(scores) / values));
+  };
 
   const double quiet = quiet_excess(work.model());
   work.tell(0.02, "refitting parameters");
@@ -156,8 +160,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   std::vector<Structure> first_ranked, screened_first;
   std::vector<double> now_losses = refit_losses, now_score = plain.score;
   for (int round = 0; round < settings.most_effects; ++round) {
-    if (round > 0 && excess(now_losses) < quiet + kQuietShare * refit_excess) break;
-    if (refit_excess < quiet) break;
+    if (typical(now_score) < quiet + (round > 0 ? kQuietShare * typical(plain.score) : 0)) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     std::vector<Structure> structures = work.screen(base, from, from + 0.5 * width);
     if (round == 0) screened_first = structures;
@@ -173,7 +176,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     std::stable_sort(structures.begin(), structures.end(),
                      [](const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); });
     const Structure best = structures.front();
-    for (Structure& structure : structures) structure.around = {};  // only the best one's are needed, and they are large
+    for (Structure& structure : structures)
+      structure.around = {};  // only the best one's are needed, and they are large
     if (round == 0) {
       first_ranked = structures;
       first_ranked.insert(first_ranked.end(), rest.begin(), rest.end());
@@ -304,10 +308,10 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
           std::pow((base.model.parameters[i] / sheet.parameters[i].nominal - 1) / sheet.parameters[i].tolerance, 2);
   double doubt = 0;
   if (found) {
-    doubt = std::max(0.0, explained_excess - quiet) / std::max(refit_excess, 1e-9) / kLeft + strain / kStrain;
+    doubt = std::max(0.0, typical(now_score) - quiet) / std::max(typical(plain.score), 1e-9) / kLeft + strain / kStrain;
     if (result.shrink_refit < kEnough || result.closable < kEnoughOfClosure) doubt += 1;
   } else {
-    doubt = refit_excess / (kUnexplained * quiet);
+    doubt = typical(plain.score) / (kUnexplained * quiet);
   }
   result.unknown_probability = 1 / (1 + std::exp(-kSteepness * (doubt - 1)));
   if (doubt > 1)

@@ -13,11 +13,11 @@ namespace {
 constexpr double kSamplesCorrelate = 20;  // samples of a misfit that say the same
 constexpr int kSteps = 4;                 // Gauss-Newton steps around one linearisation
 constexpr int kQuickSteps = 3;
-constexpr int kMostRounds = 5;         // linearisations of the refit
-constexpr int kRefineRounds = 3;       // ... and of a structure that is followed
-constexpr double kNear = 0.35;         // tolerances, or of an effect's size, that do not change sensitivities
-constexpr double kSettled = 100;       // gain in log likelihood that is not worth another linearisation
-constexpr double kLongestReach = 3;    // times the size of a starting point
+constexpr int kMostRounds = 5;    // linearisations of the refit
+constexpr int kRefineRounds = 3;  // ... and of a structure that is followed
+constexpr double kNear = 0.35;    // tolerances, or of an effect's size, that do not change sensitivities
+constexpr double kSettled = 100;  // gain in log likelihood that is not worth another linearisation
+const std::vector<double> kShares = {0.05, 0.15, 0.4, 0.7, 1.5, 2.5};  // of a starting point's size
 constexpr std::size_t kFollowed = 14;  // candidates of which all starting points are tried
 
 // Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect that is new changes
@@ -45,6 +45,19 @@ bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to) {
   return true;
 }
 
+// The effect at a share of its size.
+std::vector<double> resized(const Candidate& candidate, std::vector<double> values, double share) {
+  const EffectType* type = find_effect_type(candidate.effect.effect);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double none = type->parameters[i].none;
+    if (std::isnan(none)) continue;
+    const Bounds& b = candidate.bounds[i];
+    values[i] =
+        std::clamp(std::isinf(none) ? values[i] / share : none + share * (values[i] - none), b.minimum, b.maximum);
+  }
+  return values;
+}
+
 }  // namespace
 
 double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
@@ -63,8 +76,7 @@ std::vector<double> minus(const std::vector<double>& a, const std::vector<double
 
 std::vector<double> robust(const std::vector<double>& losses, double values_per_segment) {
   std::vector<double> result;
-  for (const double loss : losses)
-    result.push_back(0.5 * values_per_segment * std::log(std::max(2 * loss / values_per_segment, 0.2)));
+  for (const double loss : losses) result.push_back(robust(loss, values_per_segment));
   return result;
 }
 
@@ -90,8 +102,8 @@ Surroundings GapTrials::settle(const Surroundings& before, const GapModel& at, i
   now.seen_from = known ? before.seen_from : at;
   std::vector<std::vector<Eigen::MatrixXf>> starts(every_.size());
   parallel(every_.size(), jobs, [&](std::size_t i) {
-    starts[i] = now.residuals->settle_starts(
-        at, every_[i], known ? before.linear->start_columns(i) : std::vector<Eigen::MatrixXf>());
+    starts[i] = now.residuals->settle_starts(at, every_[i],
+                                             known ? before.linear->start_columns(i) : std::vector<Eigen::MatrixXf>());
   });
   now.linear = known ? std::make_shared<Linearisation>(*now.residuals, at, *before.linear)
                      : std::make_shared<Linearisation>(*now.residuals, at, every_, jobs, std::move(starts));
@@ -141,8 +153,8 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   struct Point {
     std::size_t candidate;
     std::vector<double> values;
-    double loss = 0;   // at these values
-    double reach = 0;  // what any size of this shape would have, the shape taken as fixed
+    double loss = 0;   // at the best share of these values' size, residuals taken to grow with it
+    double share = 1;  // that share
     bool tried = false;
   };
   std::vector<Point> points;
@@ -154,21 +166,36 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
     for (auto& values : starting_points(all_[c])) points.push_back({c, values});
   }
   const Eigen::VectorXd z = deviations(sheet_, around_.linear->free_parameters(), base.model.parameters);
-  const std::vector<Eigen::MatrixXf>& at_model = around_.linear->at_model();
-  const double before = projected_loss(*around_.linear, at_model, z);
+  const Linearisation& linear = *around_.linear;
+  const std::vector<Eigen::MatrixXf>& at_model = linear.at_model();
+  const SegmentProducts none = linear.products(at_model);
+  const double before = projected_loss(linear, none, z);
   std::atomic<std::size_t> done{0};
   const auto attempt = [&](Point& point) {
     std::vector<Candidate> effects = base.effects;
     effects.push_back(all_[point.candidate]);
     effects.back().effect.parameters = point.values;
-    std::vector<Eigen::MatrixXf> residuals = residuals_of(model(), with_effects(effects, base.model.parameters), every_);
-    point.loss = projected_loss(*around_.linear, residuals, z);
-    // Along the line from the model to this point the projected loss is a parabola.
+    std::vector<Eigen::MatrixXf> residuals =
+        residuals_of(model(), with_effects(effects, base.model.parameters), every_);
+    const SegmentProducts full = linear.products(residuals);
+    point.loss = projected_loss(linear, full, z);
+    // Residuals of other sizes of this shape, as far as they lie on the line from the model to this point.
     for (std::size_t r = 0; r < residuals.size(); ++r) residuals[r] = 0.5f * (residuals[r] + at_model[r]);
-    const double middle = projected_loss(*around_.linear, residuals, z);
-    const double curvature = 2 * (before + point.loss - 2 * middle), slope = point.loss - before - curvature;
-    const double at = curvature > 0 ? std::clamp(-slope / (2 * curvature), 0.0, kLongestReach) : 0;
-    point.reach = std::min(point.loss, before + slope * at + curvature * at * at);
+    const SegmentProducts half = linear.products(residuals);
+    for (const double share : kShares) {
+      SegmentProducts part = none;
+      for (std::size_t g = 0; g < part.squares.size(); ++g) {
+        const double both = 2 * half.squares[g] - 0.5 * (none.squares[g] + full.squares[g]);
+        part.squares[g] = std::max(0.0, (1 - share) * (1 - share) * none.squares[g] + 2 * share * (1 - share) * both +
+                                            share * share * full.squares[g]);
+        part.against_parameters[g] += share * (full.against_parameters[g] - none.against_parameters[g]);
+      }
+      const double loss = projected_loss(linear, part, z);
+      if (loss < point.loss) {
+        point.loss = loss;
+        point.share = share;
+      }
+    }
     point.tried = true;
     const std::size_t now = ++done;
     if (progress_)
@@ -185,7 +212,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   parallel(first.size(), settings_.jobs, [&](std::size_t i) { attempt(points[first[i]]); });
   std::vector<double> reach(all_.size(), before);
   for (const Point& point : points)
-    if (point.tried) reach[point.candidate] = std::min(reach[point.candidate], point.reach);
+    if (point.tried) reach[point.candidate] = std::min(reach[point.candidate], point.loss);
   std::vector<double> sorted = reach;
   std::sort(sorted.begin(), sorted.end());
   const double enough = sorted[std::min(kFollowed, sorted.size() - 1)];
@@ -202,7 +229,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
     Structure structure;
     structure.fit.effects = base.effects;
     structure.fit.effects.push_back(all_[c]);
-    structure.fit.effects.back().effect.parameters = best->values;
+    structure.fit.effects.back().effect.parameters = resized(all_[c], best->values, best->share);
     structure.screened = before - best->loss;
     result.push_back(std::move(structure));
   }
@@ -281,9 +308,8 @@ void GapTrials::cross_score(const Surroundings& around, Structure& structure) co
   structure.held_out.clear();
   for (const Fold& fold : folds_) {
     const bool same = fold.train == learn_;
-    const FitResult part = same ? fit
-                                : fit_effects(*around.residuals, fit.model, fit.effects,
-                                              around.linear->subset(fold.train), kSteps);
+    const FitResult part =
+        same ? fit : fit_effects(*around.residuals, fit.model, fit.effects, around.linear->subset(fold.train), kSteps);
     const auto losses =
         around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test));
     structure.held_out.insert(structure.held_out.end(), losses.begin(), losses.end());

@@ -64,7 +64,8 @@ class GapTrials {
   // effect is fitted again on a fold's learning runs and has to prove itself on the others.
   Structure score(const FitResult& fit) const;
 
-  // Every candidate beside the effects of `base`, best first, each at its best starting point, parameters adjusted to first order.
+  // Every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best starting point or
+  // wherever on the way to it from no effect it should be better.
   std::vector<Structure> screen(const FitResult& base, double from, double to) const;
 
   // Fits each with the linearisation as it stands, and sorts them, best first.
