@@ -13,6 +13,7 @@ namespace {
 constexpr double kSamplesCorrelate = 20;  // samples of a misfit that say the same
 constexpr int kSteps = 4;                 // Gauss-Newton steps around one linearisation
 constexpr int kQuickSteps = 3;
+constexpr double kGolden = 0.6180339887498949;
 constexpr int kMostRounds = 5;    // linearisations of the refit
 constexpr int kRefineRounds = 3;  // ... and of a structure that is followed
 constexpr double kNear = 0.35;    // tolerances, or of an effect's size, that do not change sensitivities
@@ -47,6 +48,7 @@ bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to) {
 
 // The effect at a share of its size.
 std::vector<double> resized(const Candidate& candidate, std::vector<double> values, double share) {
+  if (candidate.family == "stuck") return values;  // a time is no size
   const EffectType* type = find_effect_type(candidate.effect.effect);
   for (std::size_t i = 0; i < values.size(); ++i) {
     const double none = type->parameters[i].none;
@@ -244,13 +246,38 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
     return sum(robust(learn.segment_losses(residuals_of(model(), at, learn_)), segment_values()));
   };
   const double before = weighted(base.model);
+  // The time from which a signal is stuck has a narrow valley that no derivative finds from afar: golden sections around its start.
+  const auto narrow = [&](std::vector<Candidate>& effects) {
+    double& time = effects.back().effect.parameters.front();
+    const Bounds& bounds = effects.back().bounds.front();
+    const double spacing = (bounds.maximum - bounds.minimum) / kStuckTimes;
+    double low = std::max(bounds.minimum, time - spacing), high = std::min(bounds.maximum, time + spacing);
+    const auto at = [&](double value) {
+      time = value;
+      return weighted(with_effects(effects, base.model.parameters));
+    };
+    double left = high - kGolden * (high - low), right = low + kGolden * (high - low);
+    double of_left = at(left), of_right = at(right);
+    while (high - low > sheet_.sample_period) {
+      if (of_left < of_right) {
+        high = right, right = left, of_right = of_left;
+        of_left = at(left = high - kGolden * (high - low));
+      } else {
+        low = left, left = right, of_left = of_right;
+        of_right = at(right = low + kGolden * (high - low));
+      }
+    }
+    time = 0.5 * (low + high);
+  };
   const auto better = [](const Structure& a, const Structure& b) { return a.quick > b.quick; };
   const std::size_t followed = (structures.size() + 1) / 2;
   std::atomic<std::size_t> done{0};
   const auto fit = [&](std::size_t count, int steps) {
     parallel(count, settings_.jobs, [&](std::size_t i) {
       Structure& structure = structures[i];
-      const GapModel& start = structure.fit.model.parameters.empty() ? base.model : structure.fit.model;
+      const bool first = structure.fit.model.parameters.empty();
+      if (first && structure.fit.effects.back().family == "stuck") narrow(structure.fit.effects);
+      const GapModel& start = first ? base.model : structure.fit.model;
       structure.fit = fit_gap(model(), start, structure.fit.effects, learn, steps);
       structure.quick = before - weighted(structure.fit.model);
       const std::size_t now = ++done;
