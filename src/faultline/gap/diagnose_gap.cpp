@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "faultline/gap/gap_trials.h"
+#include "faultline/gap/grid_step.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
 #include "faultline/rig/random.h"
@@ -329,6 +330,20 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     result.shrink_refit = 0;
     result.shrink_interval = {};
     result.closable = 0;
+  }
+  // Rounding is in the noise, so it is beside all this: a fact of the recording.
+  const std::vector<NamedEffect> rounded = rounded_channels(sheet, work.model().runs(), settings.without);
+  if (!rounded.empty() && result.verdict != "unknown") {
+    if (result.effects.empty()) {
+      PlaceScore place;
+      place.port = rounded.front().port;
+      place.component = sheet.port(place.port).component;
+      place.kind = "sensor";
+      place.share = 1;
+      result.places = {place};
+    }
+    result.verdict = "named";
+    result.effects.insert(result.effects.end(), rounded.begin(), rounded.end());
   }
   result.where_kind = result.verdict == "none" || result.verdict == "miscalibrated" || result.places.empty()
                           ? "none"
