@@ -19,7 +19,7 @@ namespace {
 constexpr std::size_t kSegment = 250;   // samples
 constexpr std::size_t kFinalists = 10;  // candidates that are fitted after screening ...
 constexpr std::size_t kSurvivors = 3;   // ... and of those followed to the end,
-constexpr double kFollow = 0.4;         // if they win this share of what the best one wins
+constexpr double kFollow = 0.75;        // if they win this share of what the best one wins
 constexpr double kSignificance = 3;     // standard errors that a gain must exceed
 constexpr double kMaterial = 0.04;      // share of the mean squared residual that a first effect must remove
 constexpr double kMaterialNext = 0.10;  // ... and a further one

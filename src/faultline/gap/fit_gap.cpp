@@ -10,7 +10,6 @@
 namespace faultline {
 namespace {
 
-constexpr double kBound = 3.5;         // tolerances a parameter may move
 constexpr double kEffectStep = 2e-3;   // of a coordinate, for differences
 constexpr double kLargestMove = 0.34;  // of a coordinate in one step
 constexpr int kAttempts = 5;
@@ -49,17 +48,6 @@ void move_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std
   value = near ? std::clamp(tangent, b.minimum, b.maximum) : along;
 }
 
-void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& free, const Eigen::VectorXd& step,
-                      std::vector<double>& parameters) {
-  for (std::size_t i = 0; i < free.size(); ++i) {
-    const Parameter& p = sheet.parameters[free[i]];
-    const double unit = p.nominal * p.tolerance;
-    const double z =
-        std::clamp((parameters[free[i]] - p.nominal) / unit + step[static_cast<Eigen::Index>(i)], -kBound, kBound);
-    parameters[free[i]] = p.nominal + z * unit;
-  }
-}
-
 std::vector<std::vector<Eigen::MatrixXf>> effect_sensitivity(const ResidualModel& residuals, const FitResult& at,
                                                              const Coordinates& coordinates,
                                                              const std::vector<Eigen::MatrixXf>& now,
@@ -76,6 +64,17 @@ std::vector<std::vector<Eigen::MatrixXf>> effect_sensitivity(const ResidualModel
 }
 
 }  // namespace
+
+void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& free, const Eigen::VectorXd& step,
+                      std::vector<double>& parameters) {
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const Parameter& p = sheet.parameters[free[i]];
+    const double unit = p.nominal * p.tolerance;
+    const double z = std::clamp((parameters[free[i]] - p.nominal) / unit + step[static_cast<Eigen::Index>(i)],
+                                -kParameterBound, kParameterBound);
+    parameters[free[i]] = p.nominal + z * unit;
+  }
+}
 
 GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters) {
   GapModel model;

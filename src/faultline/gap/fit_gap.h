@@ -27,6 +27,10 @@ FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const s
 FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
                       const Linearisation& linear, int iterations);
 
+// Moves the free parameters by so many tolerances, within their bound.
+void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& free, const Eigen::VectorXd& move,
+                      std::vector<double>& parameters);
+
 // Covariance at a fit, robust against residuals that are not white and models that are not exact (Huber's sandwich, by segments):
 // H^-1 (sum over segments of g g') H^-1 + H^-1 for what only the prior holds. `linear` must stand at the fit.
 Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear);

@@ -155,8 +155,9 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   struct Point {
     std::size_t candidate;
     std::vector<double> values;
-    double loss = 0;   // at the best share of these values' size, residuals taken to grow with it
-    double share = 1;  // that share
+    double loss = 0;            // at the best share of these values' size, residuals taken to grow with it
+    double share = 1;           // that share
+    Eigen::VectorXd move = {};  // of the parameters there
     bool tried = false;
   };
   std::vector<Point> points;
@@ -180,7 +181,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
     std::vector<Eigen::MatrixXf> residuals =
         residuals_of(model(), with_effects(effects, base.model.parameters), every_);
     const SegmentProducts full = linear.products(residuals);
-    point.loss = projected_loss(linear, full, z);
+    point.loss = projected_loss(linear, full, z, &point.move);
     // Residuals of other sizes of this shape, as far as they lie on the line from the model to this point.
     for (std::size_t r = 0; r < residuals.size(); ++r) residuals[r] = 0.5f * (residuals[r] + at_model[r]);
     const SegmentProducts half = linear.products(residuals);
@@ -192,10 +193,12 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
                                             share * share * full.squares[g]);
         part.against_parameters[g] += share * (full.against_parameters[g] - none.against_parameters[g]);
       }
-      const double loss = projected_loss(linear, part, z);
+      Eigen::VectorXd move;
+      const double loss = projected_loss(linear, part, z, &move);
       if (loss < point.loss) {
         point.loss = loss;
         point.share = share;
+        point.move = move;
       }
     }
     point.tried = true;
@@ -232,6 +235,8 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
     structure.fit.effects = base.effects;
     structure.fit.effects.push_back(all_[c]);
     structure.fit.effects.back().effect.parameters = resized(all_[c], best->values, best->share);
+    structure.fit.model = with_effects(structure.fit.effects, base.model.parameters);
+    shift_parameters(sheet_, linear.free_parameters(), best->move, structure.fit.model.parameters);
     structure.screened = before - best->loss;
     result.push_back(std::move(structure));
   }
@@ -247,14 +252,14 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
   };
   const double before = weighted(base.model);
   // The time from which a signal is stuck has a narrow valley that no derivative finds from afar: golden sections around its start.
-  const auto narrow = [&](std::vector<Candidate>& effects) {
+  const auto narrow = [&](std::vector<Candidate>& effects, const std::vector<double>& parameters) {
     double& time = effects.back().effect.parameters.front();
     const Bounds& bounds = effects.back().bounds.front();
     const double spacing = (bounds.maximum - bounds.minimum) / kStuckTimes;
     double low = std::max(bounds.minimum, time - spacing), high = std::min(bounds.maximum, time + spacing);
     const auto at = [&](double value) {
       time = value;
-      return weighted(with_effects(effects, base.model.parameters));
+      return weighted(with_effects(effects, parameters));
     };
     double left = high - kGolden * (high - low), right = low + kGolden * (high - low);
     double of_left = at(left), of_right = at(right);
@@ -275,10 +280,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
   const auto fit = [&](std::size_t count, int steps) {
     parallel(count, settings_.jobs, [&](std::size_t i) {
       Structure& structure = structures[i];
-      const bool first = structure.fit.model.parameters.empty();
-      if (first && structure.fit.effects.back().family == "stuck") narrow(structure.fit.effects);
-      const GapModel& start = first ? base.model : structure.fit.model;
-      structure.fit = fit_gap(model(), start, structure.fit.effects, learn, steps);
+      structure.fit = fit_gap(model(), structure.fit.model, structure.fit.effects, learn, steps);
       structure.quick = before - weighted(structure.fit.model);
       const std::size_t now = ++done;
       if (progress_)
@@ -287,6 +289,10 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
     });
     std::stable_sort(structures.begin(), structures.begin() + static_cast<std::ptrdiff_t>(count), better);
   };
+  parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+    FitResult& start = structures[i].fit;
+    if (start.effects.back().family == "stuck") narrow(start.effects, start.model.parameters);
+  });
   fit(structures.size(), 1);
   fit(followed, kQuickSteps - 1);
   std::stable_sort(structures.begin(), structures.end(), better);

@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kStep = 0.1;     // tolerances, for differences
 constexpr double kFloor = 0.2;    // of the noise's variance, below which a segment cannot be better
+constexpr int kHolds = 4;         // times that parameters which leave their bound are held
 constexpr int kReweightings = 4;  // steps of a projected loss
 
 }  // namespace
@@ -241,7 +242,43 @@ Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::M
   return total;
 }
 
-double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z) {
+namespace {
+
+// Minimum of 1/2 move' hessian move + gradient' move with z + move within the bound: what leaves it is held there, the rest solved again.
+Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient,
+                             const Eigen::VectorXd& z) {
+  Eigen::VectorXd move = -hessian.ldlt().solve(gradient);
+  std::vector<bool> held(static_cast<std::size_t>(z.size()), false);
+  for (int pass = 0; pass < kHolds; ++pass) {
+    bool left = false;
+    for (Eigen::Index i = 0; i < z.size(); ++i) {
+      if (held[static_cast<std::size_t>(i)] || std::abs(z[i] + move[i]) <= kParameterBound) continue;
+      held[static_cast<std::size_t>(i)] = left = true;
+      move[i] = std::copysign(kParameterBound, z[i] + move[i]) - z[i];
+    }
+    if (!left) break;
+    Eigen::MatrixXd part = hessian;
+    Eigen::VectorXd rest = gradient;
+    for (Eigen::Index i = 0; i < z.size(); ++i)
+      if (held[static_cast<std::size_t>(i)]) rest += hessian.col(i) * move[i];
+    for (Eigen::Index i = 0; i < z.size(); ++i) {
+      if (!held[static_cast<std::size_t>(i)]) continue;
+      part.row(i).setZero();
+      part.col(i).setZero();
+      part(i, i) = 1;
+      rest[i] = -move[i];
+    }
+    move = -part.ldlt().solve(rest);
+  }
+  for (Eigen::Index i = 0; i < z.size(); ++i)
+    move[i] = std::clamp(z[i] + move[i], -kParameterBound, kParameterBound) - z[i];
+  return move;
+}
+
+}  // namespace
+
+double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z,
+                      Eigen::VectorXd* best_move) {
   const double values = linear.segment_values();
   const std::vector<Eigen::MatrixXd>& grams = linear.parameter_grams();
   Eigen::VectorXd move = Eigen::VectorXd::Zero(z.size());
@@ -258,8 +295,11 @@ double projected_loss(const Linearisation& linear, const SegmentProducts& produc
       hessian += weight * grams[g];
       gradient += weight * against;
     }
-    if (step == 0 || loss < best) best = loss;
-    move = -hessian.ldlt().solve(gradient);
+    if (step == 0 || loss < best) {
+      best = loss;
+      if (best_move) *best_move = move;
+    }
+    move = bounded_move(hessian, gradient, z);
   }
   return best;
 }

@@ -14,6 +14,8 @@
 
 namespace faultline {
 
+constexpr double kParameterBound = 3.5;  // tolerances a parameter may move
+
 // Loss of a segment of n values with its own noise level, from 1/2 r' W r. Not below a fifth of the recording's noise.
 double robust(double loss, double values);
 // d robust / d loss.
@@ -75,8 +77,10 @@ class Linearisation {
   std::vector<double> weights_;  // per segment, runs one after the other
 };
 
-// L with the parameters adjusted to first order, for residuals of a changed model at the linearisation's parameters z.
-double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z);
+// L with the parameters adjusted to first order within their bound, for residuals of a changed model at the linearisation's parameters z.
+// `move`, if given, takes the adjustment.
+double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z,
+                      Eigen::VectorXd* move = nullptr);
 
 // Normalised residuals of some of the runs, and (a - b)/step of two such.
 std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
