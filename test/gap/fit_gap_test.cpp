@@ -187,6 +187,41 @@ TEST(Linearisation, ProjectedLossIsNoMoreThanTheLoss) {
   EXPECT_NEAR(total(linear.subset({0}).segment_losses(r)), total(linear.segment_losses(r)), 1e-6 * loss);
 }
 
+TEST(Linearisation, ProjectedParametersStayWithinTheirBound) {
+  SimulationSetup setup = servo_setup("multisine");
+  setup.parameters = servo().nominal();
+  setup.parameters[parameter("viscous_damping")] *= 3;  // many tolerances
+  const ResidualModel residuals = model_of(setup, 3, 500);
+  const Linearisation linear(residuals, nominal(), {0}, 2);
+  const Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(linear.free_parameters().size()));
+  const SegmentProducts products = linear.products(residuals_of(residuals, nominal()));
+  Eigen::VectorXd move;
+  const double loss = projected_loss(linear, products, z, &move);
+  EXPECT_LE(move.cwiseAbs().maxCoeff(), kParameterBound * (1 + 1e-12));
+  const auto& free = linear.free_parameters();
+  const auto at = std::find(free.begin(), free.end(), parameter("viscous_damping")) - free.begin();
+  EXPECT_NEAR(move[at], kParameterBound, 1e-9);
+  // The loss belongs to the move: nothing along a parameter that is not held is better.
+  const auto loss_at = [&](const Eigen::VectorXd& to) {
+    double sum = 0.5 * (z + to).squaredNorm();
+    for (std::size_t g = 0; g < products.squares.size(); ++g)
+      sum += robust(0.5 * (products.squares[g] + 2 * products.against_parameters[g].dot(to) +
+                           to.dot(linear.parameter_grams()[g] * to)),
+                    linear.segment_values());
+    return sum;
+  };
+  EXPECT_NEAR(loss_at(move), loss, 1e-6 * std::abs(loss));
+  for (Eigen::Index i = 0; i < z.size(); ++i) {
+    if (std::abs(move[i]) > kParameterBound - 1e-6) continue;
+    for (const double h : {-0.3, 0.3}) {
+      Eigen::VectorXd other = move;
+      other[i] += h;
+      EXPECT_GT(loss_at(other), loss - 1e-3 * std::abs(loss))
+          << servo().parameters[free[static_cast<std::size_t>(i)]].name;
+    }
+  }
+}
+
 TEST(Linearisation, RobustLossIsTheLossNearTheNoiseAndGrowsSlowlyBeyond) {
   const double values = 1000;
   EXPECT_EQ(robust(0.5 * values, values), 0);
