@@ -13,7 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/adopt.h"
-#include "cli/effect_unit.h"
+#include "faultline/rig/effect_unit.h"
 #include "cli/gap_report.h"
 #include "cli/interrupt.h"
 #include "cli/load_recording.h"

@@ -237,8 +237,12 @@ void AlarmStage::detect(const Estimate* estimates) {
   for (Watched& w : watched_)
     if (w.detection.active && w.kind == "fault")
       for (const std::size_t channel : w.doubts) doubted_[channel] = true;
+  isolate(estimates);
+  for (const Isolated& i : isolated_)
+    if (i.isolator->overrules() && i.finding.active) model_fits = true;
   for (Watched& w : watched_) {
-    const bool wanted = w.detection.active && (w.kind != "fault" || model_fits || w.alarm >= 0);
+    const bool wanted = w.detection.active && !explained(w) && !(w.alarm < 0 && awaited(w)) &&
+                        (w.kind != "fault" || model_fits || w.alarm >= 0);
     if (wanted && w.alarm < 0)
       w.alarm = raise(w.kind, w.effect, w.port, w.kind == "unknown" ? AlarmLevel::warning : AlarmLevel::error,
                       w.detection.since, estimate.time, "");
@@ -257,15 +261,44 @@ void AlarmStage::detect(const Estimate* estimates) {
       alarm.text = w.text;
     }
   }
-  isolate(estimates, model_fits);
+  tell_findings(estimate.time, model_fits);
 }
 
-void AlarmStage::isolate(const Estimate* estimates, bool model_fits) {
-  const double time = estimates[0].time;
-  for (Isolated& i : isolated_) {
-    i.isolator->process(estimates[i.stage], doubted_, i.finding);
+bool AlarmStage::explained(const Watched& w) const {
+  for (const Isolated& i : isolated_) {
     const Finding& f = i.finding;
-    const bool wanted = f.active && (model_fits || f.kind != "fault" || i.alarm >= 0);
+    if (!i.isolator->overrules() || !f.active || f.kind == "unknown") continue;
+    if (w.kind == "unknown" || (w.kind == "sensor" && w.effect.empty() && f.kind == "sensor")) return true;
+    if (w.kind != "fault") continue;
+    const std::string name = w.effect + "@" + w.port;
+    if (name != f.effect + "@" + f.port &&
+        std::find(f.equivalent.begin(), f.equivalent.end(), name) == f.equivalent.end())
+      return true;
+  }
+  return false;
+}
+
+bool AlarmStage::awaited(const Watched& w) const {
+  if (w.kind != "fault" && w.kind != "unknown") return false;
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+    return i.isolator->overrules() && i.isolator->judged_until() < w.detection.since;
+  });
+}
+
+bool AlarmStage::detected(const Finding& finding) const {
+  return std::any_of(watched_.begin(), watched_.end(), [&](const Watched& w) {
+    return w.alarm >= 0 && w.effect == finding.effect && w.port == finding.port && !w.effect.empty();
+  });
+}
+
+void AlarmStage::isolate(const Estimate* estimates) {
+  for (Isolated& i : isolated_) i.isolator->process(estimates[i.stage], doubted_, i.finding);
+}
+
+void AlarmStage::tell_findings(double time, bool model_fits) {
+  for (Isolated& i : isolated_) {
+    const Finding& f = i.finding;
+    const bool wanted = f.active && (model_fits || f.kind != "fault" || i.alarm >= 0) && !(i.alarm < 0 && detected(f));
     if (!wanted && i.alarm >= 0) end(i.alarm, time);
     if (!wanted) continue;
     if (i.alarm < 0) i.alarm = raise(f.kind, f.effect, f.port, AlarmLevel::error, f.since, time, f.text);

@@ -5,6 +5,8 @@
 // `withholds_faults` is no (a redline) says unknown without speaking against the model. Sensors that a detector or the data
 // already found off are named to the isolators, which leave them out; so are the channels that a detector of a fault lists in `doubts`,
 // with commas between; where one of those is itself off, that fault is not raised. An isolator's alarm changes its place and size as it learns.
+// An isolator that overrules weighed every fault of the datasheet: while it names one, detections of faults, of sensors without an
+// effect and of unknown trouble that it does not confirm are not told, nor is an alarm twice; a detected fault waits for its judgement.
 //
 // Data alarms: a channel that is missing or out of range (ends a second after the last such sample); a rig that fell silent
 // (stale: from the last sample plus `stale_after`). While the model does not fit (a detection of kind unknown), fault detections
@@ -67,7 +69,11 @@ class AlarmStage {
   void check_data(const Estimate& estimate);
   void process(const Estimate* estimates);
   void detect(const Estimate* estimates);
-  void isolate(const Estimate* estimates, bool model_fits);
+  void isolate(const Estimate* estimates);
+  void tell_findings(double time, bool model_fits);
+  bool explained(const Watched& w) const;       // by an isolator that overrules
+  bool awaited(const Watched& w) const;         // its judgement of when the detection began
+  bool detected(const Finding& finding) const;  // a detector tells it already
   std::string verdict() const;
 
   Datasheet sheet_;

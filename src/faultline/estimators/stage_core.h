@@ -26,8 +26,10 @@ class StageCore {
 
 std::unique_ptr<StageCore> make_filter_core(const Datasheet& sheet, const StageSpec& spec);
 std::unique_ptr<StageCore> make_relation_core(const Datasheet& sheet, const StageSpec& spec);
+std::unique_ptr<StageCore> make_response_core(const Datasheet& sheet, const StageSpec& spec);
 
 // Families of estimator types; each is hosted by a node of its own.
 bool is_least_squares(const std::string& type);
+bool is_fault_response(const std::string& type);
 
 }  // namespace faultline

@@ -1,0 +1,394 @@
+#include "faultline/estimators/fault_responses.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "faultline/fit/in_parallel.h"
+
+namespace faultline {
+namespace {
+
+constexpr std::size_t kMargin = 8;      // samples after a stretch: the last start state is smoothed over them
+constexpr double kToleranceStep = 0.5;  // tolerances, of differences
+constexpr int kRefinements = 3;
+constexpr double kRefineStep = 0.1;    // of an amplitude, for its difference
+constexpr double kRelease = 0.3;       // of the threshold, below which a fault is over
+constexpr double kSecondShare = 0.1;   // of the first fault's evidence that a second must have, beyond the threshold
+constexpr double kGrown = 1.5;         // times the evidence at the last refinement: refined anew
+constexpr double kInsensitive = 1e-6;  // response below which nothing is said
+
+}  // namespace
+
+// T'T, T'D, D'D, T'r, D'r, r'r, with parameters and nuisance effects in T.
+struct FaultResponses::Sums {
+  Eigen::MatrixXd tt, td, dd;
+  Eigen::VectorXd tr, dr;
+  double rr = 0;
+  Sums(Eigen::Index t, Eigen::Index d)
+      : tt(Eigen::MatrixXd::Zero(t, t)),
+        td(Eigen::MatrixXd::Zero(t, d)),
+        dd(Eigen::MatrixXd::Zero(d, d)),
+        tr(Eigen::VectorXd::Zero(t)),
+        dr(Eigen::VectorXd::Zero(d)) {}
+  void scale(double factor) {
+    tt *= factor;
+    td *= factor;
+    dd *= factor;
+    tr *= factor;
+    dr *= factor;
+    rr *= factor;
+  }
+  void add(const Sums& o) {
+    tt += o.tt;
+    td += o.td;
+    dd += o.dd;
+    tr += o.tr;
+    dr += o.dr;
+    rr += o.rr;
+  }
+};
+
+struct FaultResponses::Stretch {
+  Stretch(Eigen::Index t, Eigen::Index d) : sums(t, d) {}
+  SegmentedRun run;
+  double begin = 0;
+  std::vector<Eigen::MatrixXd> starts;  // per counted segment
+  std::vector<Eigen::MatrixXd> tolerances;
+  std::vector<double> weights;  // of squares, inflation in it
+  Sums sums;
+};
+
+// Lambda, and what the stretches before say of theta.
+struct FaultResponses::Prior {
+  Eigen::MatrixXd before;  // 1 + T_ref'T_ref, or 1
+  Eigen::VectorXd pull;    // T_ref'r_ref, or 0
+  double constant = 0;     // r_ref'r_ref, or 0
+};
+
+FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& settings)
+    : sheet_(sheet), settings_(settings), model_(sheet, settings.segment), hypotheses_(fault_hypotheses(sheet)) {
+  const std::vector<double> nominal = sheet_.nominal();
+  for (std::size_t i = 0; i < nominal.size(); ++i) {
+    const double tolerance = sheet_.parameters[i].tolerance;
+    if (tolerance <= 0 || nominal[i] == 0) continue;
+    std::vector<double> values = nominal;
+    values[i] *= 1 + kToleranceStep * tolerance;
+    moved_.push_back({values, {}});
+    step_.push_back(kToleranceStep);
+  }
+  for (const std::string& text : sheet_.nuisance) {
+    moved_.push_back({nominal, {parse_effect(text)}});
+    step_.push_back(1);
+  }
+  reset();
+}
+
+FaultResponses::~FaultResponses() = default;
+
+void FaultResponses::reset() {
+  collecting_.reset();
+  started_ = event_ = false;
+  recent_.clear();
+  reference_ =
+      std::make_unique<Sums>(static_cast<Eigen::Index>(moved_.size()), static_cast<Eigen::Index>(hypotheses_.size()));
+  first_.clear();
+  second_.clear();
+  evidence_ = 0;
+}
+
+bool FaultResponses::add(double time, const double* channels, bool good) {
+  if (!started_) {
+    started_ = true;
+    next_ = time;
+  }
+  if (!good) {
+    collecting_.reset();
+    next_ = std::max(next_, time);
+    return false;
+  }
+  if (!collecting_) {
+    if (time < next_) return false;
+    collecting_ = std::make_unique<Recording>();
+    collecting_->rig = sheet_.rig;
+    collecting_->channels = sheet_.channels;
+    next_ = time + settings_.every;
+  }
+  if (!collecting_->time.empty() &&
+      std::abs(time - collecting_->time.back() - sheet_.sample_period) > 0.2 * sheet_.sample_period) {
+    collecting_.reset();
+    return false;
+  }
+  collecting_->time.push_back(time);
+  collecting_->sequence.push_back(collecting_->sequence.size());
+  collecting_->values.insert(collecting_->values.end(), channels, channels + sheet_.channels.size());
+  if (collecting_->rows() < (settings_.segments + 1) * settings_.segment + kMargin) return false;
+  evaluate();
+  collecting_.reset();
+  return true;
+}
+
+std::unique_ptr<FaultResponses::Stretch> FaultResponses::respond() const {
+  const auto t = static_cast<Eigen::Index>(moved_.size()), d = static_cast<Eigen::Index>(hypotheses_.size());
+  auto stretch = std::make_unique<Stretch>(t, d);
+  stretch->begin = collecting_->time.front();
+  stretch->run = model_.prepare("", *collecting_);
+  const std::vector<double>& sigma = model_.noise();
+  const ModelChange nominal{sheet_.nominal(), {}};
+  std::vector<ModelChange> changes = {nominal};
+  changes.insert(changes.end(), moved_.begin(), moved_.end());
+  for (const FaultHypothesis& h : hypotheses_) changes.push_back({nominal.parameters, {h.at(h.probe)}});
+  std::vector<Eigen::MatrixXf> residuals(changes.size());
+  in_parallel(changes.size(), settings_.jobs,
+              [&](std::size_t i) { residuals[i] = model_.residuals(changes[i], stretch->run, sigma); });
+  for (std::size_t i = 1; i < residuals.size(); ++i) {
+    const double step = i <= moved_.size() ? step_[i - 1] : hypotheses_[i - 1 - moved_.size()].probe;
+    residuals[i] = (residuals[i] - residuals[0]) * static_cast<float>(1 / step);
+  }
+  const std::vector<Eigen::MatrixXf> starts = model_.start_columns(nominal, stretch->run, sigma);
+  for (std::size_t s = 1; s < stretch->run.restarts.size(); ++s) {
+    const std::size_t row = stretch->run.restarts[s];
+    Eigen::MatrixXd start;
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+      const Eigen::VectorXd column = model_.stacked(starts[i], row);
+      if (i == 0) start.resize(column.size(), static_cast<Eigen::Index>(starts.size()));
+      start.col(static_cast<Eigen::Index>(i)) = column;
+    }
+    Eigen::MatrixXd all;
+    for (std::size_t i = 0; i < residuals.size(); ++i) {
+      const Eigen::VectorXd column = model_.stacked(residuals[i], row);
+      if (i == 0) all.resize(column.size(), static_cast<Eigen::Index>(residuals.size()));
+      all.col(static_cast<Eigen::Index>(i)) = column;
+    }
+    SegmentModel::project(start, all);
+    const double mean_square = all.col(0).squaredNorm() / static_cast<double>(all.rows());
+    const double weight = 1 / (settings_.inflation * std::max(1.0, mean_square));
+    const auto tolerances = all.middleCols(1, t), responses = all.rightCols(d);
+    const auto r = all.col(0);
+    Sums& sums = stretch->sums;
+    sums.tt.noalias() += weight * tolerances.transpose() * tolerances;
+    sums.td.noalias() += weight * tolerances.transpose() * responses;
+    sums.dd.noalias() += weight * responses.transpose() * responses;
+    sums.tr.noalias() += weight * tolerances.transpose() * r;
+    sums.dr.noalias() += weight * responses.transpose() * r;
+    sums.rr += weight * r.squaredNorm();
+    stretch->starts.push_back(std::move(start));
+    stretch->tolerances.push_back(tolerances);
+    stretch->weights.push_back(weight);
+  }
+  return stretch;
+}
+
+FaultResponses::Prior FaultResponses::prior(bool change) const {
+  const auto t = static_cast<Eigen::Index>(moved_.size());
+  Prior prior{Eigen::MatrixXd::Identity(t, t), Eigen::VectorXd::Zero(t), 0};
+  if (!change) return prior;
+  prior.before += reference_->tt;
+  prior.pull = reference_->tr;
+  prior.constant = reference_->rr;
+  return prior;
+}
+
+std::vector<RankedFault> FaultResponses::screen(const Prior& prior, bool change, const RankedFault* beside) const {
+  Sums sums(static_cast<Eigen::Index>(moved_.size()), static_cast<Eigen::Index>(hypotheses_.size()));
+  for (const auto& stretch : recent_) sums.add(stretch->sums);
+  if (!change) sums.add(*reference_);
+  if (beside) {
+    const auto at = static_cast<Eigen::Index>(beside->hypothesis);
+    sums.dr += beside->amplitude * sums.dd.col(at);
+    sums.tr += beside->amplitude * sums.td.col(at);
+  }
+  const Eigen::LDLT<Eigen::MatrixXd> lambda(prior.before + sums.tt);
+  const Eigen::VectorXd theta = lambda.solve(prior.pull + sums.tr);
+  const Eigen::MatrixXd known = lambda.solve(sums.td);
+  std::vector<RankedFault> result;
+  for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
+    const auto at = static_cast<Eigen::Index>(h);
+    const double left = sums.dd(at, at) - sums.td.col(at).dot(known.col(at));
+    if (!(left > kInsensitive)) continue;
+    RankedFault ranked;
+    ranked.hypothesis = h;
+    ranked.amplitude =
+        std::clamp(-(sums.dr[at] - sums.td.col(at).dot(theta)) / left, hypotheses_[h].lowest, hypotheses_[h].highest);
+    ranked.std = 1 / std::sqrt(left);
+    // Evidence of the clamped amplitude: L(0) - L(a).
+    ranked.evidence = -ranked.amplitude * (2 * (sums.dr[at] - sums.td.col(at).dot(theta)) + ranked.amplitude * left);
+    result.push_back(ranked);
+  }
+  std::sort(result.begin(), result.end(),
+            [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
+  return result;
+}
+
+// Over the recent stretches, parameters adjusted to first order.
+double FaultResponses::loss(const Prior& prior, const std::vector<EffectSpec>& effects) const {
+  Eigen::MatrixXd tt = prior.before;
+  Eigen::VectorXd tr = prior.pull;
+  double rr = prior.constant;
+  for (const auto& stretch : recent_) {
+    const Eigen::MatrixXf residuals = model_.residuals({sheet_.nominal(), effects}, stretch->run, model_.noise());
+    for (std::size_t s = 0; s < stretch->starts.size(); ++s) {
+      Eigen::MatrixXd r = model_.stacked(residuals, stretch->run.restarts[s + 1]);
+      SegmentModel::project(stretch->starts[s], r);
+      tr.noalias() += stretch->weights[s] * stretch->tolerances[s].transpose() * r.col(0);
+      rr += stretch->weights[s] * r.squaredNorm();
+    }
+    tt += stretch->sums.tt;
+  }
+  return rr - tr.dot(Eigen::LDLT<Eigen::MatrixXd>(tt).solve(tr));
+}
+
+// Parabolas through three losses: robust where the response bends.
+RankedFault FaultResponses::refine(const Prior& prior, const std::vector<EffectSpec>& base, double base_loss,
+                                   RankedFault start) const {
+  const FaultHypothesis& h = hypotheses_[start.hypothesis];
+  const double least = std::isinf(h.none) ? h.lowest : -kInfinity;
+  const auto at = [&](double amplitude) {
+    std::vector<EffectSpec> effects = base;
+    effects.push_back(h.at(amplitude));
+    return loss(prior, effects);
+  };
+  double a = std::max(start.amplitude, least), here = at(a);
+  double curvature = 1 / (start.std * start.std);
+  for (int i = 0; i < kRefinements; ++i) {
+    const double step = std::max(kRefineStep * std::abs(a), 0.2 * start.std);
+    const double up = std::min(a + step, h.highest), down = std::max({a - step, h.lowest, least});
+    const double l_up = up > a ? at(up) : here, l_down = down < a ? at(down) : here;
+    double slope, bend = curvature;
+    if (up > a && down < a) {
+      const double s1 = (l_up - here) / (up - a), s2 = (here - l_down) / (a - down);
+      slope = (s1 * (a - down) + s2 * (up - a)) / (up - down);
+      bend = (s1 - s2) / (up - down);
+    } else {
+      slope = up > a ? (l_up - here) / (up - a) : (here - l_down) / (a - down);
+    }
+    if (bend > 0) curvature = bend;
+    double best = a, least_loss = here;
+    for (const auto& [amplitude, l] : {std::pair(up, l_up), std::pair(down, l_down)})
+      if (l < least_loss) {
+        best = amplitude;
+        least_loss = l;
+      }
+    const double wide = std::max(std::abs(a), 3 * start.std);
+    const double newton =
+        std::clamp(a - std::clamp(slope / (2 * curvature), -wide, wide), std::max(h.lowest, least), h.highest);
+    const double l_newton = at(newton);
+    if (l_newton < least_loss) {
+      best = newton;
+      least_loss = l_newton;
+    }
+    const bool done = here - least_loss < 0.01 * (base_loss - least_loss);
+    a = best;
+    here = least_loss;
+    if (done) break;
+  }
+  start.amplitude = a;
+  start.evidence = base_loss - here;
+  start.std = 1 / std::sqrt(std::max(curvature, 1e-300));
+  return start;
+}
+
+std::vector<RankedFault> FaultResponses::best_of(const Prior& prior, const std::vector<EffectSpec>& base,
+                                                 double base_loss, std::vector<RankedFault> screened) const {
+  screened.resize(std::min(screened.size(), settings_.refined));
+  in_parallel(screened.size(), settings_.jobs,
+              [&](std::size_t i) { screened[i] = refine(prior, base, base_loss, screened[i]); });
+  std::sort(screened.begin(), screened.end(),
+            [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
+  return screened;
+}
+
+void FaultResponses::evaluate() {
+  recent_.push_back(respond());
+  if (recent_.size() > settings_.recent) {
+    if (!event_) {
+      reference_->scale(1 - 1 / settings_.memory);
+      reference_->add(recent_.front()->sums);
+    }
+    recent_.erase(recent_.begin());
+  }
+  // Once there is a fault, the way it was found stays: as a change or from the start.
+  std::vector<RankedFault> screened;
+  if (!event_) {
+    const std::vector<RankedFault> as_change = screen(prior(true), true), all_along = screen(prior(false), false);
+    const double e_change = as_change.empty() ? 0 : as_change.front().evidence;
+    const double e_all = all_along.empty() ? 0 : all_along.front().evidence;
+    change_ = e_change >= e_all;
+    screened = change_ ? as_change : all_along;
+  } else {
+    screened = screen(prior(change_), change_);
+  }
+  // Screening takes the model's answer for linear and so finds too much, never too little by far.
+  const double screened_evidence = screened.empty() ? 0 : screened.front().evidence;
+  const double limit = (event_ ? kRelease : 1.0) * settings_.threshold;
+  if (screened_evidence >= limit) {
+    // While a fault lasts, ever more rarely, unless it grows.
+    ++age_;
+    const bool due = !event_ || (age_ & (age_ - 1)) == 0 || screened_evidence > kGrown * refined_at_ ||
+                     screened_evidence * kGrown < refined_at_;
+    if (!due) return;
+    refined_at_ = screened_evidence;
+  }
+  const Prior before = prior(change_);
+  double base_loss = 0;
+  std::vector<RankedFault> ranked;
+  if (screened_evidence >= limit) {
+    base_loss = loss(before, {});
+    ranked = best_of(before, {}, base_loss, screened);
+  }
+  evidence_ = ranked.empty() ? screened_evidence : ranked.front().evidence;
+  if (ranked.empty() || evidence_ < limit) {
+    event_ = false;
+    age_ = 0;
+    first_.clear();
+    second_.clear();
+    return;
+  }
+  first_ = ranked;
+  second_.clear();
+  const RankedFault& best = first_.front();
+  const std::vector<EffectSpec> base = {hypotheses_[best.hypothesis].at(best.amplitude)};
+  std::vector<RankedFault> beside = screen(before, change_, &best);
+  beside.erase(std::remove_if(beside.begin(), beside.end(),
+                              [&](const RankedFault& f) { return f.hypothesis == best.hypothesis; }),
+               beside.end());
+  beside = best_of(before, base, base_loss - best.evidence, beside);
+  if (!beside.empty() && beside.front().evidence > std::max(settings_.threshold, kSecondShare * best.evidence))
+    second_ = beside;
+  if (!event_) {
+    since_ = recent_.front()->begin;
+    // The first stretch in which the best explanation gains.
+    const auto at = static_cast<Eigen::Index>(first_.front().hypothesis);
+    for (const auto& stretch : recent_) {
+      const double a = first_.front().amplitude;
+      if (-a * (2 * stretch->sums.dr[at] + a * stretch->sums.dd(at, at)) > 0.1 * first_.front().evidence) {
+        since_ = stretch->begin;
+        break;
+      }
+    }
+  }
+  event_ = true;
+}
+
+std::vector<double> FaultResponses::amplitude_errors() const {
+  std::vector<double> result(hypotheses_.size(), kInfinity);
+  for (const RankedFault& ranked : screen(prior(true), true)) result[ranked.hypothesis] = ranked.std;
+  return result;
+}
+
+Eigen::MatrixXd FaultResponses::cosines() const {
+  Sums sums = *reference_;
+  for (const auto& stretch : recent_) sums.add(stretch->sums);
+  const auto t = static_cast<Eigen::Index>(moved_.size());
+  Eigen::MatrixXd left =
+      sums.dd -
+      sums.td.transpose() * Eigen::LDLT<Eigen::MatrixXd>(Eigen::MatrixXd::Identity(t, t) + sums.tt).solve(sums.td);
+  const Eigen::VectorXd length = left.diagonal().cwiseMax(kInsensitive).cwiseSqrt();
+  for (Eigen::Index i = 0; i < left.rows(); ++i)
+    for (Eigen::Index j = 0; j < left.cols(); ++j)
+      left(i, j) = left(i, i) > kInsensitive && left(j, j) > kInsensitive ? left(i, j) / (length[i] * length[j]) : 0;
+  return left;
+}
+
+}  // namespace faultline
