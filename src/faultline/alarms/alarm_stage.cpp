@@ -92,7 +92,7 @@ void AlarmStage::reset() {
   for (Watched& w : watched_) {
     w.detector->reset();
     w.detection = Detection();
-    w.alarm = -1;
+    w.alarm = w.unobserved = -1;
   }
   for (Isolated& i : isolated_) {
     i.isolator->reset();
@@ -103,6 +103,7 @@ void AlarmStage::reset() {
   stale_ = gap_ = -1;
   running_ = false;
   report_.alarms.clear();
+  report_.unobserved.clear();
   ++changes_;
 }
 
@@ -225,6 +226,7 @@ void AlarmStage::detect(const Estimate* estimates) {
   for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = channels_[c].alarm >= 0;
   for (Watched& w : watched_) {
     w.detector->process(estimates[w.stage], w.detection);
+    watch_blindness(w, estimate.time);
     if (w.withholds && w.detection.active) model_fits = false;
     if (w.detection.active && w.kind == "sensor")
       for (const std::size_t channel : w.doubts) doubted_[channel] = true;
@@ -262,6 +264,19 @@ void AlarmStage::detect(const Estimate* estimates) {
     }
   }
   tell_findings(estimate.time, model_fits);
+}
+
+void AlarmStage::watch_blindness(Watched& w, double time) {
+  if (!w.detection.blind && w.unobserved < 0) return;
+  if (w.unobserved < 0) {
+    w.unobserved = static_cast<int>(report_.unobserved.size());
+    report_.unobserved.push_back({w.name, w.effect, w.port, 0, false});
+    w.watched_to = time;
+  }
+  Unobserved& unobserved = report_.unobserved[static_cast<std::size_t>(w.unobserved)];
+  if (w.detection.blind) unobserved.seconds += time - w.watched_to;
+  unobserved.now = w.detection.blind;
+  w.watched_to = time;
 }
 
 bool AlarmStage::explained(const Watched& w) const {

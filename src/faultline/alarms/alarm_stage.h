@@ -51,7 +51,9 @@ class AlarmStage {
     std::vector<std::size_t> doubts;  // channels that isolators leave out while it is active
     std::unique_ptr<Detector> detector;
     Detection detection;
-    int alarm = -1;  // index into report_.alarms while active
+    int alarm = -1;       // index into report_.alarms while active
+    int unobserved = -1;  // index into report_.unobserved
+    double watched_to = 0;
   };
   struct Isolated {
     std::size_t stage = 0;
@@ -71,6 +73,7 @@ class AlarmStage {
   void detect(const Estimate* estimates);
   void isolate(const Estimate* estimates);
   void tell_findings(double time, bool model_fits);
+  void watch_blindness(Watched& w, double time);
   bool explained(const Watched& w) const;       // by an isolator that overrules
   bool awaited(const Watched& w) const;         // its judgement of when the detection began
   bool detected(const Finding& finding) const;  // a detector tells it already

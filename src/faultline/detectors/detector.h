@@ -21,6 +21,7 @@ struct Detection {
   bool has_size = false;
   double size = 0, low = 0, high = 0;  // in size_unit, with 90 % bounds
   double confidence = 0;               // 0..1, that it is there
+  bool blind = false;                  // it could not show itself now: not observable in this motion
 };
 
 // What a detector holds against its threshold: for choosing that threshold from healthy recordings.

@@ -16,6 +16,11 @@ constexpr int kRefinements = 3;
 constexpr double kRefineStep = 0.1;    // of an amplitude, for its difference
 constexpr double kRelease = 0.3;       // of the threshold, below which a fault is over
 constexpr double kSecondShare = 0.1;   // of the first fault's evidence that a second must have, beyond the threshold
+constexpr unsigned kEarly = 3;         // stretches, after which what is done again is done ever more rarely
+constexpr double kMoved = 0.3;         // tolerances, from which the model is made linear anew
+constexpr double kKept = 0.3;          // of what earlier stretches say, when it was said around other parameters
+constexpr double kSuspicion = 0.3;     // of the threshold, from which the linear model is doubted first
+constexpr double kFarthest = 3;        // tolerances that parameters may be off the datasheet
 constexpr double kGrown = 1.5;         // times the evidence at the last refinement: refined anew
 constexpr double kInsensitive = 1e-6;  // response below which nothing is said
 
@@ -69,19 +74,10 @@ struct FaultResponses::Prior {
 
 FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& settings)
     : sheet_(sheet), settings_(settings), model_(sheet, settings.segment), hypotheses_(fault_hypotheses(sheet)) {
-  const std::vector<double> nominal = sheet_.nominal();
-  for (std::size_t i = 0; i < nominal.size(); ++i) {
-    const double tolerance = sheet_.parameters[i].tolerance;
-    if (tolerance <= 0 || nominal[i] == 0) continue;
-    std::vector<double> values = nominal;
-    values[i] *= 1 + kToleranceStep * tolerance;
-    moved_.push_back({values, {}});
-    step_.push_back(kToleranceStep);
-  }
-  for (const std::string& text : sheet_.nuisance) {
-    moved_.push_back({nominal, {parse_effect(text)}});
-    step_.push_back(1);
-  }
+  rows_ = (settings_.segments + 1) * settings_.segment + kMargin;
+  for (std::size_t i = 0; i < sheet_.parameters.size(); ++i)
+    if (sheet_.parameters[i].tolerance > 0 && sheet_.parameters[i].nominal != 0) free_.push_back(i);
+  for (const std::string& text : sheet_.nuisance) nuisance_.push_back(parse_effect(text));
   reset();
 }
 
@@ -91,14 +87,22 @@ void FaultResponses::reset() {
   collecting_.reset();
   started_ = event_ = false;
   recent_.clear();
-  reference_ =
-      std::make_unique<Sums>(static_cast<Eigen::Index>(moved_.size()), static_cast<Eigen::Index>(hypotheses_.size()));
+  base_ = sheet_.nominal();
+  shift_ = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(free_.size() + nuisance_.size()));
+  reference_ = std::make_unique<Sums>(shift_.size(), static_cast<Eigen::Index>(hypotheses_.size()));
+  stretches_ = age_ = 0;
   first_.clear();
   second_.clear();
   evidence_ = 0;
 }
 
 bool FaultResponses::add(double time, const double* channels, bool good) {
+  if (!collect(time, channels, good)) return false;
+  judge(*take());
+  return true;
+}
+
+bool FaultResponses::collect(double time, const double* channels, bool good) {
   if (!started_) {
     started_ = true;
     next_ = time;
@@ -113,6 +117,9 @@ bool FaultResponses::add(double time, const double* channels, bool good) {
     collecting_ = std::make_unique<Recording>();
     collecting_->rig = sheet_.rig;
     collecting_->channels = sheet_.channels;
+    collecting_->time.reserve(rows_);
+    collecting_->sequence.reserve(rows_);
+    collecting_->values.reserve(rows_ * sheet_.channels.size());
     next_ = time + settings_.every;
   }
   if (!collecting_->time.empty() &&
@@ -123,30 +130,37 @@ bool FaultResponses::add(double time, const double* channels, bool good) {
   collecting_->time.push_back(time);
   collecting_->sequence.push_back(collecting_->sequence.size());
   collecting_->values.insert(collecting_->values.end(), channels, channels + sheet_.channels.size());
-  if (collecting_->rows() < (settings_.segments + 1) * settings_.segment + kMargin) return false;
-  evaluate();
-  collecting_.reset();
-  return true;
+  return collecting_->rows() >= rows_;
 }
 
-std::unique_ptr<FaultResponses::Stretch> FaultResponses::respond() const {
-  const auto t = static_cast<Eigen::Index>(moved_.size()), d = static_cast<Eigen::Index>(hypotheses_.size());
+std::unique_ptr<FaultResponses::Stretch> FaultResponses::respond(const Recording& recording) const {
+  const Eigen::Index t = shift_.size(), d = static_cast<Eigen::Index>(hypotheses_.size());
   auto stretch = std::make_unique<Stretch>(t, d);
-  stretch->begin = collecting_->time.front();
-  stretch->run = model_.prepare("", *collecting_);
+  stretch->begin = recording.time.front();
+  stretch->run = model_.prepare("", recording);
   const std::vector<double>& sigma = model_.noise();
-  const ModelChange nominal{sheet_.nominal(), {}};
-  std::vector<ModelChange> changes = {nominal};
-  changes.insert(changes.end(), moved_.begin(), moved_.end());
-  for (const FaultHypothesis& h : hypotheses_) changes.push_back({nominal.parameters, {h.at(h.probe)}});
+  const ModelChange base{base_, {}};
+  std::vector<ModelChange> changes = {base};
+  std::vector<double> steps = {1};
+  for (const std::size_t i : free_) {
+    changes.push_back(base);
+    changes.back().parameters[i] += kToleranceStep * sheet_.parameters[i].tolerance * sheet_.parameters[i].nominal;
+    steps.push_back(kToleranceStep);
+  }
+  for (const EffectSpec& effect : nuisance_) {
+    changes.push_back({base_, {effect}});
+    steps.push_back(1);
+  }
+  for (const FaultHypothesis& h : hypotheses_) {
+    changes.push_back({base_, {h.at(h.probe)}});
+    steps.push_back(h.probe);
+  }
   std::vector<Eigen::MatrixXf> residuals(changes.size());
   in_parallel(changes.size(), settings_.jobs,
               [&](std::size_t i) { residuals[i] = model_.residuals(changes[i], stretch->run, sigma); });
-  for (std::size_t i = 1; i < residuals.size(); ++i) {
-    const double step = i <= moved_.size() ? step_[i - 1] : hypotheses_[i - 1 - moved_.size()].probe;
-    residuals[i] = (residuals[i] - residuals[0]) * static_cast<float>(1 / step);
-  }
-  const std::vector<Eigen::MatrixXf> starts = model_.start_columns(nominal, stretch->run, sigma);
+  for (std::size_t i = 1; i < residuals.size(); ++i)
+    residuals[i] = (residuals[i] - residuals[0]) * static_cast<float>(1 / steps[i]);
+  const std::vector<Eigen::MatrixXf> starts = model_.start_columns(base, stretch->run, sigma);
   for (std::size_t s = 1; s < stretch->run.restarts.size(); ++s) {
     const std::size_t row = stretch->run.restarts[s];
     Eigen::MatrixXd start;
@@ -180,18 +194,39 @@ std::unique_ptr<FaultResponses::Stretch> FaultResponses::respond() const {
   return stretch;
 }
 
+// Moves the parameters to what all stretches say of them.
+bool FaultResponses::relinearise() {
+  Sums sums = *reference_;
+  for (const auto& stretch : recent_) sums.add(stretch->sums);
+  const Eigen::MatrixXd lambda = Eigen::MatrixXd::Identity(shift_.size(), shift_.size()) + sums.tt;
+  Eigen::VectorXd step = -Eigen::LDLT<Eigen::MatrixXd>(lambda).solve(shift_ + sums.tr);
+  step.tail(static_cast<Eigen::Index>(nuisance_.size())).setZero();
+  step = (shift_ + step).cwiseMax(-kFarthest).cwiseMin(kFarthest) - shift_;
+  if (step.cwiseAbs().maxCoeff() < kMoved) return false;
+  shift_ += step;
+  for (std::size_t i = 0; i < free_.size(); ++i)
+    base_[free_[i]] += step[static_cast<Eigen::Index>(i)] * sheet_.parameters[free_[i]].tolerance *
+                       sheet_.parameters[free_[i]].nominal;
+  // What was summed stays as it is, but for what the step explains of it.
+  reference_->rr += 2 * step.dot(reference_->tr) + step.dot(reference_->tt * step);
+  reference_->dr += reference_->td.transpose() * step;
+  reference_->tr += reference_->tt * step;
+  reference_->scale(kKept);
+  for (auto& stretch : recent_) stretch = respond(stretch->run.recording);
+  return true;
+}
+
 FaultResponses::Prior FaultResponses::prior(bool change) const {
-  const auto t = static_cast<Eigen::Index>(moved_.size());
-  Prior prior{Eigen::MatrixXd::Identity(t, t), Eigen::VectorXd::Zero(t), 0};
+  Prior prior{Eigen::MatrixXd::Identity(shift_.size(), shift_.size()), shift_, shift_.squaredNorm()};
   if (!change) return prior;
   prior.before += reference_->tt;
-  prior.pull = reference_->tr;
-  prior.constant = reference_->rr;
+  prior.pull += reference_->tr;
+  prior.constant += reference_->rr;
   return prior;
 }
 
 std::vector<RankedFault> FaultResponses::screen(const Prior& prior, bool change, const RankedFault* beside) const {
-  Sums sums(static_cast<Eigen::Index>(moved_.size()), static_cast<Eigen::Index>(hypotheses_.size()));
+  Sums sums(shift_.size(), static_cast<Eigen::Index>(hypotheses_.size()));
   for (const auto& stretch : recent_) sums.add(stretch->sums);
   if (!change) sums.add(*reference_);
   if (beside) {
@@ -227,7 +262,7 @@ double FaultResponses::loss(const Prior& prior, const std::vector<EffectSpec>& e
   Eigen::VectorXd tr = prior.pull;
   double rr = prior.constant;
   for (const auto& stretch : recent_) {
-    const Eigen::MatrixXf residuals = model_.residuals({sheet_.nominal(), effects}, stretch->run, model_.noise());
+    const Eigen::MatrixXf residuals = model_.residuals({base_, effects}, stretch->run, model_.noise());
     for (std::size_t s = 0; s < stretch->starts.size(); ++s) {
       Eigen::MatrixXd r = model_.stacked(residuals, stretch->run.restarts[s + 1]);
       SegmentModel::project(stretch->starts[s], r);
@@ -299,8 +334,10 @@ std::vector<RankedFault> FaultResponses::best_of(const Prior& prior, const std::
   return screened;
 }
 
-void FaultResponses::evaluate() {
-  recent_.push_back(respond());
+void FaultResponses::judge(const Recording& recording) {
+  recent_.push_back(respond(recording));
+  ++stretches_;
+  if (!event_ && (stretches_ <= kEarly || (stretches_ & (stretches_ - 1)) == 0)) relinearise();
   if (recent_.size() > settings_.recent) {
     if (!event_) {
       reference_->scale(1 - 1 / settings_.memory);
@@ -309,24 +346,26 @@ void FaultResponses::evaluate() {
     recent_.erase(recent_.begin());
   }
   // Once there is a fault, the way it was found stays: as a change or from the start.
-  std::vector<RankedFault> screened;
-  if (!event_) {
-    const std::vector<RankedFault> as_change = screen(prior(true), true), all_along = screen(prior(false), false);
+  const auto screen_both = [&] {
+    if (event_) return screen(prior(change_), change_);
+    std::vector<RankedFault> as_change = screen(prior(true), true), all_along = screen(prior(false), false);
     const double e_change = as_change.empty() ? 0 : as_change.front().evidence;
     const double e_all = all_along.empty() ? 0 : all_along.front().evidence;
     change_ = e_change >= e_all;
-    screened = change_ ? as_change : all_along;
-  } else {
-    screened = screen(prior(change_), change_);
-  }
+    return change_ ? as_change : all_along;
+  };
+  std::vector<RankedFault> screened = screen_both();
+  // Before anything is blamed: is it the linear model of the parameters that is wrong?
+  if (!event_ && !screened.empty() && screened.front().evidence > kSuspicion * settings_.threshold && relinearise())
+    screened = screen_both();
   // Screening takes the model's answer for linear and so finds too much, never too little by far.
   const double screened_evidence = screened.empty() ? 0 : screened.front().evidence;
   const double limit = (event_ ? kRelease : 1.0) * settings_.threshold;
   if (screened_evidence >= limit) {
     // While a fault lasts, ever more rarely, unless it grows.
     ++age_;
-    const bool due = !event_ || (age_ & (age_ - 1)) == 0 || screened_evidence > kGrown * refined_at_ ||
-                     screened_evidence * kGrown < refined_at_;
+    const bool due = !event_ || age_ <= kEarly || (age_ & (age_ - 1)) == 0 ||
+                     screened_evidence > kGrown * refined_at_ || screened_evidence * kGrown < refined_at_;
     if (!due) return;
     refined_at_ = screened_evidence;
   }
@@ -356,7 +395,7 @@ void FaultResponses::evaluate() {
   beside = best_of(before, base, base_loss - best.evidence, beside);
   if (!beside.empty() && beside.front().evidence > std::max(settings_.threshold, kSecondShare * best.evidence))
     second_ = beside;
-  if (!event_) {
+  if (age_ == 1) {
     since_ = recent_.front()->begin;
     // The first stretch in which the best explanation gains.
     const auto at = static_cast<Eigen::Index>(first_.front().hypothesis);
@@ -380,7 +419,7 @@ std::vector<double> FaultResponses::amplitude_errors() const {
 Eigen::MatrixXd FaultResponses::cosines() const {
   Sums sums = *reference_;
   for (const auto& stretch : recent_) sums.add(stretch->sums);
-  const auto t = static_cast<Eigen::Index>(moved_.size());
+  const Eigen::Index t = shift_.size();
   Eigen::MatrixXd left =
       sums.dd -
       sums.td.transpose() * Eigen::LDLT<Eigen::MatrixXd>(Eigen::MatrixXd::Identity(t, t) + sums.tt).solve(sums.td);

@@ -12,7 +12,7 @@
 //
 // with n = T'r, C = T'd, b = d'r, g = d'd and Lambda = 1 + T'T over all stretches. Twice over: as a change (the fault is in the recent
 // stretches only) and from the start (it is in all). Squares are divided by `inflation`: residuals of a model that is a little wrong
-// are not independent. A segment counts by one over its mean square where that is above 1. The best few are refined by Gauss-Newton
+// are not independent. While nothing is wrong the model is made linear anew around what it learnt of the parameters. A segment counts by one over its mean square where that is above 1. The best few are refined by Gauss-Newton
 // steps on the model with the effect in it, and searched for a second fault beside the first.
 //
 // Units: amplitudes as in FaultHypothesis. D_h says what could be seen: a fault whose least amplitude at the threshold lies beyond
@@ -53,6 +53,11 @@ class FaultResponses {
   void reset();
   // One sample; `good`: all channels are fit to be used. True where a stretch ended and everything below was found anew.
   bool add(double time, const double* channels, bool good);
+  // The two halves of add(), for those who cannot wait: collect() says that take() has a stretch for judge(), which may run in
+  // another thread while samples are collected on.
+  bool collect(double time, const double* channels, bool good);
+  std::unique_ptr<Recording> take() { return std::move(collecting_); }
+  void judge(const Recording& stretch);
 
   const std::vector<FaultHypothesis>& hypotheses() const { return hypotheses_; }
   // While a fault is there: best first, refined ones only. Empty: nothing is wrong.
@@ -70,8 +75,8 @@ class FaultResponses {
   struct Stretch;
   struct Sums;
   struct Prior;
-  void evaluate();
-  std::unique_ptr<Stretch> respond() const;
+  std::unique_ptr<Stretch> respond(const Recording& recording) const;
+  bool relinearise();  // whether anything moved
   Prior prior(bool change) const;
   // `beside`: a fault that is already known, taken off to first order.
   std::vector<RankedFault> screen(const Prior& prior, bool change, const RankedFault* beside = nullptr) const;
@@ -85,10 +90,13 @@ class FaultResponses {
   ResponseSettings settings_;
   SegmentModel model_;
   std::vector<FaultHypothesis> hypotheses_;
-  std::vector<ModelChange> moved_;  // per parameter with a tolerance, then per nuisance effect
-  std::vector<double> step_;        // how far in its own unit (tolerances, listed sizes)
+  std::vector<std::size_t> free_;  // parameters with a tolerance
+  std::vector<EffectSpec> nuisance_;
+  std::vector<double> base_;  // parameters around which the model is made linear
+  Eigen::VectorXd shift_;     // how far they are from the datasheet: tolerances, then zeros for nuisance effects
   std::unique_ptr<Recording> collecting_;
   double next_ = 0;
+  std::size_t rows_ = 0;  // of a stretch
   bool started_ = false;
   std::vector<std::unique_ptr<Stretch>> recent_;
   std::unique_ptr<Sums> reference_;
@@ -96,7 +104,8 @@ class FaultResponses {
   bool change_ = false;
   std::vector<RankedFault> first_, second_;
   double since_ = 0, evidence_ = 0, refined_at_ = 0;
-  unsigned age_ = 0;  // of the event, in stretches
+  unsigned age_ = 0;        // of the event, in stretches
+  unsigned stretches_ = 0;  // since the beginning
 };
 
 }  // namespace faultline

@@ -1,9 +1,12 @@
 // The responses of a rig's model to faults (fault_responses.h) inside a stage: every sample is taken, and what was found last is told
-// until a stretch ends. Its estimates have no state: quantities only (response_core.h).
-// Settings: segment, segments, every, recent, memory, inflation, threshold (fault_responses.h).
+// until the next judgement. That comes `latency` s after a stretch ended, whenever it is ready: a thread of its own works it out, so that
+// samples are not held up, and live and offline say the same at the same sample. Its estimates have no state: quantities only (response_core.h).
+// Settings: segment, segments, every, recent, memory, inflation, threshold (fault_responses.h); latency [half of every].
 #include "faultline/estimators/response_core.h"
 
 #include <algorithm>
+#include <future>
+#include <memory>
 
 #include "faultline/estimators/fault_responses.h"
 #include "faultline/estimators/stage_core.h"
@@ -29,6 +32,8 @@ class ResponseCore : public StageCore {
  public:
   ResponseCore(const Datasheet& sheet, const StageSpec& spec)
       : responses_(sheet, settings_of(spec, sheet.sample_period)) {
+    const double every = spec.settings.number_or("every", ResponseSettings().every, sheet.sample_period, 1e6);
+    latency_ = spec.settings.number_or("latency", 0.5 * every, 0, 1e6);
     for (const Channel& channel : sheet.channels)
       needed_.push_back(channel.role != Role::setpoint && !channel.ground_truth);
     quantities_ = {{"evidence", "1", 0, 0}, {"since", "s", 0, 0}, {"judged", "s", 0, 0}};
@@ -43,9 +48,14 @@ class ResponseCore : public StageCore {
   std::vector<State> states() const override { return {}; }
   std::vector<std::string> innovation_names() const override { return {}; }
 
+  ~ResponseCore() override {
+    if (work_.valid()) work_.wait();
+  }
+
   void begin(const double*) override {
+    if (work_.valid()) work_.get();
     responses_.reset();
-    time_ = judged_ = 0;
+    time_ = judged_ = since_ = 0;
     tell();
   }
 
@@ -53,10 +63,14 @@ class ResponseCore : public StageCore {
     bool good = steps == 1;
     for (std::size_t c = 0; c < needed_.size(); ++c) good = good && (!needed_[c] || status[c] == ChannelStatus::good);
     time_ += dt;
-    if (responses_.add(time_, channels, good)) {
-      judged_ = time_;
-      tell();
+    if (responses_.collect(time_, channels, good)) {
+      finish();
+      ended_ = time_;
+      work_ = std::async(std::launch::async, [this, stretch = std::shared_ptr<Recording>(responses_.take())] {
+        responses_.judge(*stretch);
+      });
     }
+    if (work_.valid() && time_ >= ended_ + latency_) finish();
     return true;
   }
 
@@ -73,12 +87,21 @@ class ResponseCore : public StageCore {
       estimate.quantities[i].std = quantities_[i].std;
     }
     // As ages, so that they need no clock of their own.
-    estimate.quantities[1].value = responses_.first().empty() ? 0 : time_ - responses_.since();
+    estimate.quantities[1].value = quantities_[3].value < 0 ? 0 : time_ - since_;
     estimate.quantities[2].value = time_ - judged_;
   }
 
  private:
+  // Takes over what was worked out.
+  void finish() {
+    if (!work_.valid()) return;
+    work_.get();
+    judged_ = ended_;
+    tell();
+  }
+
   void tell() {
+    since_ = responses_.since();
     quantities_[0].value = responses_.evidence();
     std::size_t at = 3;
     for (const bool second : {false, true}) {
@@ -93,8 +116,10 @@ class ResponseCore : public StageCore {
     }
   }
 
-  FaultResponses responses_;
-  double time_ = 0, judged_ = 0;  // s since the stage began
+  FaultResponses responses_;  // the worker's while work_ is valid, but for collect() and take()
+  std::future<void> work_;
+  double latency_;
+  double time_ = 0, judged_ = 0, ended_ = 0, since_ = 0;  // s since the stage began
   std::vector<bool> needed_;
   std::vector<Quantity> quantities_;
 };
