@@ -243,7 +243,7 @@ void AlarmStage::detect(const Estimate* estimates) {
   for (const Isolated& i : isolated_)
     if (i.isolator->overrules() && i.finding.active) model_fits = true;
   for (Watched& w : watched_) {
-    const bool wanted = w.detection.active && !explained(w) && !(w.alarm < 0 && awaited(w)) &&
+    const bool wanted = w.detection.active && !explained(w) && !(w.alarm < 0 && (awaited(w) || told(w))) &&
                         (w.kind != "fault" || model_fits || w.alarm >= 0);
     if (wanted && w.alarm < 0)
       w.alarm = raise(w.kind, w.effect, w.port, w.kind == "unknown" ? AlarmLevel::warning : AlarmLevel::error,
@@ -300,10 +300,20 @@ bool AlarmStage::awaited(const Watched& w) const {
   });
 }
 
-bool AlarmStage::detected(const Finding& finding) const {
-  return std::any_of(watched_.begin(), watched_.end(), [&](const Watched& w) {
-    return w.alarm >= 0 && w.effect == finding.effect && w.port == finding.port && !w.effect.empty();
-  });
+bool AlarmStage::told(const Watched& w) const {
+  return std::any_of(isolated_.begin(), isolated_.end(),
+                     [&](const Isolated& i) { return i.alarm >= 0 && i.finding.active && detected(i.finding) == &w; });
+}
+
+const AlarmStage::Watched* AlarmStage::detected(const Finding& finding) const {
+  for (const Watched& w : watched_) {
+    if (!w.detection.active || w.kind != "fault" || w.effect.empty()) continue;
+    const std::string name = w.effect + "@" + w.port;
+    if (name == finding.effect + "@" + finding.port ||
+        std::find(finding.equivalent.begin(), finding.equivalent.end(), name) != finding.equivalent.end())
+      return &w;
+  }
+  return nullptr;
 }
 
 void AlarmStage::isolate(const Estimate* estimates) {
@@ -312,10 +322,32 @@ void AlarmStage::isolate(const Estimate* estimates) {
 
 void AlarmStage::tell_findings(double time, bool model_fits) {
   for (Isolated& i : isolated_) {
-    const Finding& f = i.finding;
-    const bool wanted = f.active && (model_fits || f.kind != "fault" || i.alarm >= 0) && !(i.alarm < 0 && detected(f));
+    Finding f = i.finding;
+    const Watched* w = f.active ? detected(f) : nullptr;
+    if (w) {
+      // By the detector's name: it also knows what flows.
+      const std::string own = f.effect + "@" + f.port, name = w->effect + "@" + w->port;
+      f.equivalent.erase(std::remove(f.equivalent.begin(), f.equivalent.end(), name), f.equivalent.end());
+      if (own != name) f.equivalent.insert(f.equivalent.begin(), own);
+    }
+    if (w && w->alarm >= 0 && i.alarm < 0) {
+      report_.alarms[static_cast<std::size_t>(w->alarm)].equivalent = f.equivalent;
+      continue;
+    }
+    const bool wanted = f.active && (model_fits || f.kind != "fault" || i.alarm >= 0);
     if (!wanted && i.alarm >= 0) end(i.alarm, time);
     if (!wanted) continue;
+    if (w) {
+      f.effect = w->effect;
+      f.port = w->port;
+      f.text = w->text;
+      f.has_size = w->detection.has_size;
+      f.size_name = w->detector->size_name();
+      f.size_unit = w->detector->size_unit();
+      f.size = w->detection.size;
+      f.low = w->detection.low;
+      f.high = w->detection.high;
+    }
     if (i.alarm < 0) i.alarm = raise(f.kind, f.effect, f.port, AlarmLevel::error, f.since, time, f.text);
     Alarm& alarm = report_.alarms[static_cast<std::size_t>(i.alarm)];
     alarm.until = time;

@@ -6,7 +6,8 @@
 // already found off are named to the isolators, which leave them out; so are the channels that a detector of a fault lists in `doubts`,
 // with commas between; where one of those is itself off, that fault is not raised. An isolator's alarm changes its place and size as it learns.
 // An isolator that overrules weighed every fault of the datasheet: while it names one, detections of faults, of sensors without an
-// effect and of unknown trouble that it does not confirm are not told, nor is an alarm twice; a detected fault waits for its judgement.
+// effect and of unknown trouble that it does not confirm are not told; a detected fault waits for its judgement. What both found is one
+// alarm, by the detector's name and size and with what it cannot be told from.
 //
 // Data alarms: a channel that is missing or out of range (ends a second after the last such sample); a rig that fell silent
 // (stale: from the last sample plus `stale_after`). While the model does not fit (a detection of kind unknown), fault detections
@@ -74,9 +75,11 @@ class AlarmStage {
   void isolate(const Estimate* estimates);
   void tell_findings(double time, bool model_fits);
   void watch_blindness(Watched& w, double time);
-  bool explained(const Watched& w) const;       // by an isolator that overrules
-  bool awaited(const Watched& w) const;         // its judgement of when the detection began
-  bool detected(const Finding& finding) const;  // a detector tells it already
+  bool explained(const Watched& w) const;  // by an isolator that overrules
+  bool awaited(const Watched& w) const;    // its judgement of when the detection began
+  bool told(const Watched& w) const;       // by an isolator's alarm
+  // The detector that found what the finding names, or what cannot be told from it; null: none did.
+  const Watched* detected(const Finding& finding) const;
   std::string verdict() const;
 
   Datasheet sheet_;

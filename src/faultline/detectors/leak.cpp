@@ -53,7 +53,7 @@ class Leak : public Detector {
     const double drive = estimate.quantities[drive_at_].value;
     // Pressure comes and goes within a stroke: blind is what stays without it.
     drive_peak_ = std::max(drive, drive_peak_ * (1 - std::min(1.0, dt / average_)));
-    detection.blind = drive_peak_ < minimum_drive_;
+    detection.blind = estimate.time - begin_ >= settle_ && drive_peak_ < minimum_drive_;
     if (estimate.time - begin_ >= settle_) {
       const double weight =
           drive < minimum_drive_ ? 0.0 : known_std_ * known_std_ / (known_std_ * known_std_ + c.std * c.std);

@@ -195,6 +195,33 @@ std::unique_ptr<FaultResponses::Stretch> FaultResponses::respond(const Recording
 }
 
 // Moves the parameters to what all stretches say of them.
+void FaultResponses::best_window() {
+  // Once there is a fault, the way it was found stays: what follows belongs to it.
+  if (event_) {
+    window_ = std::min(window_ + 1, recent_.size());
+    screened_ = screen(prior());
+    return;
+  }
+  screened_.clear();
+  bool best_change = false;
+  std::size_t best = recent_.size();
+  const auto try_it = [&] {
+    std::vector<RankedFault> screened = screen(prior());
+    if (screened.empty() || (!screened_.empty() && screened.front().evidence <= screened_.front().evidence)) return;
+    screened_ = std::move(screened);
+    best_change = change_;
+    best = window_;
+  };
+  change_ = false;
+  window_ = recent_.size();
+  try_it();
+  change_ = true;
+  for (window_ = 1; window_ <= recent_.size(); ++window_)
+    if (stretches_ > window_) try_it();
+  change_ = best_change;
+  window_ = best;
+}
+
 bool FaultResponses::relinearise() {
   Sums sums = *reference_;
   for (const auto& stretch : recent_) sums.add(stretch->sums);
@@ -216,19 +243,23 @@ bool FaultResponses::relinearise() {
   return true;
 }
 
-FaultResponses::Prior FaultResponses::prior(bool change) const {
+FaultResponses::Prior FaultResponses::prior() const {
   Prior prior{Eigen::MatrixXd::Identity(shift_.size(), shift_.size()), shift_, shift_.squaredNorm()};
-  if (!change) return prior;
-  prior.before += reference_->tt;
-  prior.pull += reference_->tr;
-  prior.constant += reference_->rr;
+  if (!change_) return prior;
+  const auto take = [&](const Sums& sums) {
+    prior.before += sums.tt;
+    prior.pull += sums.tr;
+    prior.constant += sums.rr;
+  };
+  take(*reference_);
+  for (std::size_t i = 0; i + window_ < recent_.size(); ++i) take(recent_[i]->sums);
   return prior;
 }
 
-std::vector<RankedFault> FaultResponses::screen(const Prior& prior, bool change, const RankedFault* beside) const {
+std::vector<RankedFault> FaultResponses::screen(const Prior& prior, const RankedFault* beside) const {
   Sums sums(shift_.size(), static_cast<Eigen::Index>(hypotheses_.size()));
-  for (const auto& stretch : recent_) sums.add(stretch->sums);
-  if (!change) sums.add(*reference_);
+  for (std::size_t i = recent_.size() - window_; i < recent_.size(); ++i) sums.add(recent_[i]->sums);
+  if (!change_) sums.add(*reference_);
   if (beside) {
     const auto at = static_cast<Eigen::Index>(beside->hypothesis);
     sums.dr += beside->amplitude * sums.dd.col(at);
@@ -261,7 +292,8 @@ double FaultResponses::loss(const Prior& prior, const std::vector<EffectSpec>& e
   Eigen::MatrixXd tt = prior.before;
   Eigen::VectorXd tr = prior.pull;
   double rr = prior.constant;
-  for (const auto& stretch : recent_) {
+  for (std::size_t i = recent_.size() - window_; i < recent_.size(); ++i) {
+    const std::unique_ptr<Stretch>& stretch = recent_[i];
     const Eigen::MatrixXf residuals = model_.residuals({base_, effects}, stretch->run, model_.noise());
     for (std::size_t s = 0; s < stretch->starts.size(); ++s) {
       Eigen::MatrixXd r = model_.stacked(residuals, stretch->run.restarts[s + 1]);
@@ -345,21 +377,12 @@ void FaultResponses::judge(const Recording& recording) {
     }
     recent_.erase(recent_.begin());
   }
-  // Once there is a fault, the way it was found stays: as a change or from the start.
-  const auto screen_both = [&] {
-    if (event_) return screen(prior(change_), change_);
-    std::vector<RankedFault> as_change = screen(prior(true), true), all_along = screen(prior(false), false);
-    const double e_change = as_change.empty() ? 0 : as_change.front().evidence;
-    const double e_all = all_along.empty() ? 0 : all_along.front().evidence;
-    change_ = e_change >= e_all;
-    return change_ ? as_change : all_along;
-  };
-  std::vector<RankedFault> screened = screen_both();
+  best_window();
   // Before anything is blamed: is it the linear model of the parameters that is wrong?
-  if (!event_ && !screened.empty() && screened.front().evidence > kSuspicion * settings_.threshold && relinearise())
-    screened = screen_both();
+  if (!event_ && !screened_.empty() && screened_.front().evidence > kSuspicion * settings_.threshold && relinearise())
+    best_window();
   // Screening takes the model's answer for linear and so finds too much, never too little by far.
-  const double screened_evidence = screened.empty() ? 0 : screened.front().evidence;
+  const double screened_evidence = screened_.empty() ? 0 : screened_.front().evidence;
   const double limit = (event_ ? kRelease : 1.0) * settings_.threshold;
   if (screened_evidence >= limit) {
     // While a fault lasts, ever more rarely, unless it grows.
@@ -369,12 +392,12 @@ void FaultResponses::judge(const Recording& recording) {
     if (!due) return;
     refined_at_ = screened_evidence;
   }
-  const Prior before = prior(change_);
+  const Prior before = prior();
   double base_loss = 0;
   std::vector<RankedFault> ranked;
   if (screened_evidence >= limit) {
     base_loss = loss(before, {});
-    ranked = best_of(before, {}, base_loss, screened);
+    ranked = best_of(before, {}, base_loss, screened_);
   }
   evidence_ = ranked.empty() ? screened_evidence : ranked.front().evidence;
   if (ranked.empty() || evidence_ < limit) {
@@ -388,31 +411,20 @@ void FaultResponses::judge(const Recording& recording) {
   second_.clear();
   const RankedFault& best = first_.front();
   const std::vector<EffectSpec> base = {hypotheses_[best.hypothesis].at(best.amplitude)};
-  std::vector<RankedFault> beside = screen(before, change_, &best);
+  std::vector<RankedFault> beside = screen(before, &best);
   beside.erase(std::remove_if(beside.begin(), beside.end(),
                               [&](const RankedFault& f) { return f.hypothesis == best.hypothesis; }),
                beside.end());
   beside = best_of(before, base, base_loss - best.evidence, beside);
   if (!beside.empty() && beside.front().evidence > std::max(settings_.threshold, kSecondShare * best.evidence))
     second_ = beside;
-  if (age_ == 1) {
-    since_ = recent_.front()->begin;
-    // The first stretch in which the best explanation gains.
-    const auto at = static_cast<Eigen::Index>(first_.front().hypothesis);
-    for (const auto& stretch : recent_) {
-      const double a = first_.front().amplitude;
-      if (-a * (2 * stretch->sums.dr[at] + a * stretch->sums.dd(at, at)) > 0.1 * first_.front().evidence) {
-        since_ = stretch->begin;
-        break;
-      }
-    }
-  }
+  if (age_ == 1) since_ = recent_[recent_.size() - window_]->begin;
   event_ = true;
 }
 
 std::vector<double> FaultResponses::amplitude_errors() const {
   std::vector<double> result(hypotheses_.size(), kInfinity);
-  for (const RankedFault& ranked : screen(prior(true), true)) result[ranked.hypothesis] = ranked.std;
+  for (const RankedFault& ranked : screen(prior())) result[ranked.hypothesis] = ranked.std;
   return result;
 }
 

@@ -10,8 +10,8 @@
 //   L_h(a) = min over theta of  |r_ref + T_ref theta|^2 + |r + T theta + d_h a|^2 + theta' theta
 //   a_h = -(b - C' Lambda^-1 n)/D_h,  D_h = g - C' Lambda^-1 C,  evidence E_h = L(0) - L_h(a_h) = a_h^2 D_h
 //
-// with n = T'r, C = T'd, b = d'r, g = d'd and Lambda = 1 + T'T over all stretches. Twice over: as a change (the fault is in the recent
-// stretches only) and from the start (it is in all). Squares are divided by `inflation`: residuals of a model that is a little wrong
+// with n = T'r, C = T'd, b = d'r, g = d'd and Lambda = 1 + T'T over all stretches. Many times over: as a change (the fault is in the last
+// stretch only, in the last two, ... of the recent ones) and from the start (it is in all); the most evidence decides. Squares are divided by `inflation`: residuals of a model that is a little wrong
 // are not independent. While nothing is wrong the model is made linear anew around what it learnt of the parameters. A segment counts by one over its mean square where that is above 1. The best few are refined by Gauss-Newton
 // steps on the model with the effect in it, and searched for a second fault beside the first.
 //
@@ -77,9 +77,10 @@ class FaultResponses {
   struct Prior;
   std::unique_ptr<Stretch> respond(const Recording& recording) const;
   bool relinearise();  // whether anything moved
-  Prior prior(bool change) const;
+  Prior prior() const;
   // `beside`: a fault that is already known, taken off to first order.
-  std::vector<RankedFault> screen(const Prior& prior, bool change, const RankedFault* beside = nullptr) const;
+  std::vector<RankedFault> screen(const Prior& prior, const RankedFault* beside = nullptr) const;
+  void best_window();  // sets change_ and window_, and screened_
   double loss(const Prior& prior, const std::vector<EffectSpec>& effects) const;
   RankedFault refine(const Prior& prior, const std::vector<EffectSpec>& base, double base_loss,
                      RankedFault start) const;
@@ -101,7 +102,9 @@ class FaultResponses {
   std::vector<std::unique_ptr<Stretch>> recent_;
   std::unique_ptr<Sums> reference_;
   bool event_ = false;
-  bool change_ = false;
+  bool change_ = false;  // the fault is in the last window_ of the recent stretches only; else it was always there
+  std::size_t window_ = 0;
+  std::vector<RankedFault> screened_;
   std::vector<RankedFault> first_, second_;
   double since_ = 0, evidence_ = 0, refined_at_ = 0;
   unsigned age_ = 0;        // of the event, in stretches
