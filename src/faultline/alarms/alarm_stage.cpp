@@ -301,8 +301,9 @@ bool AlarmStage::awaited(const Watched& w) const {
 }
 
 bool AlarmStage::told(const Watched& w) const {
-  return std::any_of(isolated_.begin(), isolated_.end(),
-                     [&](const Isolated& i) { return i.alarm >= 0 && i.finding.active && detected(i.finding) == &w; });
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+    return i.alarm >= 0 && i.finding.active && i.isolator->overrules() && detected(i.finding) == &w;
+  });
 }
 
 const AlarmStage::Watched* AlarmStage::detected(const Finding& finding) const {
@@ -323,7 +324,7 @@ void AlarmStage::isolate(const Estimate* estimates) {
 void AlarmStage::tell_findings(double time, bool model_fits) {
   for (Isolated& i : isolated_) {
     Finding f = i.finding;
-    const Watched* w = f.active ? detected(f) : nullptr;
+    const Watched* w = f.active && i.isolator->overrules() ? detected(f) : nullptr;
     if (w) {
       // By the detector's name: it also knows what flows.
       const std::string own = f.effect + "@" + f.port, name = w->effect + "@" + w->port;
@@ -341,6 +342,7 @@ void AlarmStage::tell_findings(double time, bool model_fits) {
       f.effect = w->effect;
       f.port = w->port;
       f.text = w->text;
+      f.confidence = w->detection.confidence;
       f.has_size = w->detection.has_size;
       f.size_name = w->detector->size_name();
       f.size_unit = w->detector->size_unit();

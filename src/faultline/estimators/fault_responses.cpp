@@ -13,15 +13,18 @@ namespace {
 constexpr std::size_t kMargin = 8;      // samples after a stretch: the last start state is smoothed over them
 constexpr double kToleranceStep = 0.5;  // tolerances, of differences
 constexpr int kRefinements = 3;
-constexpr double kRefineStep = 0.1;    // of an amplitude, for its difference
-constexpr double kRelease = 0.3;       // of the threshold, below which a fault is over
-constexpr double kSecondShare = 0.1;   // of the first fault's evidence that a second must have, beyond the threshold
-constexpr unsigned kEarly = 3;         // stretches, after which what is done again is done ever more rarely
-constexpr double kMoved = 0.3;         // tolerances, from which the model is made linear anew
-constexpr double kKept = 0.3;          // of what earlier stretches say, when it was said around other parameters
-constexpr double kSuspicion = 0.3;     // of the threshold, from which the linear model is doubted first
-constexpr double kFarthest = 3;        // tolerances that parameters may be off the datasheet
-constexpr double kGrown = 1.5;         // times the evidence at the last refinement: refined anew
+constexpr double kRefineStep = 0.1;  // of an amplitude, for its difference
+constexpr double kRelease = 0.3;     // of the threshold, below which a fault is over
+constexpr unsigned kEarly = 4;       // stretches, after which what is done again is done ever more rarely
+constexpr double kMoved = 0.3;       // tolerances, from which the model is made linear anew
+constexpr double kSuspicion = 0.3;   // of the threshold, from which the linear model is doubted first
+constexpr int kTries = 5;            // steps of the parameters at once
+constexpr double kReaches[] = {-1.5, -0.75, 0.75, 1.5};  // tolerances that are tried
+constexpr double kWorthMoving = 3;                       // gain in loss
+constexpr double kFarthest = 3;                          // tolerances that parameters may be off the datasheet
+constexpr double kGrown = 1.5;                           // times the evidence at the last refinement: refined anew
+constexpr double kSecondShare = 0.3;   // of the first fault's evidence that a second must have, beyond the threshold
+constexpr double kOver = 5;            // evidence by which the latest stretch speaks against a fault that was there
 constexpr double kInsensitive = 1e-6;  // response below which nothing is said
 
 }  // namespace
@@ -139,7 +142,12 @@ std::unique_ptr<FaultResponses::Stretch> FaultResponses::respond(const Recording
   stretch->begin = recording.time.front();
   stretch->run = model_.prepare("", recording);
   const std::vector<double>& sigma = model_.noise();
-  const ModelChange base{base_, {}};
+  const ModelChange base{base_, there_};
+  const auto with = [&](const EffectSpec& effect) {
+    ModelChange change = base;
+    change.effects.push_back(effect);
+    return change;
+  };
   std::vector<ModelChange> changes = {base};
   std::vector<double> steps = {1};
   for (const std::size_t i : free_) {
@@ -148,11 +156,11 @@ std::unique_ptr<FaultResponses::Stretch> FaultResponses::respond(const Recording
     steps.push_back(kToleranceStep);
   }
   for (const EffectSpec& effect : nuisance_) {
-    changes.push_back({base_, {effect}});
+    changes.push_back(with(effect));
     steps.push_back(1);
   }
   for (const FaultHypothesis& h : hypotheses_) {
-    changes.push_back({base_, {h.at(h.probe)}});
+    changes.push_back(with(h.at(h.probe)));
     steps.push_back(h.probe);
   }
   std::vector<Eigen::MatrixXf> residuals(changes.size());
@@ -195,6 +203,47 @@ std::unique_ptr<FaultResponses::Stretch> FaultResponses::respond(const Recording
 }
 
 // Moves the parameters to what all stretches say of them.
+bool FaultResponses::over() {
+  const RankedFault& first = first_.front();
+  Prior before{Eigen::MatrixXd::Identity(shift_.size(), shift_.size()), shift_, shift_.squaredNorm()};
+  if (change_) {
+    before.before += reference_->tt;
+    before.pull += reference_->tr;
+    before.constant += reference_->rr;
+  }
+  const std::size_t kept = window_;
+  window_ = 1;
+  const double with = loss(before, {hypotheses_[first.hypothesis].at(first.amplitude)}), without = loss(before, {});
+  window_ = kept;
+  return with > without + kOver;
+}
+
+// The model with the first fault in it, and all looked for anew around that: segments count by what is left of them.
+void FaultResponses::look_beside(const Prior& before) {
+  second_.clear();
+  const RankedFault first = first_.front();
+  there_ = {hypotheses_[first.hypothesis].at(first.amplitude)};
+  std::vector<std::unique_ptr<Stretch>> kept;
+  for (std::size_t i = recent_.size() - window_; i < recent_.size(); ++i) {
+    kept.push_back(std::move(recent_[i]));
+    recent_[i] = respond(kept.back()->run.recording);
+  }
+  std::vector<RankedFault> beside = screen(before);
+  beside.erase(std::remove_if(beside.begin(), beside.end(),
+                              // What the size of the first leaves at its own place is no second fault.
+                              [&](const RankedFault& f) {
+                                return hypotheses_[f.hypothesis].port == hypotheses_[first.hypothesis].port;
+                              }),
+               beside.end());
+  const double limit = std::max(settings_.threshold, kSecondShare * first.evidence);
+  if (!beside.empty() && beside.front().evidence > limit) {
+    beside = best_of(before, loss(before, {}), beside);
+    if (beside.front().evidence > limit) second_ = beside;
+  }
+  for (std::size_t i = 0; i < kept.size(); ++i) recent_[recent_.size() - window_ + i] = std::move(kept[i]);
+  there_.clear();
+}
+
 void FaultResponses::best_window() {
   // Once there is a fault, the way it was found stays: what follows belongs to it.
   if (event_) {
@@ -230,17 +279,48 @@ bool FaultResponses::relinearise() {
   step.tail(static_cast<Eigen::Index>(nuisance_.size())).setZero();
   step = (shift_ + step).cwiseMax(-kFarthest).cwiseMin(kFarthest) - shift_;
   if (step.cwiseAbs().maxCoeff() < kMoved) return false;
-  shift_ += step;
-  for (std::size_t i = 0; i < free_.size(); ++i)
-    base_[free_[i]] += step[static_cast<Eigen::Index>(i)] * sheet_.parameters[free_[i]].tolerance *
-                       sheet_.parameters[free_[i]].nominal;
-  // What was summed stays as it is, but for what the step explains of it.
-  reference_->rr += 2 * step.dot(reference_->tr) + step.dot(reference_->tt * step);
-  reference_->dr += reference_->td.transpose() * step;
-  reference_->tr += reference_->tt * step;
-  reference_->scale(kKept);
-  for (auto& stretch : recent_) stretch = respond(stretch->run.recording);
+  move(step);
   return true;
+}
+
+// One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model.
+bool FaultResponses::search_parameters() {
+  change_ = false;
+  window_ = recent_.size();
+  double least = loss(prior(), {}) - kWorthMoving;
+  Eigen::VectorXd best = Eigen::VectorXd::Zero(shift_.size());
+  for (std::size_t i = 0; i < free_.size(); ++i)
+    for (const double reach : kReaches) {
+      const Eigen::VectorXd kept = shift_;
+      const std::vector<double> base = base_;
+      Eigen::VectorXd step = Eigen::VectorXd::Zero(shift_.size());
+      step[static_cast<Eigen::Index>(i)] = reach;
+      shift_ += step;
+      set_base();
+      const double found = loss(prior(), {});
+      shift_ = kept;
+      base_ = base;
+      if (found >= least) continue;
+      least = found;
+      best = step;
+    }
+  if (best.isZero()) return false;
+  move(best);
+  return true;
+}
+
+void FaultResponses::set_base() {
+  base_ = sheet_.nominal();
+  for (std::size_t i = 0; i < free_.size(); ++i)
+    base_[free_[i]] *= 1 + shift_[static_cast<Eigen::Index>(i)] * sheet_.parameters[free_[i]].tolerance;
+}
+
+void FaultResponses::move(const Eigen::VectorXd& step) {
+  shift_ = (shift_ + step).cwiseMax(-kFarthest).cwiseMin(kFarthest);
+  set_base();
+  // What was summed around other parameters would pull towards them: it is learnt anew.
+  *reference_ = Sums(shift_.size(), static_cast<Eigen::Index>(hypotheses_.size()));
+  for (auto& stretch : recent_) stretch = respond(stretch->run.recording);
 }
 
 FaultResponses::Prior FaultResponses::prior() const {
@@ -256,15 +336,10 @@ FaultResponses::Prior FaultResponses::prior() const {
   return prior;
 }
 
-std::vector<RankedFault> FaultResponses::screen(const Prior& prior, const RankedFault* beside) const {
+std::vector<RankedFault> FaultResponses::screen(const Prior& prior) const {
   Sums sums(shift_.size(), static_cast<Eigen::Index>(hypotheses_.size()));
   for (std::size_t i = recent_.size() - window_; i < recent_.size(); ++i) sums.add(recent_[i]->sums);
-  if (!change_) sums.add(*reference_);
-  if (beside) {
-    const auto at = static_cast<Eigen::Index>(beside->hypothesis);
-    sums.dr += beside->amplitude * sums.dd.col(at);
-    sums.tr += beside->amplitude * sums.td.col(at);
-  }
+  if (!change_ && there_.empty()) sums.add(*reference_);
   const Eigen::LDLT<Eigen::MatrixXd> lambda(prior.before + sums.tt);
   const Eigen::VectorXd theta = lambda.solve(prior.pull + sums.tr);
   const Eigen::MatrixXd known = lambda.solve(sums.td);
@@ -292,9 +367,11 @@ double FaultResponses::loss(const Prior& prior, const std::vector<EffectSpec>& e
   Eigen::MatrixXd tt = prior.before;
   Eigen::VectorXd tr = prior.pull;
   double rr = prior.constant;
+  ModelChange change{base_, there_};
+  change.effects.insert(change.effects.end(), effects.begin(), effects.end());
   for (std::size_t i = recent_.size() - window_; i < recent_.size(); ++i) {
     const std::unique_ptr<Stretch>& stretch = recent_[i];
-    const Eigen::MatrixXf residuals = model_.residuals({base_, effects}, stretch->run, model_.noise());
+    const Eigen::MatrixXf residuals = model_.residuals(change, stretch->run, model_.noise());
     for (std::size_t s = 0; s < stretch->starts.size(); ++s) {
       Eigen::MatrixXd r = model_.stacked(residuals, stretch->run.restarts[s + 1]);
       SegmentModel::project(stretch->starts[s], r);
@@ -307,15 +384,10 @@ double FaultResponses::loss(const Prior& prior, const std::vector<EffectSpec>& e
 }
 
 // Parabolas through three losses: robust where the response bends.
-RankedFault FaultResponses::refine(const Prior& prior, const std::vector<EffectSpec>& base, double base_loss,
-                                   RankedFault start) const {
+RankedFault FaultResponses::refine(const Prior& prior, double base_loss, RankedFault start) const {
   const FaultHypothesis& h = hypotheses_[start.hypothesis];
   const double least = std::isinf(h.none) ? h.lowest : -kInfinity;
-  const auto at = [&](double amplitude) {
-    std::vector<EffectSpec> effects = base;
-    effects.push_back(h.at(amplitude));
-    return loss(prior, effects);
-  };
+  const auto at = [&](double amplitude) { return loss(prior, {h.at(amplitude)}); };
   double a = std::max(start.amplitude, least), here = at(a);
   double curvature = 1 / (start.std * start.std);
   for (int i = 0; i < kRefinements; ++i) {
@@ -356,11 +428,11 @@ RankedFault FaultResponses::refine(const Prior& prior, const std::vector<EffectS
   return start;
 }
 
-std::vector<RankedFault> FaultResponses::best_of(const Prior& prior, const std::vector<EffectSpec>& base,
-                                                 double base_loss, std::vector<RankedFault> screened) const {
+std::vector<RankedFault> FaultResponses::best_of(const Prior& prior, double base_loss,
+                                                 std::vector<RankedFault> screened) const {
   screened.resize(std::min(screened.size(), settings_.refined));
   in_parallel(screened.size(), settings_.jobs,
-              [&](std::size_t i) { screened[i] = refine(prior, base, base_loss, screened[i]); });
+              [&](std::size_t i) { screened[i] = refine(prior, base_loss, screened[i]); });
   std::sort(screened.begin(), screened.end(),
             [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
   return screened;
@@ -369,7 +441,10 @@ std::vector<RankedFault> FaultResponses::best_of(const Prior& prior, const std::
 void FaultResponses::judge(const Recording& recording) {
   recent_.push_back(respond(recording));
   ++stretches_;
-  if (!event_ && (stretches_ <= kEarly || (stretches_ & (stretches_ - 1)) == 0)) relinearise();
+  const bool calm = evidence_ < kSuspicion * settings_.threshold;
+  if (!event_ && (stretches_ <= kEarly || (calm && (stretches_ & (stretches_ - 1)) == 0)))
+    for (int i = 0; i < kTries && relinearise(); ++i) {
+    }
   if (recent_.size() > settings_.recent) {
     if (!event_) {
       reference_->scale(1 - 1 / settings_.memory);
@@ -377,10 +452,21 @@ void FaultResponses::judge(const Recording& recording) {
     }
     recent_.erase(recent_.begin());
   }
+  if (event_ && !first_.empty() && over()) {
+    // What the recent stretches hold belongs to neither state.
+    recent_.erase(recent_.begin(), recent_.end() - 1);
+    event_ = false;
+    age_ = 0;
+  }
   best_window();
-  // Before anything is blamed: is it the linear model of the parameters that is wrong?
-  if (!event_ && !screened_.empty() && screened_.front().evidence > kSuspicion * settings_.threshold && relinearise())
+  // Before anything is blamed on the first stretches: are the parameters further off than the linear model can tell?
+  for (int i = 0; i < kTries && stretches_ <= kEarly && !event_ && !screened_.empty() &&
+                  screened_.front().evidence > kSuspicion * settings_.threshold && search_parameters();
+       ++i) {
+    relinearise();
     best_window();
+  }
+  if (!event_) best_window();
   // Screening takes the model's answer for linear and so finds too much, never too little by far.
   const double screened_evidence = screened_.empty() ? 0 : screened_.front().evidence;
   const double limit = (event_ ? kRelease : 1.0) * settings_.threshold;
@@ -397,7 +483,7 @@ void FaultResponses::judge(const Recording& recording) {
   std::vector<RankedFault> ranked;
   if (screened_evidence >= limit) {
     base_loss = loss(before, {});
-    ranked = best_of(before, {}, base_loss, screened_);
+    ranked = best_of(before, base_loss, screened_);
   }
   evidence_ = ranked.empty() ? screened_evidence : ranked.front().evidence;
   if (ranked.empty() || evidence_ < limit) {
@@ -408,16 +494,7 @@ void FaultResponses::judge(const Recording& recording) {
     return;
   }
   first_ = ranked;
-  second_.clear();
-  const RankedFault& best = first_.front();
-  const std::vector<EffectSpec> base = {hypotheses_[best.hypothesis].at(best.amplitude)};
-  std::vector<RankedFault> beside = screen(before, &best);
-  beside.erase(std::remove_if(beside.begin(), beside.end(),
-                              [&](const RankedFault& f) { return f.hypothesis == best.hypothesis; }),
-               beside.end());
-  beside = best_of(before, base, base_loss - best.evidence, beside);
-  if (!beside.empty() && beside.front().evidence > std::max(settings_.threshold, kSecondShare * best.evidence))
-    second_ = beside;
+  look_beside(before);
   if (age_ == 1) since_ = recent_[recent_.size() - window_]->begin;
   event_ = true;
 }

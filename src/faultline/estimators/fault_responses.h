@@ -76,16 +76,18 @@ class FaultResponses {
   struct Sums;
   struct Prior;
   std::unique_ptr<Stretch> respond(const Recording& recording) const;
-  bool relinearise();  // whether anything moved
+  bool relinearise();  // whether anything moved; so does the next
+  bool search_parameters();
+  void set_base();  // from shift_
+  void move(const Eigen::VectorXd& step);
   Prior prior() const;
-  // `beside`: a fault that is already known, taken off to first order.
-  std::vector<RankedFault> screen(const Prior& prior, const RankedFault* beside = nullptr) const;
+  std::vector<RankedFault> screen(const Prior& prior) const;
   void best_window();  // sets change_ and window_, and screened_
   double loss(const Prior& prior, const std::vector<EffectSpec>& effects) const;
-  RankedFault refine(const Prior& prior, const std::vector<EffectSpec>& base, double base_loss,
-                     RankedFault start) const;
-  std::vector<RankedFault> best_of(const Prior& prior, const std::vector<EffectSpec>& base, double base_loss,
-                                   std::vector<RankedFault> screened) const;
+  RankedFault refine(const Prior& prior, double base_loss, RankedFault start) const;
+  std::vector<RankedFault> best_of(const Prior& prior, double base_loss, std::vector<RankedFault> screened) const;
+  void look_beside(const Prior& before);
+  bool over();  // the latest stretch no longer shows the fault
 
   Datasheet sheet_;
   ResponseSettings settings_;
@@ -105,6 +107,7 @@ class FaultResponses {
   bool change_ = false;  // the fault is in the last window_ of the recent stretches only; else it was always there
   std::size_t window_ = 0;
   std::vector<RankedFault> screened_;
+  std::vector<EffectSpec> there_;  // what is known to be wrong while a second fault is looked for
   std::vector<RankedFault> first_, second_;
   double since_ = 0, evidence_ = 0, refined_at_ = 0;
   unsigned age_ = 0;        // of the event, in stretches
