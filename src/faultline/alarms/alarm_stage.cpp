@@ -97,7 +97,7 @@ void AlarmStage::reset() {
   for (Isolated& i : isolated_) {
     i.isolator->reset();
     i.finding = Finding();
-    i.alarm = -1;
+    i.alarm = i.told_for = -1;
   }
   std::fill(channels_.begin(), channels_.end(), ChannelWatch());
   stale_ = gap_ = -1;
@@ -240,6 +240,7 @@ void AlarmStage::detect(const Estimate* estimates) {
     if (w.detection.active && w.kind == "fault")
       for (const std::size_t channel : w.doubts) doubted_[channel] = true;
   isolate(estimates);
+  hand_over();
   for (const Isolated& i : isolated_)
     if (i.isolator->overrules() && i.finding.active) model_fits = true;
   for (Watched& w : watched_) {
@@ -294,10 +295,20 @@ bool AlarmStage::explained(const Watched& w) const {
 }
 
 bool AlarmStage::awaited(const Watched& w) const {
-  if (w.kind != "fault" && w.kind != "unknown") return false;
+  if (w.kind == "sensor" && !w.effect.empty()) return false;
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     return i.isolator->overrules() && i.isolator->judged_until() < w.detection.since;
   });
+}
+
+void AlarmStage::hand_over() {
+  for (Isolated& i : isolated_) {
+    if (i.alarm < 0 || i.finding.active || i.told_for < 0) continue;
+    Watched& w = watched_[static_cast<std::size_t>(i.told_for)];
+    if (!w.detection.active || w.alarm >= 0) continue;
+    w.alarm = i.alarm;
+    i.alarm = i.told_for = -1;
+  }
 }
 
 bool AlarmStage::told(const Watched& w) const {
@@ -326,7 +337,7 @@ void AlarmStage::tell_findings(double time, bool model_fits) {
     Finding f = i.finding;
     const Watched* w = f.active && i.isolator->overrules() ? detected(f) : nullptr;
     if (w) {
-      // By the detector's name: it also knows what flows.
+      // By the detector's name: of what explains it equally well, that is what the rig is watched for.
       const std::string own = f.effect + "@" + f.port, name = w->effect + "@" + w->port;
       f.equivalent.erase(std::remove(f.equivalent.begin(), f.equivalent.end(), name), f.equivalent.end());
       if (own != name) f.equivalent.insert(f.equivalent.begin(), own);
@@ -335,6 +346,7 @@ void AlarmStage::tell_findings(double time, bool model_fits) {
       report_.alarms[static_cast<std::size_t>(w->alarm)].equivalent = f.equivalent;
       continue;
     }
+    i.told_for = w ? static_cast<int>(w - watched_.data()) : -1;
     const bool wanted = f.active && (model_fits || f.kind != "fault" || i.alarm >= 0);
     if (!wanted && i.alarm >= 0) end(i.alarm, time);
     if (!wanted) continue;

@@ -7,7 +7,7 @@
 // with commas between; where one of those is itself off, that fault is not raised. An isolator's alarm changes its place and size as it learns.
 // An isolator that overrules weighed every fault of the datasheet: while it names one, detections of faults, of sensors without an
 // effect and of unknown trouble that it does not confirm are not told; a detected fault waits for its judgement. What both found is one
-// alarm, by the detector's name and size and with what it cannot be told from.
+// alarm, by the detector's effect and size.
 //
 // Data alarms: a channel that is missing or out of range (ends a second after the last such sample); a rig that fell silent
 // (stale: from the last sample plus `stale_after`). While the model does not fit (a detection of kind unknown), fault detections
@@ -61,6 +61,7 @@ class AlarmStage {
     std::unique_ptr<Isolator> isolator;
     Finding finding;
     int alarm = -1;
+    int told_for = -1;  // the detector that found the same, while this alarm tells it
   };
   struct ChannelWatch {
     int alarm = -1;
@@ -73,6 +74,7 @@ class AlarmStage {
   void process(const Estimate* estimates);
   void detect(const Estimate* estimates);
   void isolate(const Estimate* estimates);
+  void hand_over();  // alarms to the detectors that still find what an isolator no longer does
   void tell_findings(double time, bool model_fits);
   void watch_blindness(Watched& w, double time);
   bool explained(const Watched& w) const;  // by an isolator that overrules

@@ -14,6 +14,7 @@ constexpr std::size_t kMargin = 8;      // samples after a stretch: the last sta
 constexpr double kToleranceStep = 0.5;  // tolerances, of differences
 constexpr int kRefinements = 3;
 constexpr double kRefineStep = 0.1;  // of an amplitude, for its difference
+constexpr double kCoarse = 0.4;      // of the largest amplitude: tried beside that and what the linear answer says
 constexpr double kRelease = 0.3;     // of the threshold, below which a fault is over
 constexpr unsigned kEarly = 4;       // stretches, after which what is done again is done ever more rarely
 constexpr double kMoved = 0.3;       // tolerances, from which the model is made linear anew
@@ -24,6 +25,7 @@ constexpr double kWorthMoving = 3;                       // gain in loss
 constexpr double kFarthest = 3;                          // tolerances that parameters may be off the datasheet
 constexpr double kGrown = 1.5;                           // times the evidence at the last refinement: refined anew
 constexpr double kSecondShare = 0.3;   // of the first fault's evidence that a second must have, beyond the threshold
+constexpr double kAlternative = 0.5;   // of the first fault's evidence: an alternative to it, not a second
 constexpr double kOver = 5;            // evidence by which the latest stretch speaks against a fault that was there
 constexpr double kInsensitive = 1e-6;  // response below which nothing is said
 
@@ -112,7 +114,7 @@ bool FaultResponses::collect(double time, const double* channels, bool good) {
   }
   if (!good) {
     collecting_.reset();
-    next_ = std::max(next_, time);
+    next_ = time;
     return false;
   }
   if (!collecting_) {
@@ -229,11 +231,15 @@ void FaultResponses::look_beside(const Prior& before) {
     recent_[i] = respond(kept.back()->run.recording);
   }
   std::vector<RankedFault> beside = screen(before);
-  beside.erase(std::remove_if(beside.begin(), beside.end(),
-                              // What the size of the first leaves at its own place is no second fault.
-                              [&](const RankedFault& f) {
-                                return hypotheses_[f.hypothesis].port == hypotheses_[first.hypothesis].port;
-                              }),
+  beside.erase(std::remove_if(
+                   beside.begin(), beside.end(),
+                   // What the first leaves at its own place, and what explains it nearly as well, is no second fault.
+                   [&](const RankedFault& f) {
+                     return hypotheses_[f.hypothesis].port == hypotheses_[first.hypothesis].port ||
+                            std::any_of(first_.begin(), first_.end(), [&](const RankedFault& other) {
+                              return other.hypothesis == f.hypothesis && other.evidence > kAlternative * first.evidence;
+                            });
+                   }),
                beside.end());
   const double limit = std::max(settings_.threshold, kSecondShare * first.evidence);
   if (!beside.empty() && beside.front().evidence > limit) {
@@ -347,7 +353,6 @@ std::vector<RankedFault> FaultResponses::screen(const Prior& prior) const {
   for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
     const auto at = static_cast<Eigen::Index>(h);
     const double left = sums.dd(at, at) - sums.td.col(at).dot(known.col(at));
-    if (!(left > kInsensitive)) continue;
     RankedFault ranked;
     ranked.hypothesis = h;
     ranked.amplitude =
@@ -430,6 +435,21 @@ RankedFault FaultResponses::refine(const Prior& prior, double base_loss, RankedF
 
 std::vector<RankedFault> FaultResponses::best_of(const Prior& prior, double base_loss,
                                                  std::vector<RankedFault> screened) const {
+  // The linear answer misses what only a large fault does (a piston that no longer breaks away): a few sizes of each are tried.
+  in_parallel(screened.size(), settings_.jobs, [&](std::size_t i) {
+    const FaultHypothesis& h = hypotheses_[screened[i].hypothesis];
+    double least = kInfinity;
+    for (const double a : {screened[i].amplitude, kCoarse * h.highest, h.highest, kCoarse * h.lowest, h.lowest}) {
+      if (a == 0 || (std::isinf(h.none) && a < h.lowest)) continue;
+      const double found = loss(prior, {h.at(a)});
+      if (found >= least) continue;
+      least = found;
+      screened[i].amplitude = a;
+    }
+    screened[i].evidence = base_loss - least;
+  });
+  std::sort(screened.begin(), screened.end(),
+            [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
   screened.resize(std::min(screened.size(), settings_.refined));
   in_parallel(screened.size(), settings_.jobs,
               [&](std::size_t i) { screened[i] = refine(prior, base_loss, screened[i]); });
@@ -501,7 +521,8 @@ void FaultResponses::judge(const Recording& recording) {
 
 std::vector<double> FaultResponses::amplitude_errors() const {
   std::vector<double> result(hypotheses_.size(), kInfinity);
-  for (const RankedFault& ranked : screen(prior())) result[ranked.hypothesis] = ranked.std;
+  for (const RankedFault& ranked : screen(prior()))
+    if (ranked.amplitude != 0) result[ranked.hypothesis] = ranked.std;
   return result;
 }
 

@@ -53,14 +53,14 @@ class ResponseIsolator : public Isolator {
     if (at_.empty() || estimate.restarted) {
       look_up(estimate);
       finding = Finding();
-      told_ = -1;
+      told_ = named_ = -1;
       held_ = false;
     }
     judged_ = estimate.time - estimate.quantities[judged_at_].value;
     const double best = estimate.quantities[at_[0]].value;
     if (best < 0) {
       finding.active = held_ = false;
-      told_ = -1;
+      told_ = named_ = -1;
       return;
     }
     const double evidence = estimate.quantities[at_[2]].value;
@@ -91,13 +91,20 @@ class ResponseIsolator : public Isolator {
     const auto value = [&](std::size_t place, std::size_t what) -> const Quantity& {
       return estimate.quantities[at_[3 * place + what]];
     };
-    const FaultHypothesis& h = hypotheses_.at(static_cast<std::size_t>(value(0, 0).value));
+    // A name that explains as well as the best stays.
+    std::size_t chosen = 0;
+    const double tied = evidence - std::max(rival_ * evidence, rival_least_);
+    for (std::size_t k = 1; 3 * k < at_.size(); ++k)
+      if (value(k, 0).value >= 0 && value(k, 0).value == named_ && value(k, 2).value >= tied) chosen = k;
+    named_ = value(chosen, 0).value;
+    const FaultHypothesis& h = hypotheses_.at(static_cast<std::size_t>(named_));
     finding.effect = h.effect;
     finding.port = h.port;
     finding.kind = h.kind;
     finding.equivalent.clear();
     double sum = 1;
-    for (std::size_t k = 1; 3 * k < at_.size() && value(k, 0).value >= 0; ++k) {
+    for (std::size_t k = 0; 3 * k < at_.size() && value(k, 0).value >= 0; ++k) {
+      if (k == chosen) continue;
       const double behind = evidence - value(k, 2).value;
       sum += std::exp(-0.5 * behind);
       const FaultHypothesis& other = hypotheses_.at(static_cast<std::size_t>(value(k, 0).value));
@@ -106,7 +113,7 @@ class ResponseIsolator : public Isolator {
         finding.equivalent.push_back(other.name());
     }
     finding.confidence = 1 / std::max(sum, static_cast<double>(finding.equivalent.size()) + 1);
-    finding.text = texts_[static_cast<std::size_t>(value(0, 0).value)];
+    finding.text = texts_[static_cast<std::size_t>(named_)];
     std::string rivals;
     for (const std::string& name : finding.equivalent) rivals += (rivals.empty() ? "" : ", ") + name;
     if (!rivals.empty()) finding.text += "; this motion cannot tell it from " + rivals;
@@ -115,8 +122,8 @@ class ResponseIsolator : public Isolator {
       finding.effect = finding.port = "";
       finding.text = "Something changed that this motion cannot tell apart: " + h.name() + ", " + rivals;
     }
-    const double amplitude = value(0, 1).value;
-    const double std = std::hypot(value(0, 1).std, model_error_ * amplitude);
+    const double amplitude = value(chosen, 1).value;
+    const double std = std::hypot(value(chosen, 1).std, model_error_ * amplitude);
     finding.has_size = finding.kind != "unknown";
     finding.size_name = h.size_name;
     finding.size_unit = h.size_unit;
@@ -137,7 +144,7 @@ class ResponseIsolator : public Isolator {
   std::size_t since_at_ = 0, judged_at_ = 0;
   double judged_ = -kInfinity;
   bool held_ = false;
-  double held_since_ = 0, told_ = -1, told_evidence_ = 0;
+  double held_since_ = 0, told_ = -1, told_evidence_ = 0, named_ = -1;
 };
 
 FAULTLINE_ISOLATOR(response,
