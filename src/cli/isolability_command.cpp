@@ -20,6 +20,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kInterruptEvery = 1000;  // samples
+constexpr double kAllStretches = 1e6;          // the whole run counts
 
 struct Options {
   std::string run, rig, config, json;
@@ -41,6 +42,7 @@ ResponseSettings settings_of(const Datasheet& sheet) {
           static_cast<std::size_t>(stage.settings.number_or("recent", static_cast<double>(settings.recent), 1, 1000));
       settings.every = stage.settings.number_or("every", settings.every, 1e-6, 1e6);
     }
+  settings.memory = kAllStretches;
   settings.jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   return settings;
 }
@@ -100,7 +102,7 @@ void run(const Options& options) {
     for (const auto& [c, other] : alike)
       like += fmt::format("{}{} {:.2f}", like.empty() ? "" : ", ", hypotheses[other].name(), -c);
     table += fmt::format("{:<52} {:>12} {:<18} {}\n", f.name() + (f.size_name.empty() ? "" : ":" + f.size_name),
-                         seen ? fmt::format("{:.3g}", f.size(least)) : "not seen", f.size_unit, like);
+                         seen ? fmt::format("{:.4g}", f.size(least)) : "not seen", f.size_unit, like);
   }
   if (!options.json.empty()) write_text(options.json, json.dump(2) + "\n");
   if (options.json != "-") fmt::print("{}", table);

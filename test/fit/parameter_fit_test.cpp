@@ -1,8 +1,8 @@
 // The fit on runs of the simulator whose parameters are known: estimates lie within their intervals, and what a run cannot tell is said.
 #include "faultline/fit/parameter_fit.h"
 
-#include <Eigen/LU>
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 
 #include <Eigen/LU>
 

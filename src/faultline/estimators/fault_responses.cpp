@@ -355,6 +355,11 @@ std::vector<RankedFault> FaultResponses::screen(const Prior& prior) const {
     const double left = sums.dd(at, at) - sums.td.col(at).dot(known.col(at));
     RankedFault ranked;
     ranked.hypothesis = h;
+    if (!(left > kInsensitive)) {  // standstill: nothing is said
+      ranked.std = kInfinity;
+      result.push_back(ranked);
+      continue;
+    }
     ranked.amplitude =
         std::clamp(-(sums.dr[at] - sums.td.col(at).dot(theta)) / left, hypotheses_[h].lowest, hypotheses_[h].highest);
     ranked.std = 1 / std::sqrt(left);
@@ -391,6 +396,7 @@ double FaultResponses::loss(const Prior& prior, const std::vector<EffectSpec>& e
 // Parabolas through three losses: robust where the response bends.
 RankedFault FaultResponses::refine(const Prior& prior, double base_loss, RankedFault start) const {
   const FaultHypothesis& h = hypotheses_[start.hypothesis];
+  if (!std::isfinite(start.std)) return start;
   const double least = std::isinf(h.none) ? h.lowest : -kInfinity;
   const auto at = [&](double amplitude) { return loss(prior, {h.at(amplitude)}); };
   double a = std::max(start.amplitude, least), here = at(a);
@@ -519,24 +525,33 @@ void FaultResponses::judge(const Recording& recording) {
   event_ = true;
 }
 
+// Parameters are known to their tolerance and from as much healthy motion as there is with the fault.
+Eigen::MatrixXd FaultResponses::information() const {
+  Sums sums = *reference_;
+  for (const auto& stretch : recent_) sums.add(stretch->sums);
+  const Eigen::Index t = shift_.size();
+  return sums.dd - sums.td.transpose() *
+                       Eigen::LDLT<Eigen::MatrixXd>(Eigen::MatrixXd::Identity(t, t) + 2 * sums.tt).solve(sums.td);
+}
+
 std::vector<double> FaultResponses::amplitude_errors() const {
+  const Eigen::VectorXd left = information().diagonal();
   std::vector<double> result(hypotheses_.size(), kInfinity);
-  for (const RankedFault& ranked : screen(prior()))
-    if (ranked.amplitude != 0) result[ranked.hypothesis] = ranked.std;
+  for (std::size_t h = 0; h < result.size(); ++h) {
+    const double information = left[static_cast<Eigen::Index>(h)];
+    if (information > kInsensitive) result[h] = 1 / std::sqrt(information);
+  }
   return result;
 }
 
 Eigen::MatrixXd FaultResponses::cosines() const {
-  Sums sums = *reference_;
-  for (const auto& stretch : recent_) sums.add(stretch->sums);
-  const Eigen::Index t = shift_.size();
-  Eigen::MatrixXd left =
-      sums.dd -
-      sums.td.transpose() * Eigen::LDLT<Eigen::MatrixXd>(Eigen::MatrixXd::Identity(t, t) + sums.tt).solve(sums.td);
+  Eigen::MatrixXd left = information();
   const Eigen::VectorXd length = left.diagonal().cwiseMax(kInsensitive).cwiseSqrt();
   for (Eigen::Index i = 0; i < left.rows(); ++i)
     for (Eigen::Index j = 0; j < left.cols(); ++j)
-      left(i, j) = left(i, i) > kInsensitive && left(j, j) > kInsensitive ? left(i, j) / (length[i] * length[j]) : 0;
+      left(i, j) = length[i] > 1.01 * std::sqrt(kInsensitive) && length[j] > 1.01 * std::sqrt(kInsensitive)
+                       ? left(i, j) / (length[i] * length[j])
+                       : 0;
   return left;
 }
 

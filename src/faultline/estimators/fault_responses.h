@@ -66,9 +66,10 @@ class FaultResponses {
   const std::vector<RankedFault>& second() const { return second_; }
   double since() const { return since_; }        // s, start of the first stretch that shows it
   double evidence() const { return evidence_; }  // of the best, refined or not
-  // Per hypothesis, over the recent stretches: standard error of its amplitude. Large where the motion does not show it.
+  // Per hypothesis, over all stretches so far (forgetting as set): standard error of the amplitude of a fault that comes after as much
+  // healthy motion. Large where the motion does not show it.
   std::vector<double> amplitude_errors() const;
-  // Cosines between the responses to hypotheses after parameters and start states are projected out, over all stretches so far.
+  // Cosines between the responses to hypotheses after parameters and start states are projected out, over the same.
   Eigen::MatrixXd cosines() const;
 
  private:
@@ -81,6 +82,7 @@ class FaultResponses {
   void set_base();  // from shift_
   void move(const Eigen::VectorXd& step);
   Prior prior() const;
+  Eigen::MatrixXd information() const;
   std::vector<RankedFault> screen(const Prior& prior) const;
   void best_window();  // sets change_ and window_, and screened_
   double loss(const Prior& prior, const std::vector<EffectSpec>& effects) const;
