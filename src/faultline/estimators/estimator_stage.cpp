@@ -69,11 +69,13 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
     if (restart) begin(sample);
   }
 
+  ++counts_.used;
+  news_ = restart || core_->news();
+  if (!news_) return true;
   estimate.time = sample.time;
   estimate.sequence = sample.sequence;
   estimate.restarted = restart;
   core_->write(held_.data(), restart, estimate);
-  ++counts_.used;
   return true;
 }
 

@@ -63,6 +63,7 @@ class ResponseCore : public StageCore {
     bool good = steps == 1;
     for (std::size_t c = 0; c < needed_.size(); ++c) good = good && (!needed_[c] || status[c] == ChannelStatus::good);
     time_ += dt;
+    news_ = false;
     if (responses_.collect(time_, channels, good)) {
       finish();
       ended_ = time_;
@@ -73,6 +74,8 @@ class ResponseCore : public StageCore {
     if (work_.valid() && time_ >= ended_ + latency_) finish();
     return true;
   }
+
+  bool news() const override { return news_; }
 
   void write(const double*, bool begun, Estimate& estimate) const override {
     estimate.state.clear();
@@ -97,6 +100,7 @@ class ResponseCore : public StageCore {
     if (!work_.valid()) return;
     work_.get();
     judged_ = ended_;
+    news_ = true;
     tell();
   }
 
@@ -119,6 +123,7 @@ class ResponseCore : public StageCore {
   FaultResponses responses_;  // the worker's while work_ is valid, but for collect() and take()
   std::future<void> work_;
   double latency_;
+  bool news_ = false;
   double time_ = 0, judged_ = 0, ended_ = 0, since_ = 0;  // s since the stage began
   std::vector<bool> needed_;
   std::vector<Quantity> quantities_;

@@ -1,11 +1,11 @@
 // Isolation by responses: names the fault whose effect on the rig's model explains what is measured (estimators/fault_responses.h does
 // the work in a stage of its own; this tells its answer).
 //
-// Finding: the hypothesis of most evidence, once the ranking held for `confirm` s. What explains within `rival` of that evidence (a share,
+// Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What explains within `rival` of that evidence (a share,
 // and never less than `rival_least`) cannot be told from it and is listed as equivalent; if more than `most_rivals` are, the fault is
 // unknown. Size with 90 % bounds from the curvature of the evidence and `model_error` (relative: what tolerances leave).
 // Where it has an answer, it stands against the detectors' (isolator.h).
-// Settings: stage, place (1: the fault; 2: what is wrong beside it), confirm, rival, rival_least, most_rivals, model_error.
+// Settings: stage, place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals, model_error.
 #include <algorithm>
 #include <cmath>
 
@@ -33,7 +33,7 @@ class ResponseIsolator : public Isolator {
     const Settings& s = spec.settings;
     s.word_or("stage", "");
     second_ = s.number_or("place", 1, 1, 2) > 1.5;
-    confirm_ = s.number("confirm", 0, 1e6);
+    confirm_ = s.number_or("confirm", 1, 1, 1e6);
     rival_ = s.number("rival", 0, 1);
     rival_least_ = s.number("rival_least", 0, 1e6);
     most_rivals_ = static_cast<std::size_t>(s.number("most_rivals", 0, 100));
@@ -50,6 +50,11 @@ class ResponseIsolator : public Isolator {
   double judged_until() const override { return judged_; }
 
   void process(const Estimate& estimate, const std::vector<bool>&, Finding& finding) override {
+    // The stage speaks only when there is something new.
+    if (estimate.quantities.empty() || (!at_.empty() && estimate.sequence == sequence_ && estimate.time == time_))
+      return;
+    sequence_ = estimate.sequence;
+    time_ = estimate.time;
     if (at_.empty() || estimate.restarted) {
       look_up(estimate);
       finding = Finding();
@@ -66,10 +71,10 @@ class ResponseIsolator : public Isolator {
     const double evidence = estimate.quantities[at_[2]].value;
     if (!held_) {
       held_ = true;
-      held_since_ = estimate.time;
+      judgements_ = 0;
       finding.since = estimate.time - estimate.quantities[since_at_].value;
     }
-    if (estimate.time - held_since_ < confirm_) return;
+    if (++judgements_ < confirm_) return;
     finding.active = true;
     if (best == told_ && evidence == told_evidence_) return;  // nothing new
     told_ = best;
@@ -141,10 +146,12 @@ class ResponseIsolator : public Isolator {
   double confirm_, rival_, rival_least_, model_error_;
   std::size_t most_rivals_;
   std::vector<std::size_t> at_;
+  std::uint64_t sequence_ = 0;
+  double time_ = 0;  // s, of the last estimate
   std::size_t since_at_ = 0, judged_at_ = 0;
   double judged_ = -kInfinity;
   bool held_ = false;
-  double held_since_ = 0, told_ = -1, told_evidence_ = 0, named_ = -1;
+  double judgements_ = 0, told_ = -1, told_evidence_ = 0, named_ = -1;
 };
 
 FAULTLINE_ISOLATOR(response,
