@@ -95,7 +95,9 @@ class LaunchFiles(unittest.TestCase):
             self.assertEqual(numbers, list(range(numbers[0], 6001)))
 
     def sequence_numbers(self, bag, topic):
-        script = "import rosbag, sys; print(*[m.sequence for _, m, _ in rosbag.Bag(sys.argv[1]).read_messages(sys.argv[2])])"
+        # Without the stage that speaks only now and then.
+        script = ("import rosbag, sys; print(*[m.sequence for _, m, _ in rosbag.Bag(sys.argv[1]).read_messages(sys.argv[2])"
+                  " if getattr(m, 'stage', '') != 'responses'])")
         said = subprocess.run(["python3", "-c", script, str(bag), topic], env=self.graph.environment, check=True,
                               stdout=subprocess.PIPE, text=True).stdout
         return [int(word) for word in said.split()]

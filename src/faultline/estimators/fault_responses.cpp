@@ -24,10 +24,11 @@ constexpr double kReaches[] = {-1.5, -0.75, 0.75, 1.5};  // tolerances that are 
 constexpr double kWorthMoving = 3;                       // gain in loss
 constexpr double kFarthest = 3;                          // tolerances that parameters may be off the datasheet
 constexpr double kGrown = 1.5;                           // times the evidence at the last refinement: refined anew
-constexpr double kSecondShare = 0.3;   // of the first fault's evidence that a second must have, beyond the threshold
-constexpr double kAlternative = 0.5;   // of the first fault's evidence: an alternative to it, not a second
-constexpr double kOver = 5;            // evidence by which the latest stretch speaks against a fault that was there
-constexpr double kInsensitive = 1e-6;  // response below which nothing is said
+constexpr double kSecondShare = 0.3;  // of the first fault's evidence that a second must have, beyond the threshold
+constexpr double kAlternative = 0.5;  // of the first fault's evidence: an alternative to it, not a second
+constexpr double kOver = 5;           // evidence by which the latest stretch speaks against a fault that was there
+constexpr std::size_t kLooked = 6, kCandidates = 12;  // hypotheses that are looked at closely while a fault lasts
+constexpr double kInsensitive = 1e-6;                 // response below which nothing is said
 
 }  // namespace
 
@@ -243,6 +244,7 @@ void FaultResponses::look_beside(const Prior& before) {
                beside.end());
   const double limit = std::max(settings_.threshold, kSecondShare * first.evidence);
   if (!beside.empty() && beside.front().evidence > limit) {
+    beside.resize(std::min(beside.size(), kCandidates));
     beside = best_of(before, loss(before, {}), beside);
     if (beside.front().evidence > limit) second_ = beside;
   }
@@ -440,12 +442,24 @@ RankedFault FaultResponses::refine(const Prior& prior, double base_loss, RankedF
 }
 
 std::vector<RankedFault> FaultResponses::best_of(const Prior& prior, double base_loss,
-                                                 std::vector<RankedFault> screened) const {
-  // The linear answer misses what only a large fault does (a piston that no longer breaks away): a few sizes of each are tried.
+                                                 std::vector<RankedFault> screened,
+                                                 std::map<std::size_t, double>* candidates) const {
+  // The linear answer misses what only a large fault does (a piston that no longer breaks away): a few sizes of each are tried. While a
+  // fault lasts, those that explained it best when it was found start from what they were then.
+  const bool known = event_ && !candidates_.empty();
+  if (known)
+    screened.erase(
+        std::remove_if(screened.begin() + static_cast<std::ptrdiff_t>(std::min(screened.size(), kLooked)),
+                       screened.end(), [&](const RankedFault& f) { return candidates_.count(f.hypothesis) == 0; }),
+        screened.end());
   in_parallel(screened.size(), settings_.jobs, [&](std::size_t i) {
     const FaultHypothesis& h = hypotheses_[screened[i].hypothesis];
     double least = kInfinity;
-    for (const double a : {screened[i].amplitude, kCoarse * h.highest, h.highest, kCoarse * h.lowest, h.lowest}) {
+    std::vector<double> sizes = {screened[i].amplitude};
+    const auto before = candidates_.find(screened[i].hypothesis);
+    if (known && before != candidates_.end()) sizes.push_back(before->second);
+    if (!known) sizes.insert(sizes.end(), {kCoarse * h.highest, h.highest, kCoarse * h.lowest, h.lowest});
+    for (const double a : sizes) {
       if (a == 0 || (std::isinf(h.none) && a < h.lowest)) continue;
       const double found = loss(prior, {h.at(a)});
       if (found >= least) continue;
@@ -456,6 +470,11 @@ std::vector<RankedFault> FaultResponses::best_of(const Prior& prior, double base
   });
   std::sort(screened.begin(), screened.end(),
             [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
+  if (candidates != nullptr) {
+    candidates->clear();
+    for (std::size_t i = 0; i < std::min(kCandidates, screened.size()); ++i)
+      (*candidates)[screened[i].hypothesis] = screened[i].amplitude;
+  }
   screened.resize(std::min(screened.size(), settings_.refined));
   in_parallel(screened.size(), settings_.jobs,
               [&](std::size_t i) { screened[i] = refine(prior, base_loss, screened[i]); });
@@ -509,7 +528,10 @@ void FaultResponses::judge(const Recording& recording) {
   std::vector<RankedFault> ranked;
   if (screened_evidence >= limit) {
     base_loss = loss(before, {});
-    ranked = best_of(before, base_loss, screened_);
+    std::map<std::size_t, double> candidates;
+    ranked = best_of(before, base_loss, screened_, &candidates);
+    candidates_ = candidates;
+    for (const RankedFault& f : ranked) candidates_[f.hypothesis] = f.amplitude;
   }
   evidence_ = ranked.empty() ? screened_evidence : ranked.front().evidence;
   if (ranked.empty() || evidence_ < limit) {

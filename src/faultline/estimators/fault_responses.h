@@ -19,6 +19,7 @@
 // its range is not observable in this motion.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -87,7 +88,8 @@ class FaultResponses {
   void best_window();  // sets change_ and window_, and screened_
   double loss(const Prior& prior, const std::vector<EffectSpec>& effects) const;
   RankedFault refine(const Prior& prior, double base_loss, RankedFault start) const;
-  std::vector<RankedFault> best_of(const Prior& prior, double base_loss, std::vector<RankedFault> screened) const;
+  std::vector<RankedFault> best_of(const Prior& prior, double base_loss, std::vector<RankedFault> screened,
+                                   std::map<std::size_t, double>* candidates = nullptr) const;
   void look_beside(const Prior& before);
   bool over();  // the latest stretch no longer shows the fault
 
@@ -111,6 +113,7 @@ class FaultResponses {
   std::vector<RankedFault> screened_;
   std::vector<EffectSpec> there_;  // what is known to be wrong while a second fault is looked for
   std::vector<RankedFault> first_, second_;
+  std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0;
   unsigned age_ = 0;        // of the event, in stretches
   unsigned stretches_ = 0;  // since the beginning

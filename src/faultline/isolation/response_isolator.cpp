@@ -101,6 +101,13 @@ class ResponseIsolator : public Isolator {
     const double tied = evidence - std::max(rival_ * evidence, rival_least_);
     for (std::size_t k = 1; 3 * k < at_.size(); ++k)
       if (value(k, 0).value >= 0 && value(k, 0).value == named_ && value(k, 2).value >= tied) chosen = k;
+    // Twins at one place go by the name that the datasheet lists first.
+    const auto port_of = [&](std::size_t k) {
+      return hypotheses_.at(static_cast<std::size_t>(value(k, 0).value)).port;
+    };
+    const std::string port = port_of(chosen);
+    for (std::size_t k = 0; 3 * k < at_.size() && value(k, 0).value >= 0; ++k)
+      if (value(k, 2).value >= tied && value(k, 0).value < value(chosen, 0).value && port_of(k) == port) chosen = k;
     named_ = value(chosen, 0).value;
     const FaultHypothesis& h = hypotheses_.at(static_cast<std::size_t>(named_));
     finding.effect = h.effect;
