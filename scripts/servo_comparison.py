@@ -4,7 +4,7 @@
 Rigs are off their datasheet by their tolerances, with the small effects of every recording. Each filter runs with the datasheet's Q, R
 and P0; only its type changes. Time per step: ./faultline bench --benchmark_filter=filter_step
 
-    scripts/servo_comparison.py [--rigs 8] [--json FILE]
+    scripts/servo_comparison.py [--rigs 8] [--filters divided_difference_2 ...] [--json FILE]
 """
 
 import argparse
@@ -57,13 +57,14 @@ def job(folder, sheet, seed, profile, volts, configs):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rigs", type=int, default=8)
+    parser.add_argument("--filters", nargs="*", choices=FILTERS, default=list(FILTERS))
     parser.add_argument("--json")
     options = parser.parse_args()
     sheet = datasheet(RIG)
     with tempfile.TemporaryDirectory() as folder, concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         folder = pathlib.Path(folder)
         configs = {}
-        for kind in FILTERS:
+        for kind in options.filters:
             copy = json.loads(json.dumps(sheet))
             copy["estimators"][0]["type"] = kind
             # The filter alone: its alarms without the isolation that other stages add.
@@ -77,7 +78,8 @@ def main():
     print(f"{'profile':<8} {'filter':<6} {'bias':>8} {'rms':>8} {'inside 90 %':>12} {'found':>7} {'delay, s':>9} {'longest':>8} "
           f"{'false alarms':>13} {'alarm size inside':>18}   (bias, rms: 1e-9 m^3/(s sqrt(Pa)))")
     for profile in PROFILES:
-        for kind, name in FILTERS.items():
+        for kind in options.filters:
+            name = FILTERS[kind]
             mine = [r for r in rows if r["filter"] == kind and r["profile"] == profile]
             leaks, healthy = [r for r in mine if r["volts"]], [r for r in mine if not r["volts"]]
             delays = [r["delay"] for r in leaks if r["delay"] is not None]
