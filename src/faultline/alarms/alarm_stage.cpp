@@ -336,6 +336,7 @@ void AlarmStage::tell_findings(double time, bool model_fits) {
   for (Isolated& i : isolated_) {
     Finding f = i.finding;
     const Watched* w = f.active && i.isolator->overrules() ? detected(f) : nullptr;
+    const bool own_name = w && f.effect == w->effect && f.port == w->port;
     if (w) {
       // By the detector's name: of what explains it equally well, that is what the rig is watched for.
       const std::string own = f.effect + "@" + f.port, name = w->effect + "@" + w->port;
@@ -355,12 +356,19 @@ void AlarmStage::tell_findings(double time, bool model_fits) {
       f.port = w->port;
       f.text = w->text;
       f.confidence = w->detection.confidence;
-      f.has_size = w->detection.has_size;
       f.size_name = w->detector->size_name();
       f.size_unit = w->detector->size_unit();
-      f.size = w->detection.size;
-      f.low = w->detection.low;
-      f.high = w->detection.high;
+      // The isolator's size, in the detector's words, where it weighed that very effect.
+      if (own_name && f.has_size && w->detection.per_effect > 0) {
+        f.size *= w->detection.per_effect;
+        f.low *= w->detection.per_effect;
+        f.high *= w->detection.per_effect;
+      } else {
+        f.has_size = w->detection.has_size;
+        f.size = w->detection.size;
+        f.low = w->detection.low;
+        f.high = w->detection.high;
+      }
     }
     if (i.alarm < 0) i.alarm = raise(f.kind, f.effect, f.port, AlarmLevel::error, f.since, time, f.text);
     Alarm& alarm = report_.alarms[static_cast<std::size_t>(i.alarm)];

@@ -78,6 +78,7 @@ class Leak : public Detector {
     detection.has_size = true;
     // No leak flows backwards: what is below zero is scatter.
     const double to_flow = drive_mean_ * kLitres;
+    detection.per_effect = to_flow;
     detection.size = std::max(0.0, mean_) * to_flow;
     detection.low = std::max(0.0, mean_ - kNinetyPercent * std) * to_flow;
     detection.high = std::max(0.0, mean_ + kNinetyPercent * std) * to_flow;

@@ -520,7 +520,17 @@ void FaultResponses::judge(const Recording& recording) {
     ++age_;
     const bool due = !event_ || age_ <= kEarly || (age_ & (age_ - 1)) == 0 ||
                      screened_evidence > kGrown * refined_at_ || screened_evidence * kGrown < refined_at_;
-    if (!due) return;
+    if (!due) {
+      // Its size is followed all the same; how the others stand to it stays.
+      if (first_.empty()) return;
+      const Prior now = prior();
+      const RankedFault followed = refine(now, loss(now, {}), first_.front());
+      const double share = followed.evidence / first_.front().evidence;
+      for (RankedFault& f : first_) f.evidence *= share;
+      first_.front() = followed;
+      evidence_ = followed.evidence;
+      return;
+    }
     refined_at_ = screened_evidence;
   }
   const Prior before = prior();
