@@ -135,24 +135,26 @@ TEST(Linearisation, GradientAgreesWithDifferences) {
   const ResidualModel residuals = model_of(setup, 3, 500);
   const Linearisation linear(residuals, nominal(), {0}, 2);
   const std::vector<Eigen::MatrixXf> r = residuals_of(residuals, nominal());
-  Eigen::VectorXd gradient;
-  const double square = linear.square(r, gradient);
-  double weighted = 0;
+  const SegmentProducts products = linear.products(r);
   const std::vector<double> losses = linear.segment_losses(r);
-  for (std::size_t i = 0; i < losses.size(); ++i) weighted += 2 * linear.weight(i) * losses[i];
-  EXPECT_NEAR(square, weighted, 1e-4 * weighted);
+  ASSERT_EQ(products.squares.size(), losses.size());
+  for (std::size_t g = 0; g < losses.size(); ++g)
+    EXPECT_NEAR(products.squares[g], 2 * losses[g], 1e-4 * (1 + losses[g]));
 
   // Of the loss along the columns: exact, the loss being quadratic in the residuals.
   for (std::size_t j = 0; j < linear.free_parameters().size(); ++j) {
-    Eigen::VectorXd unused;
+    const auto at = static_cast<Eigen::Index>(j);
     const Eigen::MatrixXf& column = linear.parameter_columns()[j][0];
-    const double size =
-        std::max(1e-3, std::sqrt(linear.parameter_gram()(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(j))));
-    const auto h = static_cast<float>(10 / size);
-    const double up = linear.square({r[0] + h * column}, unused), down = linear.square({r[0] - h * column}, unused);
-    EXPECT_NEAR(gradient[static_cast<Eigen::Index>(j)] / size, (up - down) / (4 * static_cast<double>(h) * size),
-                1e-3 * std::sqrt(square) + 1e-3 * std::abs(gradient[static_cast<Eigen::Index>(j)] / size))
-        << servo().parameters[linear.free_parameters()[j]].name;
+    for (std::size_t g = 0; g < losses.size(); ++g) {
+      const double size = std::max(1e-3, std::sqrt(linear.parameter_grams()[g](at, at)));
+      const auto h = static_cast<float>(10 / size);
+      const double up = linear.products({r[0] + h * column}).squares[g],
+                   down = linear.products({r[0] - h * column}).squares[g];
+      const double gradient = products.against_parameters[g][at] / size;
+      EXPECT_NEAR(gradient, (up - down) / (4 * static_cast<double>(h) * size),
+                  1e-3 * std::sqrt(products.squares[g]) + 1e-3 * std::abs(gradient))
+          << servo().parameters[linear.free_parameters()[j]].name;
+    }
   }
 
   // Of the residuals in the parameters: with a smaller step from both sides.
@@ -178,12 +180,21 @@ TEST(Linearisation, ProjectedLossIsNoMoreThanTheLoss) {
   const std::vector<Eigen::MatrixXf> r = residuals_of(residuals, nominal());
   const Eigen::VectorXd z = deviations(servo(), linear.free_parameters(), nominal().parameters);
   EXPECT_EQ(z.norm(), 0);
-  Eigen::VectorXd unused;
-  const double loss = 0.5 * linear.square(r, unused), projected = projected_loss(linear, r, z);
-  EXPECT_LT(projected, loss);
-  EXPECT_GT(projected, 0);
-  EXPECT_LT(projected, 0.7 * loss);  // the run is off by its parameters alone
+  double loss = 0;
+  for (const double segment : linear.segment_losses(r)) loss += robust(segment, linear.segment_values());
+  const double projected = projected_loss(linear, linear.products(r), z);
+  EXPECT_LT(projected, 0.5 * loss);  // the run is off by its parameters alone
   EXPECT_NEAR(total(linear.subset({0}).segment_losses(r)), total(linear.segment_losses(r)), 1e-6 * loss);
+}
+
+TEST(Linearisation, RobustLossIsTheLossNearTheNoiseAndGrowsSlowlyBeyond) {
+  const double values = 1000;
+  EXPECT_EQ(robust(0.5 * values, values), 0);
+  EXPECT_NEAR(robust(0.51 * values, values), 0.01 * values, 0.02 * 0.01 * values);
+  EXPECT_NEAR(robust(50 * values, values), 0.5 * values * std::log(100), 1e-9 * values);
+  const double h = 1e-4 * values;  // the weight is its slope
+  for (const double loss : {300.0, 500.0, 5000.0})
+    EXPECT_NEAR(robust_weight(loss, values), (robust(loss + h, values) - robust(loss - h, values)) / (2 * h), 1e-5);
 }
 
 TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
@@ -194,7 +205,7 @@ TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
   ResidualModel residuals = model_of(setup, 6, 500);
   FitResult fit;
   fit.model = nominal();
-  for (int round = 0; round < 3; ++round) {
+  for (int round = 0; round < 9; ++round) {  // the damping lies in a flat valley of 6 s of random voltage
     residuals.settle_starts(fit.model, 0);
     const Linearisation linear(residuals, fit.model, {0}, 2);
     const double before = total(linear.segment_losses(residuals_of(residuals, fit.model)));
@@ -203,7 +214,7 @@ TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
   }
   const Eigen::VectorXd z = deviations(
       servo(), {parameter("viscous_damping"), parameter("compliance"), parameter("moving_mass")}, fit.model.parameters);
-  EXPECT_NEAR(z[0], 2, 0.3);
+  EXPECT_NEAR(z[0], 2, 0.4);
   EXPECT_NEAR(z[1], -2, 0.1);
   EXPECT_NEAR(z[2], 0, 0.5);
 }

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "faultline/gap/gap_series.h"
+#include "faultline/gap/grid_step.h"
 #include "faultline/rig/random.h"
 #include "faultline/signal/error.h"
 #include "servo_runs.h"
@@ -155,6 +156,53 @@ TEST(SmoothInputs, LeavesWhatMovesTooFast) {
   const Recording before = recording;
   smooth_inputs(servo(), recording);
   for (std::size_t k = 0; k < recording.rows(); ++k) ASSERT_EQ(recording.at(k, supply), before.at(k, supply)) << k;
+}
+
+TEST(GridStep, OfARoundedSignalAndOfOneThatIsNot) {
+  Recording recording;
+  recording.channels.resize(3);
+  Random random(6);
+  for (int k = 0; k < 5000; ++k) {
+    Sample sample;
+    const double value = std::sin(0.01 * k) + 0.05 * random.normal();
+    const double coarse = 0.013 * std::round(value / 0.013) + 0.004;
+    sample.time = 1e-3 * k;
+    sample.values = {value, coarse,
+                     0.001 * std::round(coarse / 0.001)};  // the last as a logger of coarse digits has it
+    recording.append(sample);
+  }
+  EXPECT_EQ(grid_step(recording, 0, 0), 0);
+  EXPECT_NEAR(grid_step(recording, 1, 0), 0.013, 1e-9);
+  EXPECT_EQ(grid_step(recording, 1, 0.013), 0);  // what the datasheet knows is no finding
+  EXPECT_NEAR(grid_step(recording, 2, 0.001), 0.013, 1e-4);
+}
+
+TEST(GridStep, NamesTheChannelThatIsRounded) {
+  const auto position = static_cast<std::size_t>(servo().channel("position"));
+  std::vector<GapRun> runs;
+  for (const std::uint64_t seed : {1, 2}) {
+    SimulationSetup setup = servo_setup("multisine");
+    setup.seed = seed;
+    runs.push_back(prepare_run(servo(), "a", simulate(servo(), setup, 5), kSegment));
+  }
+  EXPECT_TRUE(rounded_channels(servo(), runs, {}).empty());
+  const auto round_run = [&](GapRun& run) {
+    for (std::size_t k = 0; k < run.recording.rows(); ++k) {
+      double& value = run.recording.values[k * run.recording.columns() + position];
+      value = 5e-4 * std::round(value / 5e-4);
+    }
+  };
+  round_run(runs[0]);
+  EXPECT_TRUE(rounded_channels(servo(), runs, {}).empty());  // in one run only
+  round_run(runs[1]);
+  const std::vector<NamedEffect> found = rounded_channels(servo(), runs, {});
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].port, "sensor.position");
+  EXPECT_NEAR(found[0].parameters.at("step"), 5e-4, 1e-8);
+  EXPECT_TRUE(rounded_channels(servo(), runs, {"quantisation"}).empty());
+  Datasheet adopted = servo();
+  adopted.nominal_effects.push_back("quantisation@sensor.position:step=5e-4");
+  EXPECT_TRUE(rounded_channels(adopted, runs, {}).empty());
 }
 
 TEST(GapSeries, HoldsTheRecordingAndThreeCourses) {

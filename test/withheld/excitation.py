@@ -136,18 +136,22 @@ def controller(sheet, kind, random):
     return PositionControl(sheet, set_point, gains)
 
 
+class Tones:
+    """A level and three sines."""
+
+    def __init__(self, level, terms=((0.0, 0.0, 0.0),) * 3):
+        self.level, self.terms = level, terms
+
+    def __call__(self, t):
+        return self.level + sum(a * math.sin(w * t + p) for a, w, p in self.terms)
+
+
 def supply(sheet, random):
     """True level behind the pump: the set value, a slow wander and a few bar of hum."""
     level = sheet.constants.get("supply_pressure_set", 6.89e6) * random.uniform(0.985, 1.015)
     terms = [(random.uniform(1e4, 4e4), 2 * math.pi * random.uniform(0.03, 0.4), random.uniform(0, 6.3)) for _ in range(3)]
 
-    def value(t):
-        total = level
-        for a, w, p in terms:
-            total += a * math.sin(w * t + p)
-        return total
-
-    return value
+    return Tones(level, terms)
 
 
 def load(sheet, random):
@@ -155,10 +159,4 @@ def load(sheet, random):
     size = random.uniform(150, 500) if random.random() < 0.35 else random.uniform(0.5, 3.0)
     terms = [(size * random.uniform(0.3, 0.7), 2 * math.pi * random.uniform(0.1, 1.5), random.uniform(0, 6.3)) for _ in range(3)]
 
-    def value(t):
-        total = 0.0
-        for a, w, p in terms:
-            total += a * math.sin(w * t + p)
-        return total
-
-    return value
+    return Tones(0.0, terms)

@@ -1,7 +1,8 @@
 """Scores answers against the sealed labels and writes the table as Markdown.
 
-    score.py OUT [--table FILE]
+    score.py OUT [--table FILE] [--answered]
 
+--answered leaves out cases that faultline has not answered (yet): the table of a run that was stopped. Otherwise they count as wrong.
 Reads OUT/sealed/labels.json and OUT/answers/METHOD/CASE.json; METHOD faultline and the baselines side by side.
 """
 import argparse
@@ -226,7 +227,7 @@ def load_answers(folder):
     return answers, seconds
 
 
-def score(out, heading):
+def score(out, heading, answered=False):
     """The Markdown of everything answered in OUT."""
     with open(os.path.join(out, "sealed", "labels.json"), encoding="utf-8") as stream:
         labels = json.load(stream)["cases"]
@@ -234,12 +235,14 @@ def score(out, heading):
     third = load_answers(os.path.join(base, "third"))[0] if os.path.isdir(os.path.join(base, "third")) else {}
     found = os.listdir(base) if os.path.isdir(base) else []
     names = sorted((d for d in found if d != "third"), key=lambda d: (d != "faultline", d))
-    methods = {}
-    for name in names:
-        answers, seconds = load_answers(os.path.join(base, name))
-        methods[name] = summarise(labels, answers, seconds, third if name == "faultline" else {}) + (answers,)
-    if not methods:
+    if not names:
         raise SystemExit(f"{base}: no answers yet; run run.py first")
+    given = {name: load_answers(os.path.join(base, name)) for name in names}
+    if answered:
+        labels = {n: l for n, l in labels.items() if n in given[names[0]][0]}
+    methods = {}
+    for name, (answers, seconds) in given.items():
+        methods[name] = summarise(labels, answers, seconds, third if name == "faultline" else {}) + (answers,)
     return markdown(labels, methods, heading)
 
 
@@ -247,8 +250,9 @@ if __name__ == "__main__":
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     reader.add_argument("out")
     reader.add_argument("--table", help="write the table here (default OUT/table.md)")
+    reader.add_argument("--answered", action="store_true", help="leave out cases without an answer")
     given = reader.parse_args()
-    made = score(given.out, f"Cases in {os.path.basename(os.path.abspath(given.out))}.")
+    made = score(given.out, f"Cases in {os.path.basename(os.path.abspath(given.out))}.", given.answered)
     with open(given.table or os.path.join(given.out, "table.md"), "w", encoding="utf-8") as out_stream:
         out_stream.write(made)
     print(made)

@@ -24,7 +24,8 @@ import signature
 import sizes
 import twins
 from datasheet import Datasheet
-from truth_servo_actuator import BRISTLE, NO_NUISANCE, OUTPUTS, CommandPath, Sensor, Truth, soft_deadband
+from rate_servo_actuator import root, soft_deadband
+from truth_servo_actuator import BRISTLE, NO_NUISANCE, OUTPUTS, CommandPath, Sensor, Truth
 
 SHEET = Datasheet("servo_actuator")
 P = SHEET.nominal
@@ -130,7 +131,7 @@ class Physics(unittest.TestCase):
 
     def test_bypass_at_five_volts_leaks_about_0_032_litres_a_second(self):
         truth = Truth(SHEET, bypass_volts=5.0)
-        self.assertAlmostEqual(truth.leak_coefficient * truth.root(0.67e6) * 1e3, 0.032, delta=0.0005)
+        self.assertAlmostEqual(truth.leak_coefficient * root(0.67e6) * 1e3, 0.032, delta=0.0005)
 
     def test_leak_slows_the_piston_by_its_flow(self):
         tight, leaking = run(1.5, 0.4), run(1.5, 0.4, bypass_volts=2.0)

@@ -22,13 +22,11 @@ import math
 import numpy as np
 from scipy.integrate import ode
 
+import excitation
+import rate_servo_actuator as rate
+from rate_servo_actuator import soft_deadband
+
 BRISTLE = 1.0e8           # N/m: 400 N of friction winds the seals up by 4 um; softer ones would be a gap of their own
-BRISTLE_DAMPING = 5.0e3   # N s/m
-ORIFICE_LAMINAR = 600.0   # Pa
-ATMOSPHERE = 101325.0
-POLYTROPIC = 1.1
-PUMP_RESISTANCE = 5.0e8   # Pa s/m^3, seen by the supply transducer
-PUMP_TIME = 0.05          # s
 CONTACT = 1.0e7           # N/m, backlash flanks
 COUPLING_STIFFNESS = 4.0e7  # N/m, rod coupling when only the other rod effect is asked for
 OUTPUTS = ["position", "velocity", "load_pressure", "chamber_a_pressure", "chamber_b_pressure", "spool_position"]
@@ -123,18 +121,6 @@ class CommandPath:
         return result
 
 
-def soft_deadband(u, width):
-    """u without its part inside +-width/2; corners rounded over 3 % of the width."""
-    if width <= 0:
-        return u
-    s = 0.03 * width
-
-    def softplus(y):
-        return y if y > 40 else (math.log1p(math.exp(y)) if y > -40 else 0.0)
-
-    return s * (softplus((u - width / 2) / s) - softplus((-u - width / 2) / s))
-
-
 class Sensor:
     """One output channel on its way to the recording: exact lag between samples, then scale, drift, offset, steps, stuck."""
 
@@ -195,209 +181,89 @@ class Truth:
         self.nuisance = dict(NO_NUISANCE)
         self.nuisance.update(nuisance or {})
         level = datasheet.constants.get("supply_pressure_set", 6.89e6)
-        self.supply = supply or (lambda t: level)
-        self.load = load or (lambda t: 0.0)
+        self.supply = supply or excitation.Tones(level)
+        self.load = load or excitation.Tones(0.0)
         self.bristle = self.nuisance["bristle"]
         self.bypass_volts = bypass_volts
         self.period = datasheet.sample_period
-        self.drive = [0, 0.0, 0.0, 1.0, 0.0]
+        self.drive = [0.0, 0.0, 0.0, 1.0, 0.0]
         rod = self.ports.get("transmission.rod", {})
         self.has_rod = bool(rod)
         self.inertance = self.ports.get("line.valve_cylinder", {}).get("line_inertia", {}).get("inertance", 0.0)
         self.rod_index = 7
         self.line_index = 7 + (3 if self.has_rod else 0)
         self.size = self.line_index + (4 if self.inertance > 0 else 0)
-        self._build()
+        self.compiled = isinstance(self.supply, excitation.Tones) and isinstance(self.load, excitation.Tones)
+        self.constants = np.zeros(1, rate.CONSTANTS).view(np.recarray)
+        self._constants()
 
-    # ---- the right-hand side, with everything that is constant taken out of it
-    def _build(self):
-        p, ports, drive = self.p, self.ports, self.drive
-        exp, sqrt, cosh, sin, pi, tanh = math.exp, math.sqrt, math.cosh, math.sin, math.pi, math.tanh
-        area, mass, volume = p["ram_area"], p["moving_mass"], p["chamber_volume"]
-        viscous, coulomb = p["viscous_damping"], p["coulomb_friction"]
-        excess, stribeck = p["static_excess"], p["stribeck_velocity"]
-        bulk0 = volume / (2 * p["compliance"])
-        flow_gain = p["flow_coefficient"] * sqrt(2.0)
-        tau_v, spool_gain = p["spool_time_constant"], p["spool_gain"]
-        stop, stop_k, stop_d = p["stroke_limit"], p["stop_stiffness"], p["stop_damping"]
-        bypass = p["leak_valve_gain"] * max(self.bypass_volts, 0.0)
-        supply, load = self.supply, self.load
-        bristle = self.bristle
-        stroke_friction, warming = self.nuisance["stroke_friction"], self.nuisance["warming"]
+    def _constants(self):
+        """The record of constants that the right-hand side reads."""
+        p, ports, c = self.p, self.ports, self.constants[0]
+        c.area, c.volume, c.viscous = p["ram_area"], p["chamber_volume"], p["viscous_damping"]
+        c.coulomb, c.excess, c.stribeck = p["coulomb_friction"], p["static_excess"], p["stribeck_velocity"]
+        c.tau_v, c.spool_gain = p["spool_time_constant"], p["spool_gain"]
+        c.stop, c.stop_k, c.stop_d = p["stroke_limit"], p["stop_stiffness"], p["stop_damping"]
+        c.bristle = self.bristle
+        c.stroke_friction, c.warming = self.nuisance["stroke_friction"], self.nuisance["warming"]
 
         f = ports.get("force.piston", {})
-        more_coulomb = f.get("coulomb_friction", {}).get("force", 0.0)
-        more_viscous = f.get("viscous_friction", {}).get("coefficient", 0.0)
-        more_excess = f.get("stribeck_friction", {}).get("static_excess", 0.0)
-        more_velocity = f.get("stribeck_friction", {}).get("velocity", 0.05)
-        asymmetry = f.get("asymmetric_friction", {}).get("difference", 0.0)
-        by_load = f.get("load_dependent_friction", {}).get("coefficient", 0.0)
-        push, spring = f.get("load_force", {}).get("constant", 0.0), f.get("load_force", {}).get("stiffness", 0.0)
-        more_mass = f.get("added_mass", {}).get("mass", 0.0)
+        c.more_coulomb = f.get("coulomb_friction", {}).get("force", 0.0)
+        c.more_viscous = f.get("viscous_friction", {}).get("coefficient", 0.0)
+        c.more_excess = f.get("stribeck_friction", {}).get("static_excess", 0.0)
+        c.more_velocity = f.get("stribeck_friction", {}).get("velocity", 0.05)
+        c.asymmetry = f.get("asymmetric_friction", {}).get("difference", 0.0)
+        c.by_load = f.get("load_dependent_friction", {}).get("coefficient", 0.0)
+        c.push, c.spring = f.get("load_force", {}).get("constant", 0.0), f.get("load_force", {}).get("stiffness", 0.0)
         end = f.get("end_stop")
-        end_x, end_k = (end["position"], end["stiffness"]) if end else (0.0, 0.0)
-        extra_friction = bool(more_coulomb or more_excess or asymmetry or by_load)
+        c.end_x, c.end_k = (end["position"], end["stiffness"]) if end else (0.0, 0.0)
+        c.extra_friction = bool(c.more_coulomb or c.more_excess or c.asymmetry or c.by_load)
 
         ab = ports.get("flow.chamber_a_chamber_b", {})
-        leak_ab = ab.get("orifice_leakage", {}).get("coefficient", 0.0) + bypass
-        laminar_ab = ab.get("laminar_leakage", {}).get("coefficient", 0.0)
-        leak_a = ports.get("flow.chamber_a_tank", {}).get("orifice_leakage", {}).get("coefficient", 0.0)
-        leak_b = ports.get("flow.chamber_b_tank", {}).get("orifice_leakage", {}).get("coefficient", 0.0)
-        any_leak = bool(leak_ab or laminar_ab or leak_a or leak_b)
+        c.leak_ab = ab.get("orifice_leakage", {}).get("coefficient", 0.0) + p["leak_valve_gain"] * max(self.bypass_volts, 0.0)
+        c.laminar_ab = ab.get("laminar_leakage", {}).get("coefficient", 0.0)
+        c.leak_a = ports.get("flow.chamber_a_tank", {}).get("orifice_leakage", {}).get("coefficient", 0.0)
+        c.leak_b = ports.get("flow.chamber_b_tank", {}).get("orifice_leakage", {}).get("coefficient", 0.0)
+        c.any_leak = bool(c.leak_ab or c.laminar_ab or c.leak_a or c.leak_b)
         oil = ports.get("compliance.chambers", {})
-        air = oil.get("entrained_air", {}).get("fraction", 0.0)
-        bulk = bulk0 * oil.get("compliance_factor", {}).get("factor", 1.0)
+        c.air = oil.get("entrained_air", {}).get("fraction", 0.0)
+        c.bulk = p["chamber_volume"] / (2 * p["compliance"]) * oil.get("compliance_factor", {}).get("factor", 1.0)
         lands = ports.get("restriction.valve", {})
-        flow_gain *= 1 - lands.get("clogging", {}).get("fraction", 0.0)
-        exponent = lands.get("area_curve", {}).get("exponent", 1.0)
-        overlap = lands.get("deadband", {}).get("width", 0.0)
+        c.flow_gain = p["flow_coefficient"] * math.sqrt(2.0) * (1 - lands.get("clogging", {}).get("fraction", 0.0))
+        c.exponent = lands.get("area_curve", {}).get("exponent", 1.0)
+        c.overlap = lands.get("deadband", {}).get("width", 0.0)
         source = ports.get("source.supply_pressure", {})
-        droop = source.get("droop", {}).get("resistance", 0.0)
-        ripple = source.get("ripple", {}).get("amplitude", 0.0)
-        ripple_w = 2 * pi * source.get("ripple", {}).get("frequency", 1.0)
-        supply_offset = source.get("offset", {}).get("value", 0.0)
+        c.droop = source.get("droop", {}).get("resistance", 0.0)
+        c.ripple = source.get("ripple", {}).get("amplitude", 0.0)
+        c.ripple_w = 2 * math.pi * source.get("ripple", {}).get("frequency", 1.0)
+        c.supply_offset = source.get("offset", {}).get("value", 0.0)
 
-        has_rod, rod_index, line_index = self.has_rod, self.rod_index, self.line_index
-        inertance, has_line = self.inertance, self.inertance > 0
-        share_m = p["load_mass_share"] if has_rod else 0.0
-        share_f = p["load_friction_share"] if has_rod else 0.0
+        c.has_rod, c.has_line = self.has_rod, self.inertance > 0
+        c.rod_index, c.line_index, c.inertance = self.rod_index, self.line_index, self.inertance
+        share_m = p["load_mass_share"] if self.has_rod else 0.0
+        c.share_f = p["load_friction_share"] if self.has_rod else 0.0
+        c.piston_mass = p["moving_mass"] * (1 - share_m) + f.get("added_mass", {}).get("mass", 0.0)
+        c.load_mass = p["moving_mass"] * share_m
         rod = ports.get("transmission.rod", {})
-        gap = rod.get("backlash", {}).get("gap", 0.0)
+        c.gap = rod.get("backlash", {}).get("gap", 0.0)
         if "elasticity" in rod:
-            rod_k, rod_d = 1 / rod["elasticity"]["compliance"], rod["elasticity"]["damping"]
+            c.rod_k, c.rod_d = 1 / rod["elasticity"]["compliance"], rod["elasticity"]["damping"]
         else:
-            rod_k, rod_d = CONTACT, 3.0e3
-        piston_mass = mass * (1 - share_m) + more_mass
-        load_mass = mass * share_m
-        d3 = ORIFICE_LAMINAR ** 3
+            c.rod_k, c.rod_d = CONTACT, 3.0e3
+        if self.compiled:
+            for name, tones in (("supply", self.supply), ("load", self.load)):
+                setattr(c, name + "_level", tones.level)
+                for field, values in zip("awp", zip(*tones.terms)):
+                    getattr(c, f"{name}_{field}")[:] = values
+        self.leak_coefficient = c.leak_ab
 
-        def root(y):
-            return y / (abs(y) ** 3 + d3) ** (1 / 6)
-
-        def supplied(g, drop):
-            """Flow through an opening g from the supply, behind the resistance of the line if there is one."""
-            if droop == 0.0 or drop <= 0.0:
-                return g * root(drop)
-            gg = g * g * droop
-            return 0.5 * (sqrt(gg * gg + 4 * g * g * drop) - gg) * (1 if g >= 0 else -1)
-
-        def stop_force(x, v):
-            if x > stop:
-                return max(0.0, stop_k * (x - stop) + stop_d * v)
-            if x < -stop:
-                return min(0.0, stop_k * (x + stop) + stop_d * v)
-            return 0.0
-
-        def rhs(t, y):
-            x, v, pa, pb, xv, ps, z = y[0], y[1], y[2], y[3], y[4], y[5], y[6]
-            kind = drive[0]
-            if kind == 0:
-                u = drive[1]
-            elif kind == 1:
-                u = drive[1] + (drive[2] - drive[1]) * exp(-(t - drive[4]) / drive[3])
-            else:
-                u = drive[2] + drive[3] * (t - drive[4])
-                if (u - drive[1]) * drive[3] > 0:
-                    u = drive[1]
-            dxv = (spool_gain * u - xv) / tau_v
-            if (xv >= 10 and dxv > 0) or (xv <= -10 and dxv < 0):
-                dxv = 0.0
-            # valve
-            opening = xv
-            if overlap:
-                opening = soft_deadband(opening, overlap)
-            if exponent != 1.0:
-                opening *= ((opening * opening + 1e-8) / 100.0) ** (0.5 * (exponent - 1))
-            pva, pvb = (y[line_index], y[line_index + 2]) if has_line else (pa, pb)
-            pv = ps + supply_offset
-            if ripple:
-                pv += ripple * sin(ripple_w * t)
-            g = flow_gain * opening
-            if opening > 0:
-                qa, qb = supplied(g, pv - pva), g * root(pvb)
-                drawn = qa
-            else:
-                qa, qb = g * root(pva), supplied(g, pv - pvb)
-                drawn = -qb
-            # chambers
-            pl = pa - pb
-            ca = cb = bulk
-            if air:
-                ca = 1 / (1 / bulk + air * (ATMOSPHERE / (max(pa, 0.0) + ATMOSPHERE)) ** (1 / POLYTROPIC)
-                          / (POLYTROPIC * (max(pa, 0.0) + ATMOSPHERE)))
-                cb = 1 / (1 / bulk + air * (ATMOSPHERE / (max(pb, 0.0) + ATMOSPHERE)) ** (1 / POLYTROPIC)
-                          / (POLYTROPIC * (max(pb, 0.0) + ATMOSPHERE)))
-            out_a = out_b = 0.0
-            if any_leak:
-                across = leak_ab * root(pl) + laminar_ab * pl
-                out_a, out_b = across + leak_a * root(pa), leak_b * root(pb) - across
-            if has_line:
-                in_a, in_b = y[line_index + 1], -y[line_index + 3]
-                dpa = ca / (0.8 * volume + area * x) * (in_a - area * v - out_a)
-                dpb = cb / (0.8 * volume - area * x) * (in_b + area * v - out_b)
-            else:
-                dpa = ca / (volume + area * x) * (qa - area * v - out_a)
-                dpb = cb / (volume - area * x) * (area * v - qb - out_b)
-            if pa < 0:
-                dpa -= 3e3 * pa   # make-up valve
-            if pb < 0:
-                dpb -= 3e3 * pb
-            # friction of the piston (and, without a rod effect, of all that moves)
-            own = 1 - share_f
-            r = v / stribeck
-            level = own * (coulomb + excess * exp(-r * r))
-            if stroke_friction:
-                level *= 1 + stroke_friction * sin(60.0 * x)
-            b = viscous * (1 + warming * t)
-            if extra_friction:
-                level += more_coulomb
-                if more_excess:
-                    r = 1.0586 * v / more_velocity
-                    if -20 < r < 20:
-                        level += more_excess / cosh(r) ** 2
-                if asymmetry:
-                    level += 0.5 * asymmetry * tanh(v / 5e-4)
-                if by_load:
-                    level += by_load * sqrt(pl * pl + 1e6)
-                if level < 1.0:
-                    level = 1.0
-            dz = v - bristle * abs(v) * z / level
-            force = area * pl - bristle * z - BRISTLE_DAMPING * dz - (own * b + more_viscous) * v - push - spring * x
-            if end_k and x > end_x:
-                force -= max(0.0, end_k * (x - end_x) * (1 + 0.5 * v))
-            outer = load(t)
-            if has_rod:
-                xl, vl, zl = y[rod_index], y[rod_index + 1], y[rod_index + 2]
-                stretch, speed = x - xl, v - vl
-                if gap:
-                    pen = abs(stretch) - 0.5 * gap
-                    if pen > 0:
-                        side = 1.0 if stretch > 0 else -1.0
-                        held = max(0.0, rod_k * pen + rod_d * speed * side * min(1.0, pen * 1e5)) * side
-                    else:
-                        held = 0.0
-                else:
-                    held = rod_k * stretch + rod_d * speed
-                r = vl / stribeck
-                dzl = vl - bristle * abs(vl) * zl / (share_f * (coulomb + excess * exp(-r * r)))
-                rubbing = bristle * zl + BRISTLE_DAMPING * dzl + share_f * b * vl
-                dvl = (held - outer - stop_force(xl, vl) - rubbing) / load_mass
-                force -= held
-                tail = [vl, dvl, dzl]
-            else:
-                force -= outer + stop_force(x, v)
-                tail = []
-            dv = force / piston_mass
-            dps = (supply(t) - PUMP_RESISTANCE * max(drawn, 0.0) - ps) / PUMP_TIME
-            if has_line:
-                node = 0.2 * volume
-                tail += [ca / node * (qa - in_a), (pva - pa) / inertance,
-                         cb / node * (-in_b - qb), (pb - pvb) / inertance]
-            return [v, dv, dpa, dpb, dxv, dps, dz] + tail
-
-        self.rhs = rhs
-        self.root = root
-        self.leak_coefficient = leak_ab
+    def rhs(self, t, y):
+        """dy/dt, with whatever functions of time supply and load are."""
+        c, dy = self.constants[0], np.zeros(len(y))
+        if not self.compiled:
+            c.supply_level, c.load_level = self.supply(t), self.load(t)
+        rate.rate(t, np.asarray(y, dtype=float), c, np.array(self.drive, dtype=float), dy)
+        return dy.tolist()
 
     def absolute_tolerance(self):
         tolerance = [1e-8, 1e-6, 20.0, 20.0, 1e-5, 20.0, 1e-9]
@@ -438,12 +304,12 @@ class Truth:
         return y[:7]
 
     def solver(self, tolerance=1e-5):
-        return ode(self.rhs).set_integrator("lsoda", rtol=tolerance, atol=self.absolute_tolerance(), nsteps=20000)
+        return ode(rate.FORTRAN if self.compiled else self.rhs).set_integrator("lsoda", rtol=tolerance, atol=self.absolute_tolerance(), nsteps=20000)
 
     def advance(self, solver, y, pieces):
-        drive = self.drive
-        for start, end, kind, a, b, c in pieces:
-            drive[0], drive[1], drive[2], drive[3], drive[4] = kind, a, b, c, start
+        rate.NOW[:] = self.constants
+        for start, end, *drive in pieces:
+            self.drive = rate.DRIVE[:] = (*drive, start)
             solver.set_initial_value(y, start)
             y = solver.integrate(end)
             if not solver.successful():

@@ -63,7 +63,7 @@ std::vector<std::vector<double>> starting_points(const Candidate& candidate) {
       for (const double c : {0.15, 0.5, 0.85}) values.push_back(candidate.from_coordinate(i, c));
       if (i > 0 && !std::isnan(none)) values.push_back(std::clamp(none, b.minimum, b.maximum));
     } else if (candidate.family == "stuck") {  // a time: its loss has a narrow valley
-      for (int k = 0; k < 12; ++k) values.push_back(candidate.from_coordinate(i, (k + 0.5) / 12));
+      for (int k = 0; k < kStuckTimes; ++k) values.push_back(candidate.from_coordinate(i, (k + 0.5) / kStuckTimes));
     } else if (candidate.logarithmic(i) || std::isinf(none)) {
       for (const double c : {0.1, 0.3, 0.5, 0.7, 0.9}) values.push_back(candidate.from_coordinate(i, c));
     } else {

@@ -25,6 +25,8 @@ struct Candidate {
 std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without,
                                   double duration = 60);
 
+constexpr int kStuckTimes = 12;  // starting points of the time from which a signal is stuck, evenly spread
+
 // Starting points over a candidate's range: few for the size, few for a shape.
 std::vector<std::vector<double>> starting_points(const Candidate& candidate);
 

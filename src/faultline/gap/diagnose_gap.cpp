@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "faultline/gap/gap_trials.h"
+#include "faultline/gap/grid_step.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
 #include "faultline/rig/random.h"
@@ -26,7 +27,7 @@ constexpr double kDecisive = 0.4;       // ... or this share of the excess, eith
 constexpr double kQuiet = 0.05;         // excess below which there is nothing left to explain, at the datasheet's noise
 constexpr double kQuietShare = 0.02;    // ... plus this share of what there was
 constexpr double kNoisy = 0.2;          // share of that which is left where the recording is much noisier
-constexpr double kUnexplained = 5;      // times the quiet excess: something that no effect explains is worth a word
+constexpr double kUnexplained = 3;      // times the quiet excess: something that no effect explains is worth a word
 constexpr double kRefitMatters = 0.05;  // excess that the refit must remove to speak of miscalibration
 constexpr double kLeft = 0.07;          // share of the refit's excess that may be left beyond that floor
 constexpr double kStrain = 70;          // squared tolerances, summed over the parameters, that are as doubtful
@@ -141,6 +142,10 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   GapTrials work(sheet, std::move(runs), folds, learn, settings, progress);
   const double values = work.held_out_values();
   const auto excess = [&](const std::vector<double>& losses) { return std::max(0.0, 2 * sum(losses) / values - 1); };
+  // Of a typical segment: a few that go astray (a breakaway a moment too late) are no evidence that something is missing.
+  const auto typical = [&](const std::vector<double>& scores) {
+    return std::expm1(std::max(0.0, 2 * sum(scores) / values));
+  };
 
   const double quiet = quiet_excess(work.model());
   work.tell(0.02, "refitting parameters");
@@ -156,11 +161,11 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   std::vector<Structure> first_ranked, screened_first;
   std::vector<double> now_losses = refit_losses, now_score = plain.score;
   for (int round = 0; round < settings.most_effects; ++round) {
-    if (round > 0 && excess(now_losses) < quiet + kQuietShare * refit_excess) break;
+    if (typical(now_score) < quiet + (round > 0 ? kQuietShare * typical(plain.score) : 0)) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     std::vector<Structure> structures = work.screen(base, from, from + 0.5 * width);
     if (round == 0) screened_first = structures;
-    if (structures.empty() || refit_excess < quiet) break;
+    if (structures.empty()) break;
     if (structures.size() > kFinalists) structures.resize(kFinalists);
     work.shortlist(base, structures, from + 0.5 * width, from + 0.65 * width);
     std::size_t kept = 1;
@@ -172,6 +177,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     std::stable_sort(structures.begin(), structures.end(),
                      [](const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); });
     const Structure best = structures.front();
+    for (Structure& structure : structures)
+      structure.around = {};  // only the best one's are needed, and they are large
     if (round == 0) {
       first_ranked = structures;
       first_ranked.insert(first_ranked.end(), rest.begin(), rest.end());
@@ -184,7 +191,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     const double before = excess(now_losses), after = excess(best.held_out);
     const bool decisive = before - after > kDecisive * before && before - after > quiet;
     if (!significant || (!decisive && share < (round == 0 ? kMaterial : kMaterialNext))) break;
-    base = work.refit(best.fit.model, best.fit.effects);
+    base = work.refit(best);
     base.covariance = best.fit.covariance;
     // A further effect must not be credited with what one more refit wins.
     const Structure again = work.score(base);
@@ -195,11 +202,9 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   // What all the library's effects at the place could win together.
   double closure_gain = 0, named_gain = 0;
   if (!base.effects.empty()) {
-    std::vector<Structure> closure = {work.closure(base, base.effects.front().effect.port)};
-    if (closure.front().fit.effects.size() > base.effects.size()) {
-      work.refine(closure, 0.88, 0.93);
-      closure_gain = sum(plain.score) - sum(closure.front().score);
-    }
+    work.tell(0.88, "fitting a flexible model");
+    const Structure closure = work.closure(base, base.effects.front().effect.port);
+    if (!closure.score.empty()) closure_gain = sum(plain.score) - sum(closure.score);
     named_gain = sum(plain.score) - sum(now_score);
     closure_gain = std::max(closure_gain, named_gain);
   }
@@ -304,10 +309,10 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
           std::pow((base.model.parameters[i] / sheet.parameters[i].nominal - 1) / sheet.parameters[i].tolerance, 2);
   double doubt = 0;
   if (found) {
-    doubt = std::max(0.0, explained_excess - quiet) / std::max(refit_excess, 1e-9) / kLeft + strain / kStrain;
+    doubt = std::max(0.0, typical(now_score) - quiet) / std::max(typical(plain.score), 1e-9) / kLeft + strain / kStrain;
     if (result.shrink_refit < kEnough || result.closable < kEnoughOfClosure) doubt += 1;
   } else {
-    doubt = refit_excess / (kUnexplained * quiet);
+    doubt = typical(plain.score) / (kUnexplained * quiet);
   }
   result.unknown_probability = 1 / (1 + std::exp(-kSteepness * (doubt - 1)));
   if (doubt > 1)
@@ -325,6 +330,20 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     result.shrink_refit = 0;
     result.shrink_interval = {};
     result.closable = 0;
+  }
+  // Rounding is in the noise, so it is beside all this: a fact of the recording.
+  const std::vector<NamedEffect> rounded = rounded_channels(sheet, work.model().runs(), settings.without);
+  if (!rounded.empty() && result.verdict != "unknown") {
+    if (result.effects.empty()) {
+      PlaceScore place;
+      place.port = rounded.front().port;
+      place.component = sheet.port(place.port).component;
+      place.kind = "sensor";
+      place.share = 1;
+      result.places = {place};
+    }
+    result.verdict = "named";
+    result.effects.insert(result.effects.end(), rounded.begin(), rounded.end());
   }
   result.where_kind = result.verdict == "none" || result.verdict == "miscalibrated" || result.places.empty()
                           ? "none"

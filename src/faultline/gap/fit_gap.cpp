@@ -104,8 +104,7 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
   const auto loss_of = [&](const std::vector<Eigen::MatrixXf>& r, const std::vector<Candidate>& list,
                            const std::vector<double>& values) {
     double sum = 0;
-    const std::vector<double> losses = linear.segment_losses(r);
-    for (std::size_t i = 0; i < losses.size(); ++i) sum += linear.weight(i) * losses[i];
+    for (const double loss : linear.segment_losses(r)) sum += robust(loss, linear.segment_values());
     return sum + 0.5 * deviations(sheet, free, values).squaredNorm() + 0.5 * from_start(list).squaredNorm();
   };
 
@@ -121,7 +120,10 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
     if (parameters_move)
       for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
     for (const auto& column : effect_columns) columns.push_back(&column);
-    const Eigen::MatrixXd gram = linear.gram(columns, true);
+    std::vector<double> weights;
+    for (const double loss : linear.segment_losses(now))
+      weights.push_back(robust_weight(loss, linear.segment_values()));
+    const Eigen::MatrixXd gram = linear.gram(columns, weights);
     const Eigen::Index n = parameters + extra;
     Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
     hessian.diagonal().array() += 1;
@@ -182,7 +184,7 @@ Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit
   for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
   for (const auto& column : effect_columns) columns.push_back(&column);
   std::vector<Eigen::VectorXd> gradients;
-  const Eigen::MatrixXd gram = linear.gram(columns, true, &gradients);
+  const Eigen::MatrixXd gram = linear.gram(columns, linear.weights(), &gradients);
   const Eigen::Index n = gram.rows() - 1;
   Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
   hessian.diagonal().array() += 1;

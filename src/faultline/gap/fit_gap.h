@@ -1,9 +1,9 @@
 // Fits parameters and effects of a driven model to runs, by damped Gauss-Newton steps on
 //
-//   L(z, c) = 1/2 sum over segments of w r' W r + 1/2 |z|^2 + 1/2 |c - start|^2
+//   L(z, c) = sum over segments of n/2 log(r' W r / n) + 1/2 |z|^2 + 1/2 |c - start|^2
 //
 // z: deviation of each parameter in tolerances, bound at 3.5; c: each effect parameter's coordinate (candidates.h), known beforehand to
-// about its range. w, W: linearisation.h.
+// about its range. W, n: linearisation.h.
 #pragma once
 
 #include "faultline/gap/candidates.h"

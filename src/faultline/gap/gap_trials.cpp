@@ -13,11 +13,52 @@ namespace {
 constexpr double kSamplesCorrelate = 20;  // samples of a misfit that say the same
 constexpr int kSteps = 4;                 // Gauss-Newton steps around one linearisation
 constexpr int kQuickSteps = 3;
-constexpr int kMostRounds = 5;         // linearisations of the refit
-constexpr int kRefineRounds = 2;       // ... and of a structure that is followed
-constexpr double kSettled = 100;       // gain in log likelihood that is not worth another linearisation
-constexpr double kLongestReach = 3;    // times the size of a starting point
-constexpr std::size_t kFollowed = 20;  // candidates of which all starting points are tried
+constexpr double kGolden = 0.6180339887498949;
+constexpr int kMostRounds = 5;    // linearisations of the refit
+constexpr int kRefineRounds = 3;  // ... and of a structure that is followed
+constexpr double kNear = 0.35;    // tolerances, or of an effect's size, that do not change sensitivities
+constexpr double kSettled = 100;  // gain in log likelihood that is not worth another linearisation
+const std::vector<double> kShares = {0.05, 0.15, 0.4, 0.7, 1.5, 2.5};  // of a starting point's size
+constexpr std::size_t kFollowed = 14;  // candidates of which all starting points are tried
+
+// Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect that is new changes
+// nothing yet.
+bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to) {
+  for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
+    const Parameter& p = sheet.parameters[i];
+    if (std::abs(to.parameters[i] - from.parameters[i]) > kNear * std::abs(p.nominal) * p.tolerance) return false;
+  }
+  if (to.effects.size() < from.effects.size()) return false;
+  for (std::size_t e = 0; e < to.effects.size(); ++e) {
+    const EffectType* type = find_effect_type(to.effects[e].effect);
+    for (std::size_t i = 0; i < to.effects[e].parameters.size(); ++i) {
+      const double none = type->parameters[i].none, value = to.effects[e].parameters[i];
+      if (e >= from.effects.size()) {
+        if (!std::isnan(none) && value != none) return false;
+        continue;
+      }
+      if (from.effects[e].effect != to.effects[e].effect || from.effects[e].port != to.effects[e].port) return false;
+      const double before = from.effects[e].parameters[i];
+      const double size = std::isfinite(none) ? std::abs(before - none) : std::abs(before);
+      if (std::abs(value - before) > kNear * size) return false;
+    }
+  }
+  return true;
+}
+
+// The effect at a share of its size.
+std::vector<double> resized(const Candidate& candidate, std::vector<double> values, double share) {
+  if (candidate.family == "stuck") return values;  // a time is no size
+  const EffectType* type = find_effect_type(candidate.effect.effect);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double none = type->parameters[i].none;
+    if (std::isnan(none)) continue;
+    const Bounds& b = candidate.bounds[i];
+    values[i] =
+        std::clamp(std::isinf(none) ? values[i] / share : none + share * (values[i] - none), b.minimum, b.maximum);
+  }
+  return values;
+}
 
 }  // namespace
 
@@ -37,49 +78,68 @@ std::vector<double> minus(const std::vector<double>& a, const std::vector<double
 
 std::vector<double> robust(const std::vector<double>& losses, double values_per_segment) {
   std::vector<double> result;
-  for (const double loss : losses)
-    result.push_back(0.5 * values_per_segment * std::log(std::max(2 * loss / values_per_segment, 0.2)));
+  for (const double loss : losses) result.push_back(robust(loss, values_per_segment));
   return result;
 }
 
 GapTrials::GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds,
                      const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress)
-    : sheet_(sheet),
-      settings_(settings),
-      progress_(progress),
-      model_(sheet, std::move(runs), gap_segment(sheet)),
-      folds_(folds),
-      learn_(learn) {
+    : sheet_(sheet), settings_(settings), progress_(progress), folds_(folds), learn_(learn) {
+  around_.residuals = std::make_shared<ResidualModel>(sheet, std::move(runs), gap_segment(sheet));
   double duration = 0;
-  for (const GapRun& run : model_.runs())
+  for (const GapRun& run : model().runs())
     duration = std::max(duration, static_cast<double>(run.recording.rows()) * sheet.sample_period);
   all_ = candidates(sheet, settings.without, duration);
-  for (std::size_t i = 0; i < model_.runs().size(); ++i) every_.push_back(i);
+  for (std::size_t i = 0; i < model().runs().size(); ++i) every_.push_back(i);
 }
 
 void GapTrials::tell(double share, const std::string& text) const {
   if (progress_) progress_(share, text);
 }
 
-std::unique_ptr<Linearisation> GapTrials::settle(ResidualModel& model, const GapModel& at, int jobs) const {
+Surroundings GapTrials::settle(const Surroundings& before, const GapModel& at, int jobs) const {
+  Surroundings now;
+  now.residuals = std::make_shared<ResidualModel>(*before.residuals);
+  const bool known = before.linear && near(sheet_, before.seen_from, at);
+  now.seen_from = known ? before.seen_from : at;
   std::vector<std::vector<Eigen::MatrixXf>> starts(every_.size());
-  parallel(every_.size(), jobs, [&](std::size_t i) { starts[i] = model.settle_starts(at, every_[i]); });
-  return std::make_unique<Linearisation>(model, at, every_, jobs, std::move(starts));
+  parallel(every_.size(), jobs, [&](std::size_t i) {
+    starts[i] = now.residuals->settle_starts(at, every_[i],
+                                             known ? before.linear->start_columns(i) : std::vector<Eigen::MatrixXf>());
+  });
+  now.linear = known ? std::make_shared<Linearisation>(*now.residuals, at, *before.linear)
+                     : std::make_shared<Linearisation>(*now.residuals, at, every_, jobs, std::move(starts));
+  return now;
+}
+
+double GapTrials::learned_loss(const Surroundings& around) const {
+  const Linearisation learn = around.linear->subset(learn_);
+  return sum(robust(learn.segment_losses(learn.at_model()), segment_values()));
 }
 
 FitResult GapTrials::refit(const GapModel& start, const std::vector<Candidate>& effects) {
-  FitResult fit;
-  fit.model = with_effects(effects, start.parameters);
-  fit.effects = effects;
-  double before = 0;
-  for (int round = 0; round <= kMostRounds; ++round) {
-    linear_ = settle(model_, fit.model, settings_.jobs);
-    const Linearisation learn = linear_->subset(learn_);
-    const double now = sum(robust(learn.segment_losses(learn.at_model()), segment_values()));
-    if (round == kMostRounds || (round > 1 && before - now < kSettled)) break;
+  Structure structure;
+  structure.fit.effects = effects;
+  structure.fit.model = with_effects(effects, start.parameters);
+  structure.around = settle(around_, structure.fit.model, settings_.jobs);
+  return refit(structure);
+}
+
+FitResult GapTrials::refit(const Structure& refined) {
+  FitResult fit = refined.fit;
+  around_ = refined.around;
+  double before = learned_loss(around_);
+  for (int round = 0; round < kMostRounds; ++round) {
+    const FitResult better =
+        fit_gap(*around_.residuals, fit.model, fit.effects, around_.linear->subset(learn_), kSteps);
+    Surroundings moved = settle(around_, better.model, settings_.jobs);
+    const double now = learned_loss(moved);
+    if (now >= before) break;
+    fit.model = better.model;
+    fit.effects = better.effects;
+    around_ = std::move(moved);
+    if (before - now < kSettled) break;
     before = now;
-    const FitResult better = fit_gap(model_, fit.model, fit.effects, learn, kSteps);
-    fit = better;
   }
   return fit;
 }
@@ -87,7 +147,7 @@ FitResult GapTrials::refit(const GapModel& start, const std::vector<Candidate>& 
 FitResult GapTrials::stand(const GapModel& model) {
   FitResult fit;
   fit.model = model;
-  linear_ = settle(model_, model, settings_.jobs);
+  around_ = settle(around_, model, settings_.jobs);
   return fit;
 }
 
@@ -95,8 +155,8 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   struct Point {
     std::size_t candidate;
     std::vector<double> values;
-    double loss = 0;   // at these values
-    double reach = 0;  // what any size of this shape would have, the shape taken as fixed
+    double loss = 0;   // at the best share of these values' size, residuals taken to grow with it
+    double share = 1;  // that share
     bool tried = false;
   };
   std::vector<Point> points;
@@ -107,22 +167,37 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
     if (there) continue;
     for (auto& values : starting_points(all_[c])) points.push_back({c, values});
   }
-  const Eigen::VectorXd z = deviations(sheet_, linear_->free_parameters(), base.model.parameters);
-  const std::vector<Eigen::MatrixXf>& at_model = linear_->at_model();
-  const double before = projected_loss(*linear_, at_model, z);
+  const Eigen::VectorXd z = deviations(sheet_, around_.linear->free_parameters(), base.model.parameters);
+  const Linearisation& linear = *around_.linear;
+  const std::vector<Eigen::MatrixXf>& at_model = linear.at_model();
+  const SegmentProducts none = linear.products(at_model);
+  const double before = projected_loss(linear, none, z);
   std::atomic<std::size_t> done{0};
   const auto attempt = [&](Point& point) {
     std::vector<Candidate> effects = base.effects;
     effects.push_back(all_[point.candidate]);
     effects.back().effect.parameters = point.values;
-    std::vector<Eigen::MatrixXf> residuals = residuals_of(model_, with_effects(effects, base.model.parameters), every_);
-    point.loss = projected_loss(*linear_, residuals, z);
-    // Along the line from the model to this point the projected loss is a parabola.
+    std::vector<Eigen::MatrixXf> residuals =
+        residuals_of(model(), with_effects(effects, base.model.parameters), every_);
+    const SegmentProducts full = linear.products(residuals);
+    point.loss = projected_loss(linear, full, z);
+    // Residuals of other sizes of this shape, as far as they lie on the line from the model to this point.
     for (std::size_t r = 0; r < residuals.size(); ++r) residuals[r] = 0.5f * (residuals[r] + at_model[r]);
-    const double middle = projected_loss(*linear_, residuals, z);
-    const double curvature = 2 * (before + point.loss - 2 * middle), slope = point.loss - before - curvature;
-    const double at = curvature > 0 ? std::clamp(-slope / (2 * curvature), 0.0, kLongestReach) : 0;
-    point.reach = std::min(point.loss, before + slope * at + curvature * at * at);
+    const SegmentProducts half = linear.products(residuals);
+    for (const double share : kShares) {
+      SegmentProducts part = none;
+      for (std::size_t g = 0; g < part.squares.size(); ++g) {
+        const double both = 2 * half.squares[g] - 0.5 * (none.squares[g] + full.squares[g]);
+        part.squares[g] = std::max(0.0, (1 - share) * (1 - share) * none.squares[g] + 2 * share * (1 - share) * both +
+                                            share * share * full.squares[g]);
+        part.against_parameters[g] += share * (full.against_parameters[g] - none.against_parameters[g]);
+      }
+      const double loss = projected_loss(linear, part, z);
+      if (loss < point.loss) {
+        point.loss = loss;
+        point.share = share;
+      }
+    }
     point.tried = true;
     const std::size_t now = ++done;
     if (progress_)
@@ -139,7 +214,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   parallel(first.size(), settings_.jobs, [&](std::size_t i) { attempt(points[first[i]]); });
   std::vector<double> reach(all_.size(), before);
   for (const Point& point : points)
-    if (point.tried) reach[point.candidate] = std::min(reach[point.candidate], point.reach);
+    if (point.tried) reach[point.candidate] = std::min(reach[point.candidate], point.loss);
   std::vector<double> sorted = reach;
   std::sort(sorted.begin(), sorted.end());
   const double enough = sorted[std::min(kFollowed, sorted.size() - 1)];
@@ -156,7 +231,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
     Structure structure;
     structure.fit.effects = base.effects;
     structure.fit.effects.push_back(all_[c]);
-    structure.fit.effects.back().effect.parameters = best->values;
+    structure.fit.effects.back().effect.parameters = resized(all_[c], best->values, best->share);
     structure.screened = before - best->loss;
     result.push_back(std::move(structure));
   }
@@ -166,57 +241,104 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
 }
 
 void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, double from, double to) const {
-  const Linearisation learn = linear_->subset(learn_);
-  const auto weighted = [&](const GapModel& model) {
-    return sum(robust(learn.segment_losses(residuals_of(model_, model, learn_)), segment_values()));
+  const Linearisation learn = around_.linear->subset(learn_);
+  const auto weighted = [&](const GapModel& at) {
+    return sum(robust(learn.segment_losses(residuals_of(model(), at, learn_)), segment_values()));
   };
   const double before = weighted(base.model);
+  // The time from which a signal is stuck has a narrow valley that no derivative finds from afar: golden sections around its start.
+  const auto narrow = [&](std::vector<Candidate>& effects) {
+    double& time = effects.back().effect.parameters.front();
+    const Bounds& bounds = effects.back().bounds.front();
+    const double spacing = (bounds.maximum - bounds.minimum) / kStuckTimes;
+    double low = std::max(bounds.minimum, time - spacing), high = std::min(bounds.maximum, time + spacing);
+    const auto at = [&](double value) {
+      time = value;
+      return weighted(with_effects(effects, base.model.parameters));
+    };
+    double left = high - kGolden * (high - low), right = low + kGolden * (high - low);
+    double of_left = at(left), of_right = at(right);
+    while (high - low > sheet_.sample_period) {
+      if (of_left < of_right) {
+        high = right, right = left, of_right = of_left;
+        of_left = at(left = high - kGolden * (high - low));
+      } else {
+        low = left, left = right, of_left = of_right;
+        of_right = at(right = low + kGolden * (high - low));
+      }
+    }
+    time = 0.5 * (low + high);
+  };
+  const auto better = [](const Structure& a, const Structure& b) { return a.quick > b.quick; };
+  const std::size_t followed = (structures.size() + 1) / 2;
   std::atomic<std::size_t> done{0};
-  parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
-    Structure& structure = structures[i];
-    structure.fit = fit_gap(model_, base.model, structure.fit.effects, learn, kQuickSteps);
-    structure.quick = before - weighted(structure.fit.model);
-    const std::size_t now = ++done;
-    if (progress_)
-      progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size()),
-                "fitting the best");
-  });
-  std::stable_sort(structures.begin(), structures.end(),
-                   [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
+  const auto fit = [&](std::size_t count, int steps) {
+    parallel(count, settings_.jobs, [&](std::size_t i) {
+      Structure& structure = structures[i];
+      const bool first = structure.fit.model.parameters.empty();
+      if (first && structure.fit.effects.back().family == "stuck") narrow(structure.fit.effects);
+      const GapModel& start = first ? base.model : structure.fit.model;
+      structure.fit = fit_gap(model(), start, structure.fit.effects, learn, steps);
+      structure.quick = before - weighted(structure.fit.model);
+      const std::size_t now = ++done;
+      if (progress_)
+        progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size() + followed),
+                  "fitting the best");
+    });
+    std::stable_sort(structures.begin(), structures.begin() + static_cast<std::ptrdiff_t>(count), better);
+  };
+  fit(structures.size(), 1);
+  fit(followed, kQuickSteps - 1);
+  std::stable_sort(structures.begin(), structures.end(), better);
 }
 
-void GapTrials::refine(Structure& structure, int jobs) const {
-  auto own = std::make_unique<ResidualModel>(model_);
-  std::unique_ptr<Linearisation> linear = settle(*own, structure.fit.model, jobs);
-  const auto loss = [&](const Linearisation& at) {
-    const Linearisation learn = at.subset(learn_);
-    return sum(robust(learn.segment_losses(learn.at_model()), segment_values()));
-  };
-  double best = loss(*linear);
+double GapTrials::follow(Structure& structure, int jobs) const {
+  structure.around = settle(around_, structure.fit.model, jobs);
+  double best = learned_loss(structure.around);
   for (int round = 0; round < kRefineRounds; ++round) {
-    const FitResult fit = fit_gap(*own, structure.fit.model, structure.fit.effects, linear->subset(learn_), kSteps);
-    auto moved = std::make_unique<ResidualModel>(*own);
-    std::unique_ptr<Linearisation> around = settle(*moved, fit.model, jobs);
-    const double now = loss(*around);
+    const Surroundings& own = structure.around;
+    const FitResult fit =
+        fit_gap(*own.residuals, structure.fit.model, structure.fit.effects, own.linear->subset(learn_), kSteps);
+    Surroundings moved = settle(own, fit.model, jobs);
+    const double now = learned_loss(moved);
     if (now >= best) break;
     const bool settled = best - now < kSettled;
     best = now;
     structure.fit = fit;
-    own = std::move(moved);
-    linear = std::move(around);
+    structure.around = std::move(moved);
     if (settled) break;
   }
-  structure.fit.covariance = uncertainty(*own, structure.fit, linear->subset(learn_));
-  cross_score(*own, *linear, structure);
+  return best;
 }
 
-void GapTrials::cross_score(const ResidualModel& model, const Linearisation& linear, Structure& structure) const {
+void GapTrials::refine(Structure& structure, int jobs) const {
+  // The refit without this effect may have bent parameters into a valley of their own, from which no step leads out: the fit starts at
+  // the datasheet's parameters again, and only where that ends worse than the quick fit from there.
+  const FitResult quick = structure.fit;
+  const Linearisation learn = around_.linear->subset(learn_);
+  const double quick_loss =
+      sum(robust(learn.segment_losses(residuals_of(model(), quick.model, learn_)), segment_values()));
+  structure.fit.model.parameters = sheet_.nominal();
+  const double best = follow(structure, jobs);
+  if (best > quick_loss) {
+    Structure bent = structure;
+    bent.fit = quick;
+    if (follow(bent, jobs) < best) structure = std::move(bent);
+  }
+  structure.fit.covariance =
+      uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_));
+  cross_score(structure.around, structure);
+}
+
+void GapTrials::cross_score(const Surroundings& around, Structure& structure) const {
   const FitResult& fit = structure.fit;
   structure.held_out.clear();
   for (const Fold& fold : folds_) {
     const bool same = fold.train == learn_;
-    const FitResult part = same ? fit : fit_effects(model, fit.model, fit.effects, linear.subset(fold.train), kSteps);
-    const auto losses = linear.subset(fold.test).segment_losses(residuals_of(model, part.model, fold.test));
+    const FitResult part =
+        same ? fit : fit_effects(*around.residuals, fit.model, fit.effects, around.linear->subset(fold.train), kSteps);
+    const auto losses =
+        around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test));
     structure.held_out.insert(structure.held_out.end(), losses.begin(), losses.end());
   }
   structure.score = robust(structure.held_out, segment_values());
@@ -225,7 +347,7 @@ void GapTrials::cross_score(const ResidualModel& model, const Linearisation& lin
 Structure GapTrials::score(const FitResult& fit) const {
   Structure structure;
   structure.fit = fit;
-  cross_score(model_, *linear_, structure);
+  cross_score(around_, structure);
   return structure;
 }
 
@@ -280,15 +402,18 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
         add(candidate);
     }
   all.fit.model = with_effects(all.fit.effects, base.model.parameters);
+  if (all.fit.effects.size() == base.effects.size()) return all;
+  follow(all, settings_.jobs);
+  cross_score(all.around, all);
   return all;
 }
 
-std::vector<double> GapTrials::held_out(const GapModel& model) const {
+std::vector<double> GapTrials::held_out(const GapModel& at) const {
   std::vector<double> result;
   for (const Fold& fold : folds_) {
-    const Linearisation test = linear_->subset(fold.test);
+    const Linearisation test = around_.linear->subset(fold.test);
     std::vector<Eigen::MatrixXf> residuals;
-    for (const std::size_t run : fold.test) residuals.push_back(model_.residuals(model, run));
+    for (const std::size_t run : fold.test) residuals.push_back(model().residuals(at, run));
     const auto part = test.segment_losses(residuals);
     result.insert(result.end(), part.begin(), part.end());
   }
@@ -299,7 +424,7 @@ double GapTrials::held_out_values() const {
   double count = 0;
   for (const Fold& fold : folds_)
     for (const std::size_t run : fold.test)
-      count += static_cast<double>(model_.runs()[run].segments() * model_.segment() * model_.outputs().size());
+      count += static_cast<double>(model().runs()[run].segments() * model().segment() * model().outputs().size());
   return count;
 }
 

@@ -14,6 +14,13 @@ struct Fold {
   std::vector<std::size_t> train, test;  // positions of runs
 };
 
+// Start states and linearisation around a model.
+struct Surroundings {
+  std::shared_ptr<ResidualModel> residuals;
+  std::shared_ptr<Linearisation> linear;
+  GapModel seen_from;  // where the sensitivities were computed
+};
+
 // One structure: which effects, how far it was followed, and how it does.
 struct Structure {
   FitResult fit;                 // effects at their starting points until it was fitted
@@ -21,6 +28,7 @@ struct Structure {
   double quick = 0;              // gain of the quick fit
   std::vector<double> held_out;  // loss per segment of all tests; empty until refined
   std::vector<double> score;     // the same on the scale of robust()
+  Surroundings around;           // its own, once refined
 };
 
 double sum(const std::vector<double>& values);
@@ -40,12 +48,14 @@ class GapTrials {
   GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds,
             const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress);
 
-  const ResidualModel& model() const { return model_; }
+  const ResidualModel& model() const { return *around_.residuals; }
 
   void tell(double share, const std::string& text) const;
 
   // Refits the parameters around `effects` until nothing is gained; leaves start states and linearisation of all runs at the result.
   FitResult refit(const GapModel& start, const std::vector<Candidate>& effects);
+  // The same from a refined structure on.
+  FitResult refit(const Structure& refined);
 
   // The model as it is, with start states and linearisation of all runs at it.
   FitResult stand(const GapModel& model);
@@ -54,7 +64,8 @@ class GapTrials {
   // effect is fitted again on a fold's learning runs and has to prove itself on the others.
   Structure score(const FitResult& fit) const;
 
-  // Every candidate beside the effects of `base`, best first, each at its best starting point, parameters adjusted to first order.
+  // Every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best starting point or
+  // wherever on the way to it from no effect it should be better.
   std::vector<Structure> screen(const FitResult& base, double from, double to) const;
 
   // Fits each with the linearisation as it stands, and sorts them, best first.
@@ -65,28 +76,29 @@ class GapTrials {
 
   // What a flexible model of a port could win: the effects of `base`, and at a port through which a signal or an opening passes a piecewise
   // linear curve and a memory (the effects of the family "flexible"), elsewhere everything smooth that the library has there. Each
-  // starts as small as its range allows.
+  // starts as small as its range allows. Without scores where the port has nothing to add.
   Structure closure(const FitResult& base, const std::string& port) const;
 
   // Losses per held-out segment of a model as it is.
-  std::vector<double> held_out(const GapModel& model) const;
+  std::vector<double> held_out(const GapModel& at) const;
 
-  double segment_values() const { return static_cast<double>(model_.segment() * model_.outputs().size()); }
+  double segment_values() const { return static_cast<double>(model().segment() * model().outputs().size()); }
   double held_out_values() const;
 
  private:
-  std::unique_ptr<Linearisation> settle(ResidualModel& model, const GapModel& at, int jobs) const;
+  Surroundings settle(const Surroundings& before, const GapModel& at, int jobs) const;
+  double learned_loss(const Surroundings& around) const;
   void refine(Structure& structure, int jobs) const;
-  void cross_score(const ResidualModel& model, const Linearisation& linear, Structure& structure) const;
+  double follow(Structure& structure, int jobs) const;
+  void cross_score(const Surroundings& around, Structure& structure) const;
 
   const Datasheet& sheet_;
   const GapSettings& settings_;
   const GapProgress& progress_;
-  ResidualModel model_;
   std::vector<Fold> folds_;
   std::vector<std::size_t> learn_, every_;
   std::vector<Candidate> all_;
-  std::unique_ptr<Linearisation> linear_;
+  Surroundings around_;  // of the model that stands
 };
 
 }  // namespace faultline

@@ -11,9 +11,15 @@
 namespace faultline {
 namespace {
 
-constexpr double kStep = 0.1;  // tolerances, for differences
+constexpr double kStep = 0.1;     // tolerances, for differences
+constexpr double kFloor = 0.2;    // of the noise's variance, below which a segment cannot be better
+constexpr int kReweightings = 4;  // steps of a projected loss
 
 }  // namespace
+
+double robust(double loss, double values) { return 0.5 * values * std::log(std::max(2 * loss / values, kFloor)); }
+
+double robust_weight(double loss, double values) { return 1 / std::max(2 * loss / values, kFloor); }
 
 std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
                                           const std::vector<std::size_t>& runs) {
@@ -67,6 +73,13 @@ Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& mod
   prepare();
 }
 
+Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, const Linearisation& near)
+    : residuals_(residuals), runs_(near.runs_), free_(near.free_), columns_(near.columns_), starts_(near.starts_) {
+  at_model_ = residuals_of(residuals, model, runs_);
+  for (const std::size_t run : runs_) shifts_.push_back(residuals.start_shift(run));
+  prepare();
+}
+
 void Linearisation::prepare() {
   inverse_.resize(runs_.size());
   const auto length = static_cast<Eigen::Index>(residuals_.segment());
@@ -90,8 +103,7 @@ void Linearisation::prepare() {
     }
   }
   weights_.clear();
-  const double count = static_cast<double>(residuals_.segment() * residuals_.outputs().size());
-  for (const double loss : segment_losses(at_model_)) weights_.push_back(1 / std::max(1.0, 2 * loss / count));
+  for (const double loss : segment_losses(at_model_)) weights_.push_back(robust_weight(loss, segment_values()));
   cross_.assign(runs_.size(), {});
   const auto parameters = static_cast<Eigen::Index>(columns_.size());
   for (std::size_t r = 0; r < runs_.size(); ++r)
@@ -107,9 +119,21 @@ void Linearisation::prepare() {
                                       .sum());
       cross_[r].push_back(cross);
     }
-  std::vector<const std::vector<Eigen::MatrixXf>*> all;
-  for (const auto& column : columns_) all.push_back(&column);
-  parameter_gram_ = gram(all, false);
+  parameter_grams_.clear();
+  const auto outputs = static_cast<Eigen::Index>(residuals_.outputs().size());
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    Eigen::MatrixXf stacked(length * outputs, parameters);
+    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
+      const auto first = static_cast<Eigen::Index>(g) * length;
+      for (Eigen::Index j = 0; j < parameters; ++j)
+        for (Eigen::Index o = 0; o < outputs; ++o)
+          stacked.col(j).segment(o * length, length) =
+              columns_[static_cast<std::size_t>(j)][r].col(o).segment(first, length);
+      const Eigen::MatrixXd& cross = cross_[r][g];
+      parameter_grams_.push_back((stacked.transpose() * stacked).cast<double>() -
+                                 cross.transpose() * inverse_[r][g] * cross);
+    }
+  }
 }
 
 Linearisation Linearisation::subset(const std::vector<std::size_t>& positions) const {
@@ -127,34 +151,34 @@ Linearisation Linearisation::subset(const std::vector<std::size_t>& positions) c
   return part;
 }
 
-double Linearisation::square(const std::vector<Eigen::MatrixXf>& residuals, Eigen::VectorXd& against_parameters) const {
+SegmentProducts Linearisation::products(const std::vector<Eigen::MatrixXf>& residuals) const {
   const auto length = static_cast<Eigen::Index>(residuals_.segment());
   const auto parameters = static_cast<Eigen::Index>(columns_.size());
-  against_parameters.setZero(parameters);
-  double total = 0;
-  auto weight = weights_.begin();
+  SegmentProducts result;
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     const auto n = static_cast<Eigen::Index>(starts_[r].size());
     for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
       const auto first = static_cast<Eigen::Index>(g) * length;
       const auto part = residuals[r].middleRows(first, length);
-      Eigen::VectorXd against(n);
+      Eigen::VectorXd against = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
+      const double shift = against.squaredNorm();
       for (Eigen::Index i = 0; i < n; ++i)
-        against[i] = static_cast<double>(
+        against[i] += static_cast<double>(
             starts_[r][static_cast<std::size_t>(i)].middleRows(first, length).cwiseProduct(part).sum());
-      const Eigen::VectorXd shift = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
-      against += shift;
       const Eigen::VectorXd solved = inverse_[r][g] * against;
-      const double w = *weight++;
-      total += w * (static_cast<double>(part.squaredNorm()) + shift.squaredNorm() - against.dot(solved));
+      result.squares.push_back(static_cast<double>(part.squaredNorm()) + shift - against.dot(solved));
+      Eigen::VectorXd products = -cross_[r][g].transpose() * solved;
       for (Eigen::Index j = 0; j < parameters; ++j)
-        against_parameters[j] +=
-            w * static_cast<double>(
-                    columns_[static_cast<std::size_t>(j)][r].middleRows(first, length).cwiseProduct(part).sum());
-      against_parameters -= w * cross_[r][g].transpose() * solved;
+        products[j] += static_cast<double>(
+            columns_[static_cast<std::size_t>(j)][r].middleRows(first, length).cwiseProduct(part).sum());
+      result.against_parameters.push_back(products);
     }
   }
-  return total;
+  return result;
+}
+
+double Linearisation::segment_values() const {
+  return static_cast<double>(residuals_.segment() * residuals_.outputs().size());
 }
 
 double Linearisation::values() const {
@@ -187,12 +211,12 @@ std::vector<double> Linearisation::segment_losses(const std::vector<Eigen::Matri
 }
 
 Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::MatrixXf>*>& columns,
-                                    bool residuals_first, std::vector<Eigen::VectorXd>* gradients) const {
+                                    const std::vector<double>& weights, std::vector<Eigen::VectorXd>* gradients) const {
   const auto n = static_cast<Eigen::Index>(columns.size());
   const auto length = static_cast<Eigen::Index>(residuals_.segment());
   Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
   const auto outputs = static_cast<Eigen::Index>(residuals_.outputs().size());
-  auto weight = weights_.begin();
+  auto weight = weights.begin();
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     const auto shown = static_cast<Eigen::Index>(starts_[r].size());
     Eigen::MatrixXf stacked(length * outputs, n + shown);
@@ -205,11 +229,9 @@ Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::M
           stacked.col(i).segment(o * length, length) = column.col(o).segment(first, length);
       }
       Eigen::MatrixXd all = (stacked.transpose() * stacked).cast<double>();
-      if (residuals_first) {
-        const Eigen::VectorXd shift = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
-        all.block(n, 0, shown, 1) += shift;
-        all(0, 0) += shift.squaredNorm();
-      }
+      const Eigen::VectorXd shift = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
+      all.block(n, 0, shown, 1) += shift;
+      all(0, 0) += shift.squaredNorm();
       const auto cross = all.bottomLeftCorner(shown, n);
       const Eigen::MatrixXd part = *weight++ * (all.topLeftCorner(n, n) - cross.transpose() * inverse_[r][g] * cross);
       if (gradients) gradients->push_back(part.col(0).tail(n - 1));
@@ -219,15 +241,27 @@ Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::M
   return total;
 }
 
-double projected_loss(const Linearisation& linear, const std::vector<Eigen::MatrixXf>& residuals,
-                      const Eigen::VectorXd& z) {
-  Eigen::VectorXd gradient;
-  const double square = linear.square(residuals, gradient);
-  Eigen::MatrixXd hessian = linear.parameter_gram();
-  hessian.diagonal().array() += 1;
-  gradient += z;
-  const Eigen::VectorXd move = -hessian.ldlt().solve(gradient);
-  return 0.5 * square + 0.5 * z.squaredNorm() + 0.5 * gradient.dot(move);
+double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z) {
+  const double values = linear.segment_values();
+  const std::vector<Eigen::MatrixXd>& grams = linear.parameter_grams();
+  Eigen::VectorXd move = Eigen::VectorXd::Zero(z.size());
+  double best = 0;
+  for (int step = 0; step <= kReweightings; ++step) {
+    Eigen::MatrixXd hessian = Eigen::MatrixXd::Identity(z.size(), z.size());
+    Eigen::VectorXd gradient = z;
+    double loss = 0.5 * (z + move).squaredNorm();
+    for (std::size_t g = 0; g < grams.size(); ++g) {
+      const Eigen::VectorXd& against = products.against_parameters[g];
+      const double half = 0.5 * (products.squares[g] + 2 * against.dot(move) + move.dot(grams[g] * move));
+      const double weight = robust_weight(half, values);
+      loss += robust(half, values);
+      hessian += weight * grams[g];
+      gradient += weight * against;
+    }
+    if (step == 0 || loss < best) best = loss;
+    move = -hessian.ldlt().solve(gradient);
+  }
+  return best;
 }
 
 }  // namespace faultline

@@ -234,8 +234,7 @@ void LiveGap::locate(std::size_t segments) {
   GapTrials trials(sheet_, {prepare_run(sheet_, "live", joined(segments), gap_segment(sheet_))}, {fold}, {0}, settings,
                    quiet);
   const FitResult base = trials.stand(nominal_);  // the rig was normal before: its parameters are hardly off
-  const double beyond =
-      sum(trials.score(base).score) - sum(robust({0.5 * trials.segment_values()}, trials.segment_values()));
+  const double beyond = sum(trials.score(base).score) - robust(0.5 * trials.segment_values(), trials.segment_values());
   std::vector<Structure> structures = trials.screen(base, 0, 1);
   if (structures.size() > kAgain) structures.resize(kAgain);
   trials.shortlist(base, structures, 0, 1);

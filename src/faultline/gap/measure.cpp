@@ -195,9 +195,16 @@ void describe(const Datasheet& sheet, GapResult& result) {
     result.sentence = "The structure fits; the parameters are off" +
                       (moved.empty() ? std::string(" within their tolerances.") : ": " + moved + ".");
   } else if (result.verdict == "named") {
-    for (const NamedEffect& e : result.effects)
-      result.sentence += fmt::format("{}{} at {}", result.sentence.empty() ? "" : " and ", e.effect, e.port);
-    result.sentence += fmt::format(" closes {:.0f} % of what the refit leaves.", 100 * result.shrink_refit);
+    std::string rounded;
+    for (const NamedEffect& e : result.effects) {
+      std::string& part = e.effect == "quantisation" ? rounded : result.sentence;
+      part += fmt::format("{}{} at {}", part.empty() ? "" : " and ", e.effect, e.port);
+    }
+    if (!result.sentence.empty())
+      result.sentence += fmt::format(" closes {:.0f} % of what the refit leaves.", 100 * result.shrink_refit);
+    if (!rounded.empty())
+      result.sentence +=
+          (result.sentence.empty() ? "" : " ") + rounded + ": it is in the noise, which no model closes.";
     if (!result.equivalent.empty())
       result.sentence += fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
   } else {

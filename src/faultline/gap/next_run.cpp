@@ -23,10 +23,10 @@ std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& fir
     const ResidualModel model(sheet, {prepare_run(sheet, profile.name, std::move(recording), segment)}, segment);
     const Linearisation linear(model, second, {0}, jobs);
     const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), second.parameters);
-    const double rival = projected_loss(linear, linear.at_model(), z);
+    const double rival = projected_loss(linear, linear.products(linear.at_model()), z);
     const std::vector<double> losses = linear.segment_losses({model.residuals(first, 0)});
     double truth = 0.5 * deviations(sheet, linear.free_parameters(), first.parameters).squaredNorm();
-    for (std::size_t i = 0; i < losses.size(); ++i) truth += linear.weight(i) * losses[i];
+    for (const double loss : losses) truth += robust(loss, linear.segment_values());
     if (rival - truth > kWorthwhile) result.push_back({profile.name, duration, rival - truth, between});
   }
   std::stable_sort(result.begin(), result.end(), [](const NextRun& a, const NextRun& b) { return a.gain > b.gain; });

@@ -14,6 +14,7 @@ namespace {
 constexpr int kSmoothing = 6;            // samples on each side for start states
 constexpr double kBends = 2;             // a quadratic describes what it misses by this many noise variances
 constexpr double kStartPrior = 2;        // deviation of the prior of a start state, in the channel's noise
+constexpr double kStartStep = 0.5;       // of a deviation, for differences
 constexpr double kLargestShift = 20;     // of a start state, in deviations of its prior
 constexpr double kWhite = 1.1;           // smoothing may take away this much of the noise's variance
 constexpr double kLargest = 1e4;         // residuals beyond this many sigmas are cut
@@ -215,16 +216,13 @@ Eigen::MatrixXf ResidualModel::residuals(const GapModel& model, std::size_t run,
 
 std::vector<Eigen::MatrixXf> ResidualModel::start_sensitivity(const GapModel& model, std::size_t index) const {
   const GapRun& run = runs_[index];
+  const Eigen::MatrixXf now = simulate(model, run, run.restarts, run.start_states);
   std::vector<Eigen::MatrixXf> result;
   for (std::size_t s = 0; s < state_channel_.size(); ++s) {
     if (state_channel_[s] < 0) continue;
-    // Central difference over one deviation.
-    std::vector<double> plus = run.start_states, minus = run.start_states;
-    for (std::size_t i = s; i < plus.size(); i += state_channel_.size()) {
-      plus[i] += run.start_std[s];
-      minus[i] -= run.start_std[s];
-    }
-    result.push_back((simulate(model, run, run.restarts, plus) - simulate(model, run, run.restarts, minus)) * 0.5f);
+    std::vector<double> moved = run.start_states;
+    for (std::size_t i = s; i < moved.size(); i += state_channel_.size()) moved[i] += kStartStep * run.start_std[s];
+    result.push_back((simulate(model, run, run.restarts, moved) - now) / static_cast<float>(kStartStep));
     for (std::size_t g = 1; g < run.segments(); ++g)
       result.back().row(static_cast<Eigen::Index>(run.restarts[g])).setZero();
   }
@@ -244,10 +242,11 @@ Eigen::MatrixXd ResidualModel::start_shift(std::size_t index) const {
   return result;
 }
 
-std::vector<Eigen::MatrixXf> ResidualModel::settle_starts(const GapModel& model, std::size_t index) {
+std::vector<Eigen::MatrixXf> ResidualModel::settle_starts(const GapModel& model, std::size_t index,
+                                                          std::vector<Eigen::MatrixXf> known) {
   GapRun& run = runs_[index];
   const Eigen::MatrixXf before = residuals(model, index);
-  std::vector<Eigen::MatrixXf> sensitivity = start_sensitivity(model, index);
+  std::vector<Eigen::MatrixXf> sensitivity = known.empty() ? start_sensitivity(model, index) : std::move(known);
   const Eigen::MatrixXd shift = start_shift(index);
   const std::vector<double> old_states = run.start_states, old_shift = run.start_shift;
   const auto length = static_cast<Eigen::Index>(segment_);

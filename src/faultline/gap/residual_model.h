@@ -53,8 +53,9 @@ class ResidualModel {
   // Shifts of the start states that channels show, in deviations of their prior: segments x shown states.
   Eigen::MatrixXd start_shift(std::size_t run) const;
   // Moves the start states to those that fit the model best, where that lowers a segment's loss. One Gauss-Newton step a call.
-  // Returns the sensitivities that it used.
-  std::vector<Eigen::MatrixXf> settle_starts(const GapModel& model, std::size_t run);
+  // Returns the sensitivities that it used: `known` ones, or its own where that is empty.
+  std::vector<Eigen::MatrixXf> settle_starts(const GapModel& model, std::size_t run,
+                                             std::vector<Eigen::MatrixXf> known = {});
 
  private:
   double start_at(const GapRun& run, std::size_t row, int channel) const;

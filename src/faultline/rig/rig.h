@@ -42,7 +42,9 @@ struct RigType {
   double substep;  // s, at which the integration has converged
   // `parameters` in the datasheet's order. Keeps references to the effects' chains: they must outlive the rig.
   std::unique_ptr<Rig> (*make)(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
-  double model_substep = 0;  // s, of the model that a recording drives, which may be coarser; 0: substep
+  // s, of the model that a recording drives, which may be coarser; 0: substep. Effects in a line or a transmission bring states that are
+  // faster than the rig's own: with them the model takes `substep` too.
+  double model_substep = 0;
 };
 
 const std::vector<RigType>& rig_types();

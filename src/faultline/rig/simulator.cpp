@@ -110,7 +110,12 @@ class Plant {
   static int substeps(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
     const RigType* type = find_rig_type(sheet.rig);
     double wanted = type ? type->substep : sheet.sample_period;
-    if (type && use == Use::model && type->model_substep > 0) wanted = type->model_substep;
+    const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
+    const bool faster = std::any_of(effects.begin(), effects.end(), [](const EffectSpec& effect) {
+      const PortKind kind = port_kind(effect.port);
+      return kind == PortKind::line || kind == PortKind::transmission;
+    });
+    if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
     if (setup.substep > 0) wanted = setup.substep;
     return std::max(1, static_cast<int>(std::ceil(sheet.sample_period / wanted - 1e-9)));
   }
