@@ -143,7 +143,7 @@ class LaunchFiles(unittest.TestCase):
         self.assertGreaterEqual(len(entries), 1)
         for entry in entries:
             with self.subTest(bag=entry["file"]):
-                self.compare(ROOT / "bags" / entry["file"], 3 if entry["rig"] == RIG else 2, entry["rig"])
+                self.compare(ROOT / "bags" / entry["file"], 2, entry["rig"])
 
 
 if __name__ == "__main__":
