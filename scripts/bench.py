@@ -12,6 +12,8 @@ import tempfile
 ROWS = [  # benchmark, what it is, aim
     ('filter_step_second_order', 'filter step, second order, six states', '<= 3 us'),
     ('filter_step_first_order', 'filter step, first order, six states', ''),
+    ('filter_step_unscented', 'filter step, unscented, six states', ''),
+    ('filter_step_extended', 'filter step, extended, six states', ''),
     ('peer_kalman_step', 'peer: plain Kalman step, six states', ''),
     ('estimator_stage', 'estimator stage per sample', ''),
     ('alarm_stage', 'alarm stage per sample', ''),

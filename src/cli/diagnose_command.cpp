@@ -20,6 +20,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kInterruptEvery = 4096;  // samples
+constexpr double kWorthSaying = 1;             // s
 
 struct Options {
   std::string input, rig, config, json, series;
@@ -74,6 +75,7 @@ Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, cons
                {"verdict", verdict.kind},
                {"sentence", verdict.sentence},
                {"alarms", Json::array()},
+               {"not_observable", Json::array()},
                {"counts",
                 {{"samples", found.samples},
                  {"used", used.used},
@@ -87,11 +89,22 @@ Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, cons
                  {"backward", found.backward}}},
                {"made_by", loaded.made_by}};
   for (const Alarm& alarm : diagnosis.report().alarms) json["alarms"].push_back(alarm_json(alarm, loaded.start));
+  for (const Unobserved& u : diagnosis.report().unobserved)
+    json["not_observable"].push_back({{"detector", u.detector},
+                                      {"effect", u.effect},
+                                      {"port", u.port},
+                                      {"seconds", rounded(u.seconds)},
+                                      {"at_the_end", u.now}});
   return json;
 }
 
 void print_report(const LoadedRecording& loaded, const Diagnosis& diagnosis, const Verdict& verdict) {
   fmt::print("{}, {:.1f} s: {}\n{}\n", loaded.sheet.rig, loaded.end - loaded.start, verdict.kind, verdict.sentence);
+  for (const Unobserved& u : diagnosis.report().unobserved)
+    if (u.seconds > kWorthSaying)
+      fmt::print("{} was not observable for {:.1f} s{}: the motion did not show it.\n",
+                 u.effect.empty() ? u.detector : u.effect + "@" + u.port, u.seconds,
+                 u.now ? ", nor is it at the end" : "");
   if (diagnosis.report().alarms.empty()) return;
   fmt::print("\n{:>9} {:>9} {:>9}  {:<8} {}\n", "since", "until", "raised", "kind", "what");
   for (const Alarm& alarm : diagnosis.report().alarms) {

@@ -13,13 +13,13 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/adopt.h"
-#include "cli/effect_unit.h"
 #include "cli/gap_report.h"
 #include "cli/interrupt.h"
 #include "cli/load_recording.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
 #include "faultline/gap/diagnose_gap.h"
+#include "faultline/rig/effect_unit.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -7,12 +7,12 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "cli/effect_unit.h"
 #include "cli/load_recording.h"
 #include "cli/output_file.h"
 #include "cli/share_folder.h"
 #include "cli/subcommand.h"
 #include "faultline/rig/effect.h"
+#include "faultline/rig/effect_unit.h"
 #include "faultline/rig/rig.h"
 
 namespace faultline {

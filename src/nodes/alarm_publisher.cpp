@@ -77,7 +77,7 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report) {
 AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience)
     : sheet_(sheet),
       stage_(sheet),
-      join_(sheet.estimators.size()),
+      join_(occasional_stages(sheet)),
       monitor_(sequence_settings(sheet)),
       silence_(patience),
       health_(sheet.rig, "alarms", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }) {

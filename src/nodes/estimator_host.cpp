@@ -49,7 +49,7 @@ EstimatorHost::EstimatorHost(const Datasheet& sheet, EstimatorFamily family, con
   for (const StageSpec& spec : find_stages(sheet, family, stage)) {
     EstimatorStage made(sheet, spec);
     EstimateNames names = names_of(sheet, made);
-    hosted_.push_back({std::move(made), std::move(names), Estimate()});
+    hosted_.push_back({std::move(made), std::move(names), Estimate(), is_fault_response(spec.type), false});
   }
   estimates_ = node_.advertise<faultline_msgs::Estimate>(topic(sheet.rig, "estimate"), kQueue);
   service_ = private_node_.advertiseService("reset", &EstimatorHost::reset, this);
@@ -61,8 +61,11 @@ void EstimatorHost::start(int wait_for) {
 }
 
 void EstimatorHost::take(const Sample& sample) {
-  for (Hosted& h : hosted_)
-    if (h.stage.process(sample, h.estimate)) estimates_.publish(to_message(h.estimate, h.names));
+  for (Hosted& h : hosted_) h.taken = h.stage.process(sample, h.estimate) && h.stage.news();
+  // Those that speak now and then come first: who joins the estimates of a sample (estimate_join.h) has then heard them.
+  for (const bool occasional : {true, false})
+    for (const Hosted& h : hosted_)
+      if (h.taken && h.occasional == occasional) estimates_.publish(to_message(h.estimate, h.names));
 }
 
 bool EstimatorHost::reset(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {

@@ -35,6 +35,7 @@ class EstimatorHost {
     EstimatorStage stage;
     EstimateNames names;
     Estimate estimate;
+    bool occasional, taken;
   };
   std::vector<Hosted> hosted_;
   ros::NodeHandle node_, private_node_;

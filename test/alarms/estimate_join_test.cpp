@@ -64,6 +64,21 @@ TEST(EstimateJoin, AnEstimatorThatNeverSpeaksDoesNotFillTheMemory) {
   EXPECT_EQ(join.dropped(), 50u);
 }
 
+TEST(EstimateJoin, WhatSpeaksNowAndThenIsNotWaitedFor) {
+  EstimateJoin join(std::vector<bool>{false, true});
+  std::vector<Estimate> set;
+  ASSERT_TRUE(join.add(0, at(0, 1), set));
+  EXPECT_EQ(set[1].time, Estimate().time);
+  EXPECT_FALSE(join.add(1, at(1, 7), set));
+  for (std::uint64_t k = 1; k < 5; ++k) {
+    ASSERT_TRUE(join.add(0, at(k, 1), set));
+    EXPECT_EQ(set[0].sequence, k);
+    EXPECT_EQ(set[1].normalised_innovation, 7);
+  }
+  EXPECT_EQ(occasional_stages(cooling()), (std::vector<bool>{false, false}));
+  EXPECT_EQ(join.dropped(), 0u);
+}
+
 TEST(AlarmStage, NeedsWhatAllEstimatorsSay) {
   AlarmStage stage(cooling());
   EXPECT_THROW(stage.process(Estimate()), InputError);

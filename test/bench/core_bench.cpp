@@ -66,6 +66,9 @@ void filter_step(benchmark::State& state, const char* type) {
 void filter_step_second_order(benchmark::State& state) { filter_step(state, "divided_difference_2"); }
 void filter_step_first_order(benchmark::State& state) { filter_step(state, "divided_difference_1"); }
 
+void filter_step_unscented(benchmark::State& state) { filter_step(state, "unscented_kalman"); }
+void filter_step_extended(benchmark::State& state) { filter_step(state, "extended_kalman"); }
+
 void peer_kalman_step(benchmark::State& state) {
   Eigen::VectorXd x = Eigen::VectorXd::Zero(6), y(4);
   Eigen::MatrixXd a = Eigen::MatrixXd::Identity(6, 6) * 0.95, p = Eigen::MatrixXd::Identity(6, 6),
@@ -135,6 +138,8 @@ void simulator(benchmark::State& state, bool with_effects) {
 
 BENCHMARK(filter_step_second_order);
 BENCHMARK(filter_step_first_order);
+BENCHMARK(filter_step_unscented);
+BENCHMARK(filter_step_extended);
 BENCHMARK(peer_kalman_step);
 BENCHMARK(estimator_stage);
 BENCHMARK(alarm_stage);

@@ -2,6 +2,7 @@
 #include "faultline/fit/parameter_fit.h"
 
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 
 #include <Eigen/LU>
 

@@ -45,7 +45,7 @@ class LaunchFiles(unittest.TestCase):
     def test_a_live_leak_is_found(self):
         heard, listener = self.listen("alarms")
         code, said = self.graph.wait(self.launch(
-            "servo_actuator.launch", "rate:=6", "duration:=50", "seed:=3",
+            "servo_actuator.launch", "rate:=3", "duration:=40", "seed:=3",
             "effects:=orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=25"), 60)
         self.assertEqual(code, 0, said)
         self.graph.end(listener)
@@ -95,7 +95,9 @@ class LaunchFiles(unittest.TestCase):
             self.assertEqual(numbers, list(range(numbers[0], 6001)))
 
     def sequence_numbers(self, bag, topic):
-        script = "import rosbag, sys; print(*[m.sequence for _, m, _ in rosbag.Bag(sys.argv[1]).read_messages(sys.argv[2])])"
+        # Without the stage that speaks only now and then.
+        script = ("import rosbag, sys; print(*[m.sequence for _, m, _ in rosbag.Bag(sys.argv[1]).read_messages(sys.argv[2])"
+                  " if getattr(m, 'stage', '') != 'responses'])")
         said = subprocess.run(["python3", "-c", script, str(bag), topic], env=self.graph.environment, check=True,
                               stdout=subprocess.PIPE, text=True).stdout
         return [int(word) for word in said.split()]
@@ -127,7 +129,7 @@ class LaunchFiles(unittest.TestCase):
         bag = self.graph.path / "leak.bag"
         self.program("simulate", RIG, "--duration", 45, "--seed", 3, "--effect",
                      "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=25", "-o", bag)
-        entries, offline = self.compare(bag, 8)
+        entries, offline = self.compare(bag, 3)
         self.assertIn("orifice_leakage", [alarm["effect"] for alarm in offline["alarms"]])
         estimates = [entry for entry in entries if entry["topic"] == "estimate"]
         self.assertEqual([entry["sequence"] for entry in estimates], list(range(len(estimates))))
@@ -141,7 +143,7 @@ class LaunchFiles(unittest.TestCase):
         self.assertGreaterEqual(len(entries), 1)
         for entry in entries:
             with self.subTest(bag=entry["file"]):
-                self.compare(ROOT / "bags" / entry["file"], 8 if entry["rig"] == RIG else 2, entry["rig"])
+                self.compare(ROOT / "bags" / entry["file"], 2, entry["rig"])
 
 
 if __name__ == "__main__":

@@ -55,8 +55,8 @@ class ReplayModes(unittest.TestCase):
         self.fail(f"no {least} estimates within {seconds} s: {self.graph.said(self.player)}")
 
     def test_each_round_of_a_loop_gives_the_same_alarms(self):
-        self.play(5, "loop:=true")
-        self.wait_for_estimates(int(2.8 * 1000 * LENGTH), 40)
+        self.play(2, "loop:=true")
+        self.wait_for_estimates(int(2.8 * 1000 * LENGTH), 50)
         entries = self.entries()
         rounds, alarms, last = [], [], None
         for entry in entries:
@@ -68,7 +68,8 @@ class ReplayModes(unittest.TestCase):
                 rounds[-1].append(entry["sequence"])
         self.assertGreaterEqual(len(rounds), 2)
         for whole in rounds[:2]:
-            self.assertEqual(whole, list(range(len(whole))))
+            off = [(k, number) for k, number in enumerate(whole) if k != number]
+            self.assertEqual(off[:5], [])
             self.assertGreaterEqual(len(whole), 1000 * LENGTH)
         # Reports of a round: those in which the report's time runs up.
         last = None
@@ -84,7 +85,7 @@ class ReplayModes(unittest.TestCase):
         self.assertEqual(alarms[0], alarms[1])
 
     def test_a_pause_is_no_silence(self):
-        self.play(3, "pause:=true")
+        self.play(2, "pause:=true")
         limit = time.monotonic() + 20
         while "/player/pause_playback" not in [name for name, _ in self.graph.master.getSystemState("/test")[2][2]]:
             self.assertLess(time.monotonic(), limit, self.graph.said(self.player))
@@ -100,7 +101,7 @@ class ReplayModes(unittest.TestCase):
         time.sleep(0.5)
         before = self.heard.read_text().count('"topic": "estimate"')
         time.sleep(2.5)
-        # The listener writes in blocks; without the pause it would be 7500 more.
+        # The listener writes in blocks; without the pause it would be 5000 more.
         self.assertLess(self.heard.read_text().count('"topic": "estimate"'), before + 200)
         self.assertLess(before, 1000 * LENGTH)
         # As the launch file says to go on.
@@ -111,7 +112,8 @@ class ReplayModes(unittest.TestCase):
         self.assertEqual(code, 0, said)
         entries = self.entries()
         estimates = [entry["sequence"] for entry in entries if entry["topic"] == "estimate"]
-        self.assertEqual(estimates, list(range(len(estimates))))
+        off = [(k, number) for k, number in enumerate(estimates) if k != number]
+        self.assertEqual(off[:5], [])
         self.assertGreaterEqual(len(estimates), 1000 * LENGTH)
         last = [entry for entry in entries if entry["topic"] == "alarms"][-1]
         self.assertEqual([alarm["kind"] for alarm in last["alarms"] if alarm["kind"] == "data"], [], last)

@@ -25,11 +25,19 @@ struct Alarm {
   std::vector<std::string> equivalent;  // effect@port of what it cannot be told from
 };
 
+// What a detector looks for but could not have seen for some time: the motion did not show it.
+struct Unobserved {
+  std::string detector, effect, port;
+  double seconds = 0;  // altogether
+  bool now = false;
+};
+
 struct AlarmReport {
   std::string rig;
   double time = 0;            // s, of the last sample
   std::string verdict;        // one sentence
   std::vector<Alarm> alarms;  // in the order in which they were raised, ended ones included
+  std::vector<Unobserved> unobserved;
 };
 
 // Worst first: stale data hides everything else, then errors, then warnings.

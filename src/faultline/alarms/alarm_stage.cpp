@@ -92,17 +92,18 @@ void AlarmStage::reset() {
   for (Watched& w : watched_) {
     w.detector->reset();
     w.detection = Detection();
-    w.alarm = -1;
+    w.alarm = w.unobserved = -1;
   }
   for (Isolated& i : isolated_) {
     i.isolator->reset();
     i.finding = Finding();
-    i.alarm = -1;
+    i.alarm = i.told_for = -1;
   }
   std::fill(channels_.begin(), channels_.end(), ChannelWatch());
   stale_ = gap_ = -1;
   running_ = false;
   report_.alarms.clear();
+  report_.unobserved.clear();
   ++changes_;
 }
 
@@ -225,6 +226,7 @@ void AlarmStage::detect(const Estimate* estimates) {
   for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = channels_[c].alarm >= 0;
   for (Watched& w : watched_) {
     w.detector->process(estimates[w.stage], w.detection);
+    watch_blindness(w, estimate.time);
     if (w.withholds && w.detection.active) model_fits = false;
     if (w.detection.active && w.kind == "sensor")
       for (const std::size_t channel : w.doubts) doubted_[channel] = true;
@@ -237,8 +239,13 @@ void AlarmStage::detect(const Estimate* estimates) {
   for (Watched& w : watched_)
     if (w.detection.active && w.kind == "fault")
       for (const std::size_t channel : w.doubts) doubted_[channel] = true;
+  isolate(estimates);
+  hand_over();
+  for (const Isolated& i : isolated_)
+    if (i.isolator->overrules() && i.finding.active) model_fits = true;
   for (Watched& w : watched_) {
-    const bool wanted = w.detection.active && (w.kind != "fault" || model_fits || w.alarm >= 0);
+    const bool wanted = w.detection.active && !explained(w) && !(w.alarm < 0 && (awaited(w) || told(w))) &&
+                        (w.kind != "fault" || model_fits || w.alarm >= 0);
     if (wanted && w.alarm < 0)
       w.alarm = raise(w.kind, w.effect, w.port, w.kind == "unknown" ? AlarmLevel::warning : AlarmLevel::error,
                       w.detection.since, estimate.time, "");
@@ -257,17 +264,112 @@ void AlarmStage::detect(const Estimate* estimates) {
       alarm.text = w.text;
     }
   }
-  isolate(estimates, model_fits);
+  tell_findings(estimate.time, model_fits);
 }
 
-void AlarmStage::isolate(const Estimate* estimates, bool model_fits) {
-  const double time = estimates[0].time;
-  for (Isolated& i : isolated_) {
-    i.isolator->process(estimates[i.stage], doubted_, i.finding);
+void AlarmStage::watch_blindness(Watched& w, double time) {
+  if (!w.detection.blind && w.unobserved < 0) return;
+  if (w.unobserved < 0) {
+    w.unobserved = static_cast<int>(report_.unobserved.size());
+    report_.unobserved.push_back({w.name, w.effect, w.port, 0, false});
+    w.watched_to = time;
+  }
+  Unobserved& unobserved = report_.unobserved[static_cast<std::size_t>(w.unobserved)];
+  if (w.detection.blind) unobserved.seconds += time - w.watched_to;
+  unobserved.now = w.detection.blind;
+  w.watched_to = time;
+}
+
+bool AlarmStage::explained(const Watched& w) const {
+  for (const Isolated& i : isolated_) {
     const Finding& f = i.finding;
+    if (!i.isolator->overrules() || !f.active || f.kind == "unknown") continue;
+    if (w.kind == "unknown" || (w.kind == "sensor" && w.effect.empty() && f.kind == "sensor")) return true;
+    if (w.kind != "fault") continue;
+    const std::string name = w.effect + "@" + w.port;
+    if (name != f.effect + "@" + f.port &&
+        std::find(f.equivalent.begin(), f.equivalent.end(), name) == f.equivalent.end())
+      return true;
+  }
+  return false;
+}
+
+bool AlarmStage::awaited(const Watched& w) const {
+  if (w.kind == "sensor" && !w.effect.empty()) return false;
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+    return i.isolator->overrules() && i.isolator->judged_until() < w.detection.since;
+  });
+}
+
+void AlarmStage::hand_over() {
+  for (Isolated& i : isolated_) {
+    if (i.alarm < 0 || i.finding.active || i.told_for < 0) continue;
+    Watched& w = watched_[static_cast<std::size_t>(i.told_for)];
+    if (!w.detection.active || w.alarm >= 0) continue;
+    w.alarm = i.alarm;
+    i.alarm = i.told_for = -1;
+  }
+}
+
+bool AlarmStage::told(const Watched& w) const {
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+    return i.alarm >= 0 && i.finding.active && i.isolator->overrules() && detected(i.finding) == &w;
+  });
+}
+
+const AlarmStage::Watched* AlarmStage::detected(const Finding& finding) const {
+  for (const Watched& w : watched_) {
+    if (!w.detection.active || w.kind != "fault" || w.effect.empty()) continue;
+    const std::string name = w.effect + "@" + w.port;
+    if (name == finding.effect + "@" + finding.port ||
+        std::find(finding.equivalent.begin(), finding.equivalent.end(), name) != finding.equivalent.end())
+      return &w;
+  }
+  return nullptr;
+}
+
+void AlarmStage::isolate(const Estimate* estimates) {
+  for (Isolated& i : isolated_) i.isolator->process(estimates[i.stage], doubted_, i.finding);
+}
+
+void AlarmStage::tell_findings(double time, bool model_fits) {
+  for (Isolated& i : isolated_) {
+    Finding f = i.finding;
+    const Watched* w = f.active && i.isolator->overrules() ? detected(f) : nullptr;
+    const bool own_name = w && f.effect == w->effect && f.port == w->port;
+    if (w) {
+      // By the detector's name: of what explains it equally well, that is what the rig is watched for.
+      const std::string own = f.effect + "@" + f.port, name = w->effect + "@" + w->port;
+      f.equivalent.erase(std::remove(f.equivalent.begin(), f.equivalent.end(), name), f.equivalent.end());
+      if (own != name) f.equivalent.insert(f.equivalent.begin(), own);
+    }
+    if (w && w->alarm >= 0 && i.alarm < 0) {
+      report_.alarms[static_cast<std::size_t>(w->alarm)].equivalent = f.equivalent;
+      continue;
+    }
+    i.told_for = w ? static_cast<int>(w - watched_.data()) : -1;
     const bool wanted = f.active && (model_fits || f.kind != "fault" || i.alarm >= 0);
     if (!wanted && i.alarm >= 0) end(i.alarm, time);
     if (!wanted) continue;
+    if (w) {
+      f.effect = w->effect;
+      f.port = w->port;
+      f.text = w->text;
+      f.confidence = w->detection.confidence;
+      f.size_name = w->detector->size_name();
+      f.size_unit = w->detector->size_unit();
+      // The isolator's size, in the detector's words, where it weighed that very effect.
+      if (own_name && f.has_size && w->detection.per_effect > 0) {
+        f.size *= w->detection.per_effect;
+        f.low *= w->detection.per_effect;
+        f.high *= w->detection.per_effect;
+      } else {
+        f.has_size = w->detection.has_size;
+        f.size = w->detection.size;
+        f.low = w->detection.low;
+        f.high = w->detection.high;
+      }
+    }
     if (i.alarm < 0) i.alarm = raise(f.kind, f.effect, f.port, AlarmLevel::error, f.since, time, f.text);
     Alarm& alarm = report_.alarms[static_cast<std::size_t>(i.alarm)];
     alarm.until = time;

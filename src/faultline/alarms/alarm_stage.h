@@ -5,6 +5,9 @@
 // `withholds_faults` is no (a redline) says unknown without speaking against the model. Sensors that a detector or the data
 // already found off are named to the isolators, which leave them out; so are the channels that a detector of a fault lists in `doubts`,
 // with commas between; where one of those is itself off, that fault is not raised. An isolator's alarm changes its place and size as it learns.
+// An isolator that overrules weighed every fault of the datasheet: while it names one, detections of faults, of sensors without an
+// effect and of unknown trouble that it does not confirm are not told; a detected fault waits for its judgement. What both found is one
+// alarm, by the detector's effect and size.
 //
 // Data alarms: a channel that is missing or out of range (ends a second after the last such sample); a rig that fell silent
 // (stale: from the last sample plus `stale_after`). While the model does not fit (a detection of kind unknown), fault detections
@@ -49,13 +52,16 @@ class AlarmStage {
     std::vector<std::size_t> doubts;  // channels that isolators leave out while it is active
     std::unique_ptr<Detector> detector;
     Detection detection;
-    int alarm = -1;  // index into report_.alarms while active
+    int alarm = -1;       // index into report_.alarms while active
+    int unobserved = -1;  // index into report_.unobserved
+    double watched_to = 0;
   };
   struct Isolated {
     std::size_t stage = 0;
     std::unique_ptr<Isolator> isolator;
     Finding finding;
     int alarm = -1;
+    int told_for = -1;  // the detector that found the same, while this alarm tells it
   };
   struct ChannelWatch {
     int alarm = -1;
@@ -67,7 +73,15 @@ class AlarmStage {
   void check_data(const Estimate& estimate);
   void process(const Estimate* estimates);
   void detect(const Estimate* estimates);
-  void isolate(const Estimate* estimates, bool model_fits);
+  void isolate(const Estimate* estimates);
+  void hand_over();  // alarms to the detectors that still find what an isolator no longer does
+  void tell_findings(double time, bool model_fits);
+  void watch_blindness(Watched& w, double time);
+  bool explained(const Watched& w) const;  // by an isolator that overrules
+  bool awaited(const Watched& w) const;    // its judgement of when the detection began
+  bool told(const Watched& w) const;       // by an isolator's alarm
+  // The detector that found what the finding names, or what cannot be told from it; null: none did.
+  const Watched* detected(const Finding& finding) const;
   std::string verdict() const;
 
   Datasheet sheet_;

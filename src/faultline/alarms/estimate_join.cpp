@@ -2,14 +2,26 @@
 
 #include <algorithm>
 
+#include "faultline/estimators/stage_core.h"
+
 namespace faultline {
 
+std::vector<bool> occasional_stages(const Datasheet& sheet) {
+  std::vector<bool> occasional;
+  for (const StageSpec& spec : sheet.estimators) occasional.push_back(is_fault_response(spec.type));
+  return occasional;
+}
+
 bool EstimateJoin::add(std::size_t stage, Estimate estimate, std::vector<Estimate>& set) {
+  if (occasional_[stage]) {
+    last_[stage] = std::move(estimate);
+    return false;
+  }
   auto found = std::find_if(waiting_.rbegin(), waiting_.rend(), [&](const Set& s) {
     return s.sequence == estimate.sequence && s.time == estimate.time && !s.there[stage];
   });
   if (found == waiting_.rend()) {
-    Set fresh{estimate.sequence, estimate.time, std::vector<Estimate>(stages_), std::vector<bool>(stages_, false)};
+    Set fresh{estimate.sequence, estimate.time, std::vector<Estimate>(last_.size()), occasional_};
     waiting_.push_back(std::move(fresh));
     found = waiting_.rbegin();
   }
@@ -23,6 +35,8 @@ bool EstimateJoin::add(std::size_t stage, Estimate estimate, std::vector<Estimat
     return false;
   }
   set = std::move(found->estimates);
+  for (std::size_t i = 0; i < last_.size(); ++i)
+    if (occasional_[i]) set[i] = last_[i];
   const auto until = found.base();  // all that came before will not be completed any more
   dropped_ += static_cast<std::uint64_t>(std::distance(waiting_.begin(), until)) - 1;
   waiting_.erase(waiting_.begin(), until);

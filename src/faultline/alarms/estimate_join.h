@@ -3,13 +3,18 @@
 //
 // A set that is still incomplete when a later one is complete is dropped and counted: an estimator that restarts or lost its sample
 // will not bring it any more. At most kMostWaiting sets wait; then the oldest is dropped. One estimator passes straight through.
+//
+// Stages that speak only now and then (they have no state, stage_core.h) are never waited for: what they said last stands in every set,
+// an estimate without quantities until they spoke. Their node sends them ahead of its others of the same sample.
 #pragma once
 
 #include <cstdint>
 #include <deque>
+#include <utility>
 #include <vector>
 
 #include "faultline/estimators/estimate.h"
+#include "faultline/rig/datasheet.h"
 
 namespace faultline {
 
@@ -17,7 +22,9 @@ class EstimateJoin {
  public:
   static constexpr std::size_t kMostWaiting = 10000;  // ten seconds at 1 kHz
 
-  explicit EstimateJoin(std::size_t stages) : stages_(stages) {}
+  explicit EstimateJoin(std::size_t stages) : EstimateJoin(std::vector<bool>(stages, false)) {}
+  // One flag per stage: it speaks only now and then.
+  explicit EstimateJoin(std::vector<bool> occasional) : occasional_(std::move(occasional)), last_(occasional_.size()) {}
 
   // Takes the estimate of one stage. True: `set` holds the estimates of all stages for its sample.
   bool add(std::size_t stage, Estimate estimate, std::vector<Estimate>& set);
@@ -31,9 +38,12 @@ class EstimateJoin {
     std::vector<Estimate> estimates;
     std::vector<bool> there;
   };
-  std::size_t stages_;
+  std::vector<bool> occasional_;
+  std::vector<Estimate> last_;
   std::deque<Set> waiting_;  // in the order in which their first estimate came
   std::uint64_t dropped_ = 0;
 };
+
+std::vector<bool> occasional_stages(const Datasheet& sheet);
 
 }  // namespace faultline

@@ -20,7 +20,10 @@ struct Detection {
   double since = 0;  // s, when the condition began
   bool has_size = false;
   double size = 0, low = 0, high = 0;  // in size_unit, with 90 % bounds
-  double confidence = 0;               // 0..1, that it is there
+  double per_effect =
+      0;  // size per unit of the effect's own size (a leak flow per coefficient); 0: not to be converted
+  double confidence = 0;  // 0..1, that it is there
+  bool blind = false;     // it could not show itself now: not observable in this motion
 };
 
 // What a detector holds against its threshold: for choosing that threshold from healthy recordings.

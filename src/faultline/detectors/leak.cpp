@@ -44,14 +44,17 @@ class Leak : public Detector {
       drive_at_ = find_quantity(estimate, drive_);
       started_ = true;
       begin_ = last_ = estimate.time;
-      mean_ = scatter_ = drive_mean_ = seen_ = 0;
+      mean_ = scatter_ = drive_mean_ = seen_ = drive_peak_ = 0;
       persistence_.reset();
     }
     const Quantity& c = estimate.quantities[coefficient_at_];
     const double dt = std::max(estimate.time - last_, 0.0);
     last_ = estimate.time;
+    const double drive = estimate.quantities[drive_at_].value;
+    // Pressure comes and goes within a stroke: blind is what stays without it.
+    drive_peak_ = std::max(drive, drive_peak_ * (1 - std::min(1.0, dt / average_)));
+    detection.blind = estimate.time - begin_ >= settle_ && drive_peak_ < minimum_drive_;
     if (estimate.time - begin_ >= settle_) {
-      const double drive = estimate.quantities[drive_at_].value;
       const double weight =
           drive < minimum_drive_ ? 0.0 : known_std_ * known_std_ / (known_std_ * known_std_ + c.std * c.std);
       seen_ += weight * dt;
@@ -75,6 +78,7 @@ class Leak : public Detector {
     detection.has_size = true;
     // No leak flows backwards: what is below zero is scatter.
     const double to_flow = drive_mean_ * kLitres;
+    detection.per_effect = to_flow;
     detection.size = std::max(0.0, mean_) * to_flow;
     detection.low = std::max(0.0, mean_ - kNinetyPercent * std) * to_flow;
     detection.high = std::max(0.0, mean_ + kNinetyPercent * std) * to_flow;
@@ -94,7 +98,7 @@ class Leak : public Detector {
   Persistence persistence_;
   bool started_ = false;
   std::size_t coefficient_at_ = 0, drive_at_ = 0;
-  double begin_ = 0, last_ = 0, mean_ = 0, scatter_ = 0, drive_mean_ = 0, seen_ = 0;
+  double begin_ = 0, last_ = 0, mean_ = 0, scatter_ = 0, drive_mean_ = 0, seen_ = 0, drive_peak_ = 0;
 };
 
 FAULTLINE_DETECTOR(leak, {"leak", make_detector_of<Leak>});

@@ -13,7 +13,9 @@ EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
     : name_(spec.name), channels_(sheet.channels), period_(sheet.sample_period) {
   gap_ = spec.settings.number_or("gap", 0.1, period_, 1e6);
   jump_ = spec.settings.number_or("jump", 0.1, 0, 1e6);
-  core_ = is_least_squares(spec.type) ? make_relation_core(sheet, spec) : make_filter_core(sheet, spec);
+  core_ = is_least_squares(spec.type)    ? make_relation_core(sheet, spec)
+          : is_fault_response(spec.type) ? make_response_core(sheet, spec)
+                                         : make_filter_core(sheet, spec);
   spec.settings.check_used();
   held_.assign(channels_.size(), 0);
 }
@@ -67,11 +69,13 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
     if (restart) begin(sample);
   }
 
+  ++counts_.used;
+  news_ = restart || core_->news();
+  if (!news_) return true;
   estimate.time = sample.time;
   estimate.sequence = sample.sequence;
   estimate.restarted = restart;
   core_->write(held_.data(), restart, estimate);
-  ++counts_.used;
   return true;
 }
 

@@ -26,6 +26,8 @@ class EstimatorStage {
   // Writes the estimate after this sample; false if the sample was not used. Allocates only on the first call.
   bool process(const Sample& sample, Estimate& estimate);
   void reset();
+  // Whether the last sample that was used left anything to tell; else the estimate is still that of the last news.
+  bool news() const { return news_; }
   const EstimatorCounts& counts() const { return counts_; }
   const std::string& name() const { return name_; }
   std::vector<State> states() const { return core_->states(); }
@@ -42,7 +44,7 @@ class EstimatorStage {
   double gap_, jump_;  // s
   std::unique_ptr<StageCore> core_;
   std::vector<double> held_;
-  bool running_ = false;
+  bool running_ = false, news_ = true;
   double last_time_ = 0;
   EstimatorCounts counts_;
 };

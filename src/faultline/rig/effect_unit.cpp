@@ -1,4 +1,4 @@
-#include "cli/effect_unit.h"
+#include "faultline/rig/effect_unit.h"
 
 #include <algorithm>
 

@@ -1,0 +1,124 @@
+// What the responses of the model say of faults in simulated recordings whose parameters are off the datasheet.
+#include "faultline/estimators/fault_responses.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "servo_runs.h"
+
+namespace faultline {
+namespace {
+
+const FaultHypothesis& hypothesis(const std::string& name) {
+  static const std::vector<FaultHypothesis> all = fault_hypotheses(servo());
+  return *std::find_if(all.begin(), all.end(), [&](const FaultHypothesis& h) { return h.name() == name; });
+}
+
+struct Found {
+  std::vector<std::string> first, second;
+  double size = 0, second_size = 0, since = 0, most_before = 0;
+};
+
+Found look(const std::string& profile, std::uint64_t seed, double onset, double duration,
+           const std::vector<std::string>& effects) {
+  SimulationSetup setup = off_nominal(profile, seed);
+  for (const std::string& effect : effects)
+    setup.effects.push_back(parse_effect(effect + ",from=" + std::to_string(onset)));
+  const Recording run = simulate(servo(), setup, duration);
+  ResponseSettings settings;
+  settings.threshold = 20;
+  settings.jobs = 2;
+  FaultResponses responses(servo(), settings);
+  Found found;
+  for (std::size_t k = 0; k < run.rows(); ++k) {
+    if (!responses.add(run.time[k], run.row(k), true)) continue;
+    if (run.time[k] < onset)
+      found.most_before = std::max(found.most_before, responses.first().empty() ? 0.0 : responses.evidence());
+  }
+  const auto& all = responses.hypotheses();
+  for (const RankedFault& f : responses.first()) found.first.push_back(all[f.hypothesis].name());
+  for (const RankedFault& f : responses.second()) found.second.push_back(all[f.hypothesis].name());
+  if (!found.first.empty()) found.size = all[responses.first()[0].hypothesis].size(responses.first()[0].amplitude);
+  if (!found.second.empty())
+    found.second_size = all[responses.second()[0].hypothesis].size(responses.second()[0].amplitude);
+  found.since = responses.since();
+  return found;
+}
+
+TEST(FaultHypotheses, SizesFollowTheDatasheet) {
+  const FaultHypothesis& leak = hypothesis("orifice_leakage@flow.chamber_a_chamber_b");
+  EXPECT_EQ(leak.size_name, "coefficient");
+  EXPECT_EQ(leak.kind, "fault");
+  EXPECT_EQ(leak.size(0), 0);
+  EXPECT_NEAR(leak.size(leak.highest), 5e-8, 1e-20);
+  EXPECT_EQ(leak.lowest, 0);
+  const FaultHypothesis& scale = hypothesis("scale@sensor.velocity");
+  EXPECT_EQ(scale.kind, "sensor");
+  EXPECT_EQ(scale.size(0), 1);
+  EXPECT_NEAR(std::max(scale.size(scale.lowest), scale.size(scale.highest)), 1.3, 1e-12);
+  EXPECT_NEAR(std::min(scale.size(scale.lowest), scale.size(scale.highest)), 0.7, 1e-12);
+  const FaultHypothesis& limit = hypothesis("saturation@command.valve_command");
+  EXPECT_NEAR(limit.size(limit.highest), 0.8, 1e-12);
+  EXPECT_GT(limit.size(limit.lowest), 100);
+  for (const FaultHypothesis& h : fault_hypotheses(servo())) {
+    EXPECT_NE(h.effect, "stuck");
+    EXPECT_FALSE(h.size_unit.empty()) << h.name();
+    EXPECT_LT(h.lowest, h.highest) << h.name();
+    EXPECT_NO_THROW(check_effect(servo(), h.at(h.probe))) << h.name();
+  }
+}
+
+TEST(FaultResponses, HealthyRunsAreQuiet) {
+  for (const auto& [profile, seed] : {std::pair("random", 31), std::pair("square", 32)}) {
+    const Found found = look(profile, static_cast<std::uint64_t>(seed), 1e9, 14, {});
+    EXPECT_TRUE(found.first.empty()) << profile << ": " << found.first.front();
+    EXPECT_EQ(found.most_before, 0) << profile;
+  }
+}
+
+TEST(FaultResponses, NameAndSizeFrictionThatRose) {
+  const Found found = look("random", 36, 8, 14, {"coulomb_friction@force.piston:force=150"});
+  ASSERT_FALSE(found.first.empty());
+  EXPECT_EQ(found.most_before, 0);
+  EXPECT_EQ(found.first[0], "coulomb_friction@force.piston");
+  EXPECT_NEAR(found.size, 150, 25);
+  EXPECT_NEAR(found.since, 8, 2.5);
+  // Remark 2 of the paper: friction that grows with the pressure looks the same.
+  EXPECT_NE(std::find(found.first.begin(), found.first.end(), "load_dependent_friction@force.piston"),
+            found.first.end());
+}
+
+TEST(FaultResponses, AVelocityTransducerIsNoLeak) {
+  const Found found = look("random", 35, 8, 14, {"scale@sensor.velocity:factor=0.7"});
+  ASSERT_FALSE(found.first.empty());
+  EXPECT_EQ(found.first[0], "scale@sensor.velocity");
+  EXPECT_NEAR(found.size, 0.7, 0.06);
+}
+
+TEST(FaultResponses, TwoLeaksAtOnce) {
+  const Found found = look("random", 34, 8, 18,
+                           {"orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8",
+                            "orifice_leakage@flow.chamber_a_tank:coefficient=5e-9"});
+  ASSERT_FALSE(found.first.empty());
+  ASSERT_FALSE(found.second.empty());
+  EXPECT_EQ(found.first[0], "orifice_leakage@flow.chamber_a_chamber_b");
+  EXPECT_NEAR(found.size, 2e-8, 4e-9);
+  EXPECT_EQ(found.second[0], "orifice_leakage@flow.chamber_a_tank");
+  EXPECT_NEAR(found.second_size, 5e-9, 1.5e-9);
+}
+
+TEST(FaultResponses, ABadSampleDropsTheStretchOnly) {
+  const Recording run = simulate(servo(), servo_setup("square"), 4);
+  ResponseSettings settings;
+  FaultResponses responses(servo(), settings);
+  int judged = 0;
+  for (std::size_t k = 0; k < run.rows(); ++k) judged += responses.add(run.time[k], run.row(k), k != 100);
+  EXPECT_EQ(judged, 2);
+  responses.reset();
+  EXPECT_TRUE(responses.first().empty());
+}
+
+}  // namespace
+}  // namespace faultline
