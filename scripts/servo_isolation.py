@@ -4,7 +4,7 @@
 Rigs are off their datasheet by their tolerances, with the small effects of every recording. Printed: how often there was any alarm, how
 often the fault itself was named, how often it stands among what is said to be alike, what else was named, and the median size over true.
 
-    scripts/servo_isolation.py [--rigs 3] [--profile random] [--onset 20] [--json FILE] [--picture FILE]
+    scripts/servo_isolation.py [--rigs 3] [--profile random] [--onset 20] [--load 300] [--json FILE] [--picture FILE]
 
 The picture: on the left the cosines that `faultline isolability` computes from the model for a healthy run of that profile, on the right
 what the alarms of the recordings said.
@@ -145,11 +145,14 @@ def main():
     parser.add_argument("--rigs", type=int, default=3)
     parser.add_argument("--profile", default="random")
     parser.add_argument("--onset", type=int, default=20, help="s")
+    parser.add_argument("--load", type=float, help="N, mean of a load that the load cell sees; it wanders by half of that")
     parser.add_argument("--picture")
     parser.add_argument("--only", type=int, nargs="*", help="numbers of rows")
     parser.add_argument("--json")
     options = parser.parse_args()
     sheet = datasheet(RIG)
+    if options.load:
+        sheet["inputs"]["load_force"].update(value=options.load, wander_std=abs(options.load) / 2, wander_low=0.1, wander_high=1.5)
     chosen = [FAULTS[k] for k in options.only] if options.only else FAULTS
     with tempfile.TemporaryDirectory() as folder, concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         folder = pathlib.Path(folder)

@@ -3,9 +3,10 @@
 //
 // Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What explains within `rival` of that evidence (a share,
 // and never less than `rival_least`) cannot be told from it and is listed as equivalent; if more than `most_rivals` are, the fault is
-// unknown. Size with 90 % bounds from the curvature of the evidence and `model_error` (relative: what tolerances leave).
+// unknown. Size with 90 % bounds from the curvature of the evidence and `model_error` (relative: what tolerances leave). The evidence's
+// variances are inflated to decide with care; `std_factor` takes that back for the bounds.
 // Where it has an answer, it stands against the detectors' (isolator.h).
-// Settings: stage, place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals, model_error.
+// Settings: stage, place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals, model_error, std_factor [1].
 #include <algorithm>
 #include <cmath>
 
@@ -38,6 +39,7 @@ class ResponseIsolator : public Isolator {
     rival_least_ = s.number("rival_least", 0, 1e6);
     most_rivals_ = static_cast<std::size_t>(s.number("most_rivals", 0, 100));
     model_error_ = s.number("model_error", 0, 10);
+    std_factor_ = s.number_or("std_factor", 1, 0.01, 10);
     for (const FaultHypothesis& h : hypotheses_) {
       std::string component = sheet.port(h.port).component;
       if (!component.empty()) component[0] = static_cast<char>(std::toupper(component[0]));
@@ -135,7 +137,7 @@ class ResponseIsolator : public Isolator {
       finding.text = "Something changed that this motion cannot tell apart: " + h.name() + ", " + rivals;
     }
     const double amplitude = value(chosen, 1).value;
-    const double std = std::hypot(value(chosen, 1).std, model_error_ * amplitude);
+    const double std = std::hypot(std_factor_ * value(chosen, 1).std, model_error_ * amplitude);
     finding.has_size = finding.kind != "unknown";
     finding.size_name = h.size_name;
     finding.size_unit = h.size_unit;
@@ -150,7 +152,7 @@ class ResponseIsolator : public Isolator {
   std::vector<FaultHypothesis> hypotheses_;
   std::vector<std::string> texts_;
   bool second_;
-  double confirm_, rival_, rival_least_, model_error_;
+  double confirm_, rival_, rival_least_, model_error_, std_factor_;
   std::size_t most_rivals_;
   std::vector<std::size_t> at_;
   std::uint64_t sequence_ = 0;
