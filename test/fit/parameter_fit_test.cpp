@@ -2,7 +2,9 @@
 #include "faultline/fit/parameter_fit.h"
 
 #include <gtest/gtest.h>
-#include <Eigen/LU>
+
+#include <atomic>
+#include <stdexcept>
 
 #include <Eigen/LU>
 
@@ -93,12 +95,20 @@ TEST(SegmentModel, ProjectsAsTheLargeMatrixWould) {
   EXPECT_LT((x.transpose() * x - wanted).norm(), 1e-10 * wanted.norm());
 }
 
-TEST(InParallel, ThrowsOn) {
-  EXPECT_THROW(in_parallel(8, 2,
-                           [](std::size_t i) {
-                             if (i == 3) throw InputError("three");
-                           }),
-               InputError);
+TEST(InParallel, DoesEverythingOnceAndThrowsOn) {
+  for (const int jobs : {1, 3}) {
+    std::vector<std::atomic<int>> done(100);
+    in_parallel(done.size(), jobs, [&](std::size_t i) { ++done[i]; });
+    for (const auto& count : done) EXPECT_EQ(count, 1);
+    std::atomic<int> started{0};
+    EXPECT_THROW(in_parallel(10000, jobs,
+                             [&](std::size_t i) {
+                               ++started;
+                               if (i == 5) throw std::runtime_error("five");
+                             }),
+                 std::runtime_error);
+    EXPECT_LT(started, 10000);
+  }
 }
 
 }  // namespace

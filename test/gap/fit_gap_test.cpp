@@ -1,14 +1,11 @@
 // The fit of a gap: candidates and their coordinates, the linearisation against direct computation, and what a fit recovers.
 #include "faultline/gap/fit_gap.h"
-#include "faultline/gap/parallel.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
 
 #include <Eigen/Cholesky>
 
@@ -85,22 +82,6 @@ TEST(Candidates, StartingPointsLieWithinTheirBounds) {
         EXPECT_LE(point[i], candidate.bounds[i].maximum) << what;
       }
     }
-  }
-}
-
-TEST(Parallel, DoesEverythingOnceAndThrowsOn) {
-  for (const int jobs : {1, 3}) {
-    std::vector<std::atomic<int>> done(100);
-    parallel(done.size(), jobs, [&](std::size_t i) { ++done[i]; });
-    for (const auto& count : done) EXPECT_EQ(count, 1);
-    std::atomic<int> started{0};
-    EXPECT_THROW(parallel(10000, jobs,
-                          [&](std::size_t i) {
-                            ++started;
-                            if (i == 5) throw std::runtime_error("five");
-                          }),
-                 std::runtime_error);
-    EXPECT_LT(started, 10000);
   }
 }
 

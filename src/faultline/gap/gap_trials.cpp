@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "faultline/gap/parallel.h"
+#include "faultline/fit/in_parallel.h"
 
 namespace faultline {
 namespace {
@@ -103,7 +103,7 @@ Surroundings GapTrials::settle(const Surroundings& before, const GapModel& at, i
   const bool known = before.linear && near(sheet_, before.seen_from, at);
   now.seen_from = known ? before.seen_from : at;
   std::vector<std::vector<Eigen::MatrixXf>> starts(every_.size());
-  parallel(every_.size(), jobs, [&](std::size_t i) {
+  in_parallel(every_.size(), jobs, [&](std::size_t i) {
     starts[i] = now.residuals->settle_starts(at, every_[i],
                                              known ? before.linear->start_columns(i) : std::vector<Eigen::MatrixXf>());
   });
@@ -214,7 +214,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
     if (count % 3 == 1) first.push_back(i);
     if (count == 0 && (i + 1 == points.size() || points[i + 1].candidate != points[i].candidate)) first.push_back(i);
   }
-  parallel(first.size(), settings_.jobs, [&](std::size_t i) { attempt(points[first[i]]); });
+  in_parallel(first.size(), settings_.jobs, [&](std::size_t i) { attempt(points[first[i]]); });
   std::vector<double> reach(all_.size(), before);
   for (const Point& point : points)
     if (point.tried) reach[point.candidate] = std::min(reach[point.candidate], point.loss);
@@ -223,7 +223,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   const double enough = sorted[std::min(kFollowed, sorted.size() - 1)];
   for (std::size_t i = 0; i < points.size(); ++i)
     if (!points[i].tried && reach[points[i].candidate] <= enough) second.push_back(i);
-  parallel(second.size(), settings_.jobs, [&](std::size_t i) { attempt(points[second[i]]); });
+  in_parallel(second.size(), settings_.jobs, [&](std::size_t i) { attempt(points[second[i]]); });
 
   std::vector<Structure> result;
   for (std::size_t c = 0; c < all_.size(); ++c) {
@@ -278,7 +278,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
   const std::size_t followed = (structures.size() + 1) / 2;
   std::atomic<std::size_t> done{0};
   const auto fit = [&](std::size_t count, int steps) {
-    parallel(count, settings_.jobs, [&](std::size_t i) {
+    in_parallel(count, settings_.jobs, [&](std::size_t i) {
       Structure& structure = structures[i];
       structure.fit = fit_gap(model(), structure.fit.model, structure.fit.effects, learn, steps);
       structure.quick = before - weighted(structure.fit.model);
@@ -289,7 +289,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
     });
     std::stable_sort(structures.begin(), structures.begin() + static_cast<std::ptrdiff_t>(count), better);
   };
-  parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
     FitResult& start = structures[i].fit;
     if (start.effects.back().family == "stuck") narrow(start.effects, start.model.parameters);
   });
@@ -361,7 +361,7 @@ void GapTrials::refine(std::vector<Structure>& structures, double from, double t
   std::atomic<std::size_t> done{0};
   const auto count = static_cast<int>(structures.size());
   const int inner = std::max(1, settings_.jobs / std::max(1, count));
-  parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
     refine(structures[i], inner);
     const std::size_t now = ++done;
     if (progress_)

@@ -6,7 +6,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "faultline/gap/parallel.h"
+#include "faultline/fit/in_parallel.h"
 
 namespace faultline {
 namespace {
@@ -57,7 +57,7 @@ Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& mod
   const bool known = !starts_.empty();
   starts_.resize(runs_.size());
   for (const std::size_t run : runs_) shifts_.push_back(residuals.start_shift(run));
-  parallel(free_.size() + runs_.size(), jobs, [&](std::size_t i) {
+  in_parallel(free_.size() + runs_.size(), jobs, [&](std::size_t i) {
     if (i >= free_.size()) {
       const std::size_t run = i - free_.size();
       if (!known) starts_[run] = residuals.start_sensitivity(model, runs_[run]);
