@@ -125,6 +125,10 @@ def sentence_of(answer, sheet):
         for effect in cause["effects"]:
             size = size_text(effect)
             parts.append("{} at the {}{}".format(words(effect["effect"]), sheet.component(effect["port"]), " ({})".format(size) if size else ""))
+        if all(effect["effect"] == "quantisation" for effect in cause["effects"]):  # it is in the noise: nothing to close
+            text = "{} {} in the recording but not in the datasheet. It is part of the noise, which no model closes; the rest fits.".format(
+                join(parts), "is" if len(parts) == 1 else "are")
+            return text[:1].upper() + text[1:], ""
         text = "{} {} in the rig but not in the model; adding {} closes {} of the gap that refitted parameters leave.".format(
             join(parts), "is" if len(parts) == 1 else "are", "it" if len(parts) == 1 else "them", percent(heldout))
         return text[:1].upper() + text[1:], after + "."
