@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "faultline/gap/gap_trials.h"
+#include "faultline/gap/effect_search.h"
 #include "faultline/gap/grid_step.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
@@ -17,15 +17,7 @@ namespace faultline {
 namespace {
 
 constexpr std::size_t kSegment = 250;   // samples
-constexpr std::size_t kFinalists = 10;  // candidates that are fitted after screening ...
-constexpr std::size_t kSurvivors = 3;   // ... and of those followed to the end,
-constexpr double kFollow = 0.75;        // if they win this share of what the best one wins
-constexpr double kSignificance = 3;     // standard errors that a gain must exceed
-constexpr double kMaterial = 0.04;      // share of the mean squared residual that a first effect must remove
-constexpr double kMaterialNext = 0.10;  // ... and a further one
-constexpr double kDecisive = 0.4;       // ... or this share of the excess, either of them
 constexpr double kQuiet = 0.05;         // excess below which there is nothing left to explain, at the datasheet's noise
-constexpr double kQuietShare = 0.02;    // ... plus this share of what there was
 constexpr double kNoisy = 0.2;          // share of that which is left where the recording is much noisier
 constexpr double kUnexplained = 3;      // times the quiet excess: something that no effect explains is worth a word
 constexpr double kRefitMatters = 0.05;  // excess that the refit must remove to speak of miscalibration
@@ -39,10 +31,12 @@ constexpr double kNextDuration = 20;  // s
 constexpr double kRivalErrors = 2;    // standard errors within which a rival cannot be told apart
 constexpr double kRivalShare = 0.02;  // ... or this share of the gain
 constexpr double kInterval =
-    1.645 * 1.5;  // 90 %; half as wide again for what small unmodelled things shift (development cases)
+    1.645 * 4;  // 90 % in standard errors; they know nothing of what the model lacks, hence four times (development)
+constexpr double kPlaceShare = 0.15;  // of a second place, from which it is told
 constexpr int kBootstraps = 400;
 
-NamedEffect named(const FitResult& fit, std::size_t position) {
+// `apart`: how far fits of single runs lie from each other, in the effect's coordinates.
+NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart) {
   const Candidate& candidate = fit.effects[position];
   NamedEffect result;
   result.effect = candidate.effect.effect;
@@ -57,7 +51,8 @@ NamedEffect named(const FitResult& fit, std::size_t position) {
     const double value = candidate.effect.parameters[p];
     result.parameters[type->parameters[p].name] = value;
     if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum || fit.covariance.rows() == 0) continue;
-    const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)));
+    const double between = static_cast<Eigen::Index>(p) < apart.size() ? apart[static_cast<Eigen::Index>(p)] : 0.0;
+    const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)) + between * between);
     ++at;
     const double c = candidate.to_coordinate(p, value);
     result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, c - kInterval * std),
@@ -99,6 +94,157 @@ std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run) {
   return parts;
 }
 
+// Which runs are learned from and which judge: held-out runs, or the runs each other, a single one its halves.
+struct Split {
+  std::vector<GapRun> runs;
+  std::vector<std::size_t> learn;
+  std::vector<Fold> folds;
+};
+
+Split split_runs(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout) {
+  if (runs.empty()) throw InputError("gap: no run was given");
+  Split split;
+  if (runs.size() == 1 && holdout.empty()) {
+    if (runs.front().recording.rows() < 4 * gap_segment(sheet))
+      throw InputError(fmt::format("{}: too short to be cut in two; a single run needs at least {:g} s",
+                                   runs.front().name,
+                                   static_cast<double>(4 * gap_segment(sheet)) * sheet.sample_period));
+    runs = cut_in_two(sheet, runs.front());
+  }
+  for (std::size_t i = 0; i < runs.size(); ++i) split.learn.push_back(i);
+  if (!holdout.empty()) {
+    Fold fold;
+    fold.train = split.learn;
+    for (std::size_t i = 0; i < holdout.size(); ++i) fold.test.push_back(runs.size() + i);
+    split.folds = {fold};
+  } else {
+    Fold even, odd;
+    for (const std::size_t i : split.learn) {
+      (i % 2 ? odd : even).train.push_back(i);
+      (i % 2 ? even : odd).test.push_back(i);
+    }
+    split.folds = {even, odd};
+  }
+  for (GapRun& run : holdout) runs.push_back(std::move(run));
+  split.runs = std::move(runs);
+  return split;
+}
+
+// 90 % interval of 1 - excess(after)/excess(before), by bootstrap over the segments.
+Interval shrink_interval(const std::vector<double>& before, const std::vector<double>& after, double values,
+                         std::uint64_t seed) {
+  Random random(seed);
+  std::vector<double> shrinks;
+  for (int b = 0; b < kBootstraps; ++b) {
+    double first = 0, second = 0;
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      const auto k = static_cast<std::size_t>(random.uniform() * static_cast<double>(before.size()));
+      first += before[k];
+      second += after[k];
+    }
+    const double e1 = 2 * first / values - 1, e2 = std::max(0.0, 2 * second / values - 1);
+    if (e1 > 0) shrinks.push_back(1 - e2 / e1);
+  }
+  if (shrinks.empty()) return {};
+  std::sort(shrinks.begin(), shrinks.end());
+  return {shrinks[shrinks.size() / 20], shrinks[shrinks.size() - 1 - shrinks.size() / 20]};
+}
+
+// The finalists of the first round with their distances and probabilities. Those that were not followed to the end are as far behind as
+// their quick fits.
+std::vector<RankedCause> rank_causes(const EffectSearch& search) {
+  std::vector<RankedCause> result;
+  if (search.ranked.empty()) return result;
+  const Structure& best = search.ranked.front();
+  const double whole = sum(search.plain.score) - sum(best.score);
+  double weights = 0, last = 0;
+  for (const Structure& s : search.ranked) {
+    RankedCause cause;
+    cause.effect = named(s.fit, s.fit.effects.size() - 1, s.apart);
+    if (!s.score.empty()) {
+      const std::vector<double> behind = minus(s.score, best.score);
+      cause.behind = sum(behind);
+      cause.standard_error = standard_error(behind);
+      last = cause.behind;
+    } else {
+      cause.behind = std::max(last, best.quick - s.quick);
+      cause.standard_error = standard_error({cause.behind});
+    }
+    cause.gain = whole - cause.behind;
+    const double scale = std::max({1.0, cause.standard_error, kRivalShare * whole});
+    cause.effect.probability = std::exp(-0.5 * std::pow(cause.behind / scale, 2));
+    weights += cause.effect.probability;
+    result.push_back(cause);
+  }
+  std::stable_sort(result.begin(), result.end(),
+                   [](const RankedCause& a, const RankedCause& b) { return a.behind < b.behind; });
+  for (RankedCause& cause : result) cause.effect.probability /= std::max(weights, 1e-300);
+  return result;
+}
+
+// Places by the best candidate of each port.
+std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<Structure>& screened,
+                                    const std::vector<RankedCause>& causes) {
+  std::map<std::string, double> gains, shares;
+  for (const Structure& s : screened) {
+    double& gain = gains[s.fit.effects.back().effect.port];
+    gain = std::max(gain, s.screened);
+  }
+  for (const RankedCause& cause : causes) shares[cause.effect.port] += cause.effect.probability;
+  std::vector<PlaceScore> result;
+  for (const auto& [port, gain] : gains) {
+    PlaceScore place;
+    place.port = port;
+    place.component = sheet.port(port).component;
+    place.kind = kind_of(sheet, port);
+    place.score = gain;
+    place.share = shares[port];
+    result.push_back(place);
+  }
+  std::stable_sort(result.begin(), result.end(), [](const PlaceScore& a, const PlaceScore& b) {
+    return a.share != b.share ? a.share > b.share : a.score > b.score;
+  });
+  for (std::size_t i = 1; i < result.size(); ++i)
+    if (result[i].share > kPlaceShare) result.front().inseparable.push_back(result[i].port);
+  return result;
+}
+
+bool same_cause(const NamedEffect& a, const NamedEffect& b) { return a.effect == b.effect && a.port == b.port; }
+
+// The effects that were found, and the rivals of the first.
+void name_effects(const EffectSearch& search, GapResult& result) {
+  for (std::size_t round = 0; round < search.round_of.size(); ++round) {
+    const auto e = static_cast<std::size_t>(std::find(search.round_of.begin(), search.round_of.end(), round) -
+                                            search.round_of.begin());
+    NamedEffect effect = named(search.base, e, search.apart[e]);
+    effect.probability = 1;
+    if (round == 0)
+      for (const RankedCause& cause : result.ranked)
+        if (same_cause(cause.effect, effect)) effect.probability = cause.effect.probability;
+    result.effects.push_back(effect);
+  }
+  for (const RankedCause& cause : result.ranked) {
+    if (std::any_of(result.effects.begin(), result.effects.end(),
+                    [&](const NamedEffect& e) { return same_cause(e, cause.effect); }))
+      continue;
+    if (cause.behind < kRivalErrors * cause.standard_error || cause.behind < kRivalShare * result.ranked.front().gain)
+      result.equivalent.push_back(cause.effect);
+  }
+  if (!result.equivalent.empty())
+    result.why_equivalent =
+        fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors", kRivalErrors);
+}
+
+// Squared tolerances that the parameters had to move, summed.
+double strain_of(const Datasheet& sheet, const std::vector<double>& parameters) {
+  double strain = 0;
+  for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
+    const Parameter& p = sheet.parameters[i];
+    if (p.tolerance > 0) strain += std::pow((parameters[i] / p.nominal - 1) / p.tolerance, 2);
+  }
+  return strain;
+}
+
 }  // namespace
 
 std::size_t gap_segment(const Datasheet&) { return kSegment; }
@@ -110,209 +256,48 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   result.rig = sheet.rig;
   for (const GapRun& run : runs) result.runs.push_back(run.name);
   for (const GapRun& run : holdout) result.holdout.push_back(run.name);
+  Split split = split_runs(sheet, std::move(runs), std::move(holdout));
 
-  if (runs.empty()) throw InputError("gap: no run was given");
-  if (runs.size() == 1 && holdout.empty()) {
-    if (runs.front().recording.rows() < 4 * gap_segment(sheet))
-      throw InputError(fmt::format("{}: too short to be cut in two; a single run needs at least {:g} s",
-                                   runs.front().name,
-                                   static_cast<double>(4 * gap_segment(sheet)) * sheet.sample_period));
-    runs = cut_in_two(sheet, runs.front());
-  }
-  std::vector<Fold> folds;
-  std::vector<std::size_t> learn;
-  const std::size_t learning = runs.size();
-  if (!holdout.empty()) {
-    Fold fold;
-    for (std::size_t i = 0; i < learning; ++i) fold.train.push_back(i);
-    for (std::size_t i = 0; i < holdout.size(); ++i) fold.test.push_back(learning + i);
-    folds.push_back(fold);
-    learn = fold.train;
-    for (GapRun& run : holdout) runs.push_back(std::move(run));
-  } else {
-    Fold even, odd;
-    for (std::size_t i = 0; i < learning; ++i) {
-      (i % 2 ? odd : even).train.push_back(i);
-      (i % 2 ? even : odd).test.push_back(i);
-      learn.push_back(i);
-    }
-    folds = {even, odd};
-  }
-
-  GapTrials work(sheet, std::move(runs), folds, learn, settings, progress);
+  GapTrials work(sheet, std::move(split.runs), split.folds, split.learn, settings, progress);
   const double values = work.held_out_values();
-  const auto excess = [&](const std::vector<double>& losses) { return std::max(0.0, 2 * sum(losses) / values - 1); };
-  // Of a typical segment: a few that go astray (a breakaway a moment too late) are no evidence that something is missing.
-  const auto typical = [&](const std::vector<double>& scores) {
-    return std::expm1(std::max(0.0, 2 * sum(scores) / values));
-  };
-
   const double quiet = quiet_excess(work.model());
   work.tell(0.02, "refitting parameters");
+  const EffectSearch search = search_effects(work, settings.most_effects, quiet);
   GapModel nominal;
   nominal.parameters = sheet.nominal();
-  FitResult base = work.refit(nominal, {});
-  const GapModel refitted = base.model;
-  const std::vector<double> nominal_losses = work.held_out(nominal);
-  const Structure plain = work.score(base);  // the refitted model, scored like every other
-  const std::vector<double>& refit_losses = plain.held_out;
-  const double refit_excess = excess(refit_losses), nominal_excess = excess(nominal_losses);
+  const double nominal_excess = mean_excess(search.nominal, values);
+  const double refit_excess = mean_excess(search.plain.held_out, values);
+  const double explained_excess = mean_excess(search.losses, values);
+  const double left = typical_excess(search.score, values), there_was = typical_excess(search.plain.score, values);
+  const bool found = !search.base.effects.empty();
 
-  std::vector<Structure> first_ranked, screened_first;
-  std::vector<double> now_losses = refit_losses, now_score = plain.score;
-  for (int round = 0; round < settings.most_effects; ++round) {
-    if (typical(now_score) < quiet + (round > 0 ? kQuietShare * typical(plain.score) : 0)) break;
-    const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
-    std::vector<Structure> structures = work.screen(base, from, from + 0.5 * width);
-    if (round == 0) screened_first = structures;
-    if (structures.empty()) break;
-    if (structures.size() > kFinalists) structures.resize(kFinalists);
-    work.shortlist(base, structures, from + 0.5 * width, from + 0.65 * width);
-    std::size_t kept = 1;
-    while (kept < structures.size() && kept < kSurvivors && structures[kept].quick > kFollow * structures.front().quick)
-      ++kept;
-    const std::vector<Structure> rest(structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
-    structures.resize(kept);
-    work.refine(structures, from + 0.65 * width, from + width);
-    std::stable_sort(structures.begin(), structures.end(),
-                     [](const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); });
-    const Structure best = structures.front();
-    for (Structure& structure : structures)
-      structure.around = {};  // only the best one's are needed, and they are large
-    if (round == 0) {
-      first_ranked = structures;
-      first_ranked.insert(first_ranked.end(), rest.begin(), rest.end());
-    }
-    const std::vector<double> gain = minus(now_score, best.score);
-    // Mean over the segments of the log of their loss: the share by which a typical segment shrinks.
-    const double share = 1 - std::exp(-sum(gain) / (0.5 * values));
-    const bool significant = sum(gain) > kSignificance * standard_error(gain);
-    // Some effects (a breakaway level) show in a few segments only, but there decide the mean.
-    const double before = excess(now_losses), after = excess(best.held_out);
-    const bool decisive = before - after > kDecisive * before && before - after > quiet;
-    if (!significant || (!decisive && share < (round == 0 ? kMaterial : kMaterialNext))) break;
-    base = work.refit(best);
-    base.covariance = best.fit.covariance;
-    // A further effect must not be credited with what one more refit wins.
-    const Structure again = work.score(base);
-    const Structure& better = sum(again.score) < sum(best.score) ? again : best;
-    now_losses = better.held_out;
-    now_score = better.score;
-  }
   // What all the library's effects at the place could win together.
-  double closure_gain = 0, named_gain = 0;
-  if (!base.effects.empty()) {
+  const double named_gain = sum(search.plain.score) - sum(search.score);
+  double closure_gain = named_gain;
+  if (found && left > quiet) {
     work.tell(0.88, "fitting a flexible model");
-    const Structure closure = work.closure(base, base.effects.front().effect.port);
-    if (!closure.score.empty()) closure_gain = sum(plain.score) - sum(closure.score);
-    named_gain = sum(plain.score) - sum(now_score);
-    closure_gain = std::max(closure_gain, named_gain);
+    const auto first = std::find(search.round_of.begin(), search.round_of.end(), 0U) - search.round_of.begin();
+    const Structure closure =
+        work.closure(search.base, search.base.effects[static_cast<std::size_t>(first)].effect.port);
+    if (!closure.score.empty()) closure_gain = std::max(named_gain, sum(search.plain.score) - sum(closure.score));
   }
   work.tell(0.93, "measuring the gap");
 
-  const double explained_excess = excess(now_losses);
-  result.shrink_refit = refit_excess > 0 ? 1 - explained_excess / refit_excess : 0;
+  if (found && refit_excess > 0) result.shrink_refit = 1 - explained_excess / refit_excess;
   result.shrink_nominal = nominal_excess > 0 ? 1 - explained_excess / nominal_excess : 0;
-  if (base.effects.empty()) result.shrink_refit = 0;
-  Random random(settings.seed);
-  std::vector<double> shrinks;
-  for (int b = 0; b < kBootstraps && refit_excess > 0; ++b) {
-    double before = 0, after = 0;
-    for (std::size_t i = 0; i < refit_losses.size(); ++i) {
-      const auto k = static_cast<std::size_t>(random.uniform() * static_cast<double>(refit_losses.size()));
-      before += refit_losses[k];
-      after += now_losses[k];
-    }
-    const double e1 = 2 * before / values - 1, e2 = std::max(0.0, 2 * after / values - 1);
-    if (e1 > 0) shrinks.push_back(1 - e2 / e1);
-  }
-  std::sort(shrinks.begin(), shrinks.end());
-  if (!shrinks.empty())
-    result.shrink_interval = {shrinks[shrinks.size() / 20], shrinks[shrinks.size() - 1 - shrinks.size() / 20]};
-
-  // Ranked causes and rivals of the first effect. Those that were not followed to the end are as far behind as their quick fits.
-  double weights = 0, last = 0;
-  for (const Structure& s : first_ranked) {
-    RankedCause cause;
-    cause.effect = named(s.fit, s.fit.effects.size() - 1);
-    if (!s.score.empty()) {
-      const std::vector<double> behind = minus(s.score, first_ranked.front().score);
-      cause.gain = sum(plain.score) - sum(s.score);
-      cause.behind = sum(behind);
-      cause.standard_error = standard_error(behind);
-      last = cause.behind;
-    } else {
-      cause.behind = std::max(last, first_ranked.front().quick - s.quick);
-      cause.gain = sum(plain.score) - sum(first_ranked.front().score) - cause.behind;
-      cause.standard_error = standard_error({cause.behind});
-    }
-    const double scale =
-        std::max({1.0, cause.standard_error, kRivalShare * (sum(plain.score) - sum(first_ranked.front().score))});
-    cause.effect.probability = std::exp(-0.5 * std::pow(cause.behind / scale, 2));
-    weights += cause.effect.probability;
-    result.ranked.push_back(cause);
-  }
-  std::stable_sort(result.ranked.begin(), result.ranked.end(),
-                   [](const RankedCause& a, const RankedCause& b) { return a.behind < b.behind; });
-  for (RankedCause& cause : result.ranked) cause.effect.probability /= std::max(weights, 1e-300);
-
-  // Places: the best candidate of each port.
-  std::map<std::string, double> place_gain;
-  for (const Structure& s : screened_first) {
-    double& gain = place_gain[s.fit.effects.back().effect.port];
-    gain = std::max(gain, s.screened);
-  }
-  std::map<std::string, double> place_share;
-  for (const RankedCause& cause : result.ranked) place_share[cause.effect.port] += cause.effect.probability;
-  for (const auto& [port, gain] : place_gain) {
-    PlaceScore place;
-    place.port = port;
-    place.component = sheet.port(port).component;
-    place.kind = kind_of(sheet, port);
-    place.score = gain;
-    const auto share = place_share.find(port);
-    place.share = share == place_share.end() ? 0 : share->second;
-    result.places.push_back(place);
-  }
-  std::stable_sort(result.places.begin(), result.places.end(), [](const PlaceScore& a, const PlaceScore& b) {
-    return a.share != b.share ? a.share > b.share : a.score > b.score;
-  });
-  if (!result.places.empty())
-    for (std::size_t i = 1; i < result.places.size(); ++i)
-      if (result.places[i].share > 0.15) result.places.front().inseparable.push_back(result.places[i].port);
-
-  const bool found = !base.effects.empty();
-  if (found) {
-    for (std::size_t e = 0; e < base.effects.size(); ++e) {
-      NamedEffect effect = named(base, e);
-      for (const RankedCause& cause : result.ranked)
-        if (cause.effect.effect == effect.effect && cause.effect.port == effect.port)
-          effect.probability = cause.effect.probability;
-      if (e > 0) effect.probability = 1;
-      result.effects.push_back(effect);
-    }
-    for (std::size_t i = 1; i < result.ranked.size(); ++i) {
-      const RankedCause& cause = result.ranked[i];
-      if (cause.behind < kRivalErrors * cause.standard_error || cause.behind < kRivalShare * result.ranked.front().gain)
-        result.equivalent.push_back(cause.effect);
-    }
-    if (!result.equivalent.empty())
-      result.why_equivalent =
-          fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors", kRivalErrors);
-  }
+  if (refit_excess > 0)
+    result.shrink_interval = shrink_interval(search.plain.held_out, search.losses, values, settings.seed);
   result.closable = found && closure_gain > 0 ? std::clamp(named_gain / closure_gain, 0.0, 1.0) : 0;
+  result.ranked = rank_causes(search);
+  result.places = rank_places(sheet, search.screened, result.ranked);
+  if (found) name_effects(search, result);
+
   // Doubt that what was found is the cause, or that nothing need be found: what is left, and how far the parameters had to bend for it.
-  double strain = 0;
-  for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
-    if (sheet.parameters[i].tolerance > 0)
-      strain +=
-          std::pow((base.model.parameters[i] / sheet.parameters[i].nominal - 1) / sheet.parameters[i].tolerance, 2);
-  double doubt = 0;
+  double doubt = there_was / (kUnexplained * quiet);
   if (found) {
-    doubt = std::max(0.0, typical(now_score) - quiet) / std::max(typical(plain.score), 1e-9) / kLeft + strain / kStrain;
+    doubt = std::max(0.0, left - quiet) / std::max(there_was, 1e-9) / kLeft +
+            strain_of(sheet, search.base.model.parameters) / kStrain;
     if (result.shrink_refit < kEnough || result.closable < kEnoughOfClosure) doubt += 1;
-  } else {
-    doubt = typical(plain.score) / (kUnexplained * quiet);
   }
   result.unknown_probability = 1 / (1 + std::exp(-kSteepness * (doubt - 1)));
   if (doubt > 1)
@@ -321,16 +306,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     result.verdict = "named";
   else
     result.verdict = nominal_excess - refit_excess > kRefitMatters ? "miscalibrated" : "none";
-  if (result.verdict == "none" || result.verdict == "miscalibrated") {
-    // What little the best effect wins is not claimed; the measures stay those of the refit.
-    base.effects.clear();
-    base.model = refitted;
-    result.effects.clear();
-    result.equivalent.clear();
-    result.shrink_refit = 0;
-    result.shrink_interval = {};
-    result.closable = 0;
-  }
+  if (!found) result.shrink_interval = {};
+
   // Rounding is in the noise, so it is beside all this: a fact of the recording.
   const std::vector<NamedEffect> rounded = rounded_channels(sheet, work.model().runs(), settings.without);
   if (!rounded.empty() && result.verdict != "unknown") {
@@ -353,17 +330,17 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     work.tell(0.95, "looking for a run that separates");
     const NamedEffect& rival = result.equivalent.front();
     const auto model_of = [&](const NamedEffect& wanted) -> const FitResult& {
-      for (const Structure& s : first_ranked)
+      for (const Structure& s : search.ranked)
         if (s.fit.effects.back().effect.effect == wanted.effect && s.fit.effects.back().effect.port == wanted.port)
           return s.fit;
-      return base;
+      return search.base;
     };
     const NamedEffect& best = result.ranked.front().effect;
     result.next = separating_runs(sheet, model_of(best).model, model_of(rival).model,
                                   best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port,
                                   gap_segment(sheet), kNextDuration, settings.jobs);
   }
-  measure_levels(work.model(), nominal, refitted, base, result);
+  measure_levels(work.model(), nominal, search.plain.fit.model, search.base, result);
   describe(sheet, result);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;

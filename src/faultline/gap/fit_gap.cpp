@@ -175,6 +175,26 @@ FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, con
   return fit(residuals, start, effects, linear, iterations, false);
 }
 
+std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const FitResult& fit,
+                                         const Linearisation& linear) {
+  const Coordinates coordinates = coordinates_of(fit.effects);
+  const std::vector<Eigen::MatrixXf> now = residuals_of(residuals, fit.model, linear.runs());
+  std::vector<Eigen::VectorXd> result(linear.runs().size(),
+                                      Eigen::VectorXd(static_cast<Eigen::Index>(coordinates.size())));
+  Eigen::Index at = 0;
+  for (const auto& column : effect_sensitivity(residuals, fit, coordinates, now, linear.runs())) {
+    const std::vector<double> squares = linear.products(column).squares;
+    std::size_t segment = 0;
+    for (std::size_t r = 0; r < result.size(); ++r) {
+      result[r][at] = 0;
+      for (std::size_t g = 0; g < residuals.runs()[linear.runs()[r]].segments(); ++g, ++segment)
+        result[r][at] += linear.weights()[segment] * squares[segment];
+    }
+    ++at;
+  }
+  return result;
+}
+
 Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear) {
   const Coordinates coordinates = coordinates_of(fit.effects);
   const std::vector<Eigen::MatrixXf>& now = linear.at_model();

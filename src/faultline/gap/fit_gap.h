@@ -31,6 +31,10 @@ FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, con
 void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& free, const Eigen::VectorXd& move,
                       std::vector<double>& parameters);
 
+// Information (d r/d c)' W (d r/d c) of each run, in the order of linear.runs(), about each of the effects' coordinates that have a range.
+std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const FitResult& fit,
+                                         const Linearisation& linear);
+
 // Covariance at a fit, robust against residuals that are not white and models that are not exact (Huber's sandwich, by segments):
 // H^-1 (sum over segments of g g') H^-1 + H^-1 for what only the prior holds. `linear` must stand at the fit.
 Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear);

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "faultline/fit/in_parallel.h"
+#include "faultline/gap/size_search.h"
 
 namespace faultline {
 namespace {
@@ -13,11 +14,18 @@ namespace {
 constexpr double kSamplesCorrelate = 20;  // samples of a misfit that say the same
 constexpr int kSteps = 4;                 // Gauss-Newton steps around one linearisation
 constexpr int kQuickSteps = 3;
-constexpr double kGolden = 0.6180339887498949;
-constexpr int kMostRounds = 5;    // linearisations of the refit
-constexpr int kRefineRounds = 3;  // ... and of a structure that is followed
-constexpr double kNear = 0.35;    // tolerances, or of an effect's size, that do not change sensitivities
-constexpr double kSettled = 100;  // gain in log likelihood that is not worth another linearisation
+constexpr int kMostRounds = 5;       // linearisations of the refit
+constexpr int kRefineRounds = 3;     // ... and of a structure that is followed
+constexpr double kNear = 0.35;       // tolerances, or of an effect's size, that do not change sensitivities
+constexpr double kShows = 0.1;       // share of what all runs show of an effect's size that some must show to fit it
+constexpr double kSettled = 100;     // gain in log likelihood that is not worth another linearisation
+constexpr double kWideSpan = 0.5;    // of an effect's coordinate on both sides, searched where derivatives fail ...
+constexpr int kWidePoints = 15;      // ... and how many values are tried before the best is narrowed down
+constexpr double kCloseSpan = 0.22;  // the same for the few that are followed
+constexpr int kClosePoints = 9;
+constexpr int kSearches = 2;         // searches of a structure that is followed
+constexpr double kEnough = 0.04;     // excess of a typical segment that is not worth a search
+constexpr double kPromising = 0.25;  // share of the best screening that is worth a search
 const std::vector<double> kShares = {0.05, 0.15, 0.4, 0.7, 1.5, 2.5};  // of a starting point's size
 constexpr std::size_t kFollowed = 14;  // candidates of which all starting points are tried
 
@@ -251,57 +259,58 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
     return sum(robust(learn.segment_losses(residuals_of(model(), at, learn_)), segment_values()));
   };
   const double before = weighted(base.model);
-  // The time from which a signal is stuck has a narrow valley that no derivative finds from afar: golden sections around its start.
-  const auto narrow = [&](std::vector<Candidate>& effects, const std::vector<double>& parameters) {
-    double& time = effects.back().effect.parameters.front();
-    const Bounds& bounds = effects.back().bounds.front();
+  // The time from which a signal is stuck has a narrow valley.
+  const auto find_time = [&](FitResult& start) {
+    double& time = start.effects.back().effect.parameters.front();
+    const Bounds& bounds = start.effects.back().bounds.front();
     const double spacing = (bounds.maximum - bounds.minimum) / kStuckTimes;
-    double low = std::max(bounds.minimum, time - spacing), high = std::min(bounds.maximum, time + spacing);
-    const auto at = [&](double value) {
-      time = value;
-      return weighted(with_effects(effects, parameters));
-    };
-    double left = high - kGolden * (high - low), right = low + kGolden * (high - low);
-    double of_left = at(left), of_right = at(right);
-    while (high - low > sheet_.sample_period) {
-      if (of_left < of_right) {
-        high = right, right = left, of_right = of_left;
-        of_left = at(left = high - kGolden * (high - low));
-      } else {
-        low = left, left = right, of_left = of_right;
-        of_right = at(right = low + kGolden * (high - low));
-      }
-    }
-    time = 0.5 * (low + high);
+    time = narrow(
+        [&](double value) {
+          time = value;
+          return weighted(with_effects(start.effects, start.model.parameters));
+        },
+        std::max(bounds.minimum, time - spacing), std::min(bounds.maximum, time + spacing), 3, sheet_.sample_period);
   };
-  const auto better = [](const Structure& a, const Structure& b) { return a.quick > b.quick; };
   const std::size_t followed = (structures.size() + 1) / 2;
+  const double promise = kPromising * structures.front().screened;
   std::atomic<std::size_t> done{0};
-  const auto fit = [&](std::size_t count, int steps) {
+  const auto fit = [&](Structure& structure, int steps) {
+    structure.fit = fit_gap(model(), structure.fit.model, structure.fit.effects, learn, steps);
+    structure.quick = before - weighted(structure.fit.model);
+  };
+  const auto round = [&](std::size_t count, const auto& work) {
     in_parallel(count, settings_.jobs, [&](std::size_t i) {
-      Structure& structure = structures[i];
-      structure.fit = fit_gap(model(), structure.fit.model, structure.fit.effects, learn, steps);
-      structure.quick = before - weighted(structure.fit.model);
+      work(structures[i]);
       const std::size_t now = ++done;
       if (progress_)
         progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size() + followed),
                   "fitting the best");
     });
-    std::stable_sort(structures.begin(), structures.begin() + static_cast<std::ptrdiff_t>(count), better);
+    std::stable_sort(structures.begin(), structures.begin() + static_cast<std::ptrdiff_t>(count),
+                     [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
   };
-  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
-    FitResult& start = structures[i].fit;
-    if (start.effects.back().family == "stuck") narrow(start.effects, start.model.parameters);
+  round(structures.size(), [&](Structure& structure) {
+    const bool stuck = structure.fit.effects.back().family == "stuck";
+    if (stuck) find_time(structure.fit);
+    const FitResult start = structure.fit;
+    fit(structure, 1);
+    if (stuck || structure.quick > structure.screened || structure.screened < promise) return;
+    // A step that wins less than the screening promised is in a valley that its derivatives do not see.
+    Structure other = structure;
+    other.fit = start;
+    if (search_effect(model(), learn, other.fit, kWideSpan, kWidePoints) < kSettled) return;
+    fit(other, 1);
+    if (other.quick > structure.quick) structure = std::move(other);
   });
-  fit(structures.size(), 1);
-  fit(followed, kQuickSteps - 1);
-  std::stable_sort(structures.begin(), structures.end(), better);
+  round(followed, [&](Structure& structure) { fit(structure, kQuickSteps - 1); });
+  std::stable_sort(structures.begin(), structures.end(),
+                   [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
 }
 
-double GapTrials::follow(Structure& structure, int jobs) const {
+double GapTrials::follow(Structure& structure, int jobs, int rounds) const {
   structure.around = settle(around_, structure.fit.model, jobs);
   double best = learned_loss(structure.around);
-  for (int round = 0; round < kRefineRounds; ++round) {
+  for (int round = 0; round < rounds; ++round) {
     const Surroundings& own = structure.around;
     const FitResult fit =
         fit_gap(*own.residuals, structure.fit.model, structure.fit.effects, own.linear->subset(learn_), kSteps);
@@ -325,35 +334,89 @@ void GapTrials::refine(Structure& structure, int jobs) const {
   const double quick_loss =
       sum(robust(learn.segment_losses(residuals_of(model(), quick.model, learn_)), segment_values()));
   structure.fit.model.parameters = sheet_.nominal();
-  const double best = follow(structure, jobs);
+  double best = follow(structure, jobs, kRefineRounds);
   if (best > quick_loss) {
     Structure bent = structure;
     bent.fit = quick;
-    if (follow(bent, jobs) < best) structure = std::move(bent);
+    const double other = follow(bent, jobs, kRefineRounds);
+    if (other < best) {
+      structure = std::move(bent);
+      best = other;
+    }
+  }
+  const double values = segment_values() * static_cast<double>(learn.weights().size());
+  for (int pass = 0; pass < kSearches && best > kEnough * 0.5 * values; ++pass) {
+    Structure searched = structure;
+    if (search_effect(*structure.around.residuals, structure.around.linear->subset(learn_), searched.fit, kCloseSpan,
+                      kClosePoints) < kSettled)
+      break;
+    const double other = follow(searched, jobs, 1);
+    if (other > best - kSettled) break;
+    structure = std::move(searched);
+    best = other;
   }
   structure.fit.covariance =
       uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_));
-  cross_score(structure.around, structure);
+  cross_score(structure.around, structure, structure.fit.effects.size() - 1);
 }
 
-void GapTrials::cross_score(const Surroundings& around, Structure& structure) const {
+void GapTrials::cross_score(const Surroundings& around, Structure& structure, std::size_t settled) const {
   const FitResult& fit = structure.fit;
   structure.held_out.clear();
+  std::vector<Eigen::VectorXd> fitted;
+  std::vector<Eigen::VectorXd> shown;
+  if (folds_.size() > 1) shown = information(*around.residuals, fit, *around.linear);
   for (const Fold& fold : folds_) {
-    const bool same = fold.train == learn_;
-    const FitResult part =
-        same ? fit : fit_effects(*around.residuals, fit.model, fit.effects, around.linear->subset(fold.train), kSteps);
+    FitResult part = fit;
+    if (fold.train != learn_) {
+      // Effects that were found before stay as they are, like the parameters. And what these runs hardly show is not theirs to say: a
+      // rate limit that only steps reach would be fitted to anything.
+      std::vector<Candidate> effects = fit.effects;
+      std::size_t at = 0;
+      for (std::size_t e = 0; e < effects.size(); ++e) {
+        Candidate& candidate = effects[e];
+        for (std::size_t p = 0; p < candidate.bounds.size(); ++p) {
+          Bounds& bounds = candidate.bounds[p];
+          if (bounds.minimum >= bounds.maximum) continue;
+          double known = 0, all = 0;
+          for (std::size_t r = 0; r < shown.size(); ++r) {
+            all += shown[r][static_cast<Eigen::Index>(at)];
+            if (std::find(fold.train.begin(), fold.train.end(), r) != fold.train.end())
+              known += shown[r][static_cast<Eigen::Index>(at)];
+          }
+          ++at;
+          if (e < settled || known < kShows * all) bounds.minimum = bounds.maximum = candidate.effect.parameters[p];
+        }
+      }
+      part = fit_effects(*around.residuals, fit.model, effects, around.linear->subset(fold.train), kSteps);
+    }
+    if (!part.effects.empty() && settled + 1 == part.effects.size()) {
+      const Candidate& last = part.effects.back();
+      const Candidate& free = fit.effects.back();
+      Eigen::VectorXd at(static_cast<Eigen::Index>(free.bounds.size()));
+      for (std::size_t p = 0; p < free.bounds.size(); ++p) {
+        const bool ranges = last.bounds[p].minimum < last.bounds[p].maximum;
+        at[static_cast<Eigen::Index>(p)] = ranges ? free.to_coordinate(p, last.effect.parameters[p]) : std::nan("");
+      }
+      fitted.push_back(at);
+    }
     const auto losses =
         around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test));
     structure.held_out.insert(structure.held_out.end(), losses.begin(), losses.end());
   }
   structure.score = robust(structure.held_out, segment_values());
+  if (fitted.empty()) return;
+  structure.apart = Eigen::VectorXd::Zero(fitted.front().size());
+  for (Eigen::Index p = 0; p < structure.apart.size(); ++p) {
+    const double apart = 0.5 * (fitted.front()[p] - fitted.back()[p]);
+    if (std::isfinite(apart)) structure.apart[p] = std::abs(apart);
+  }
 }
 
 Structure GapTrials::score(const FitResult& fit) const {
   Structure structure;
   structure.fit = fit;
-  cross_score(around_, structure);
+  cross_score(around_, structure, fit.effects.empty() ? 0 : fit.effects.size() - 1);
   return structure;
 }
 
@@ -409,8 +472,8 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
     }
   all.fit.model = with_effects(all.fit.effects, base.model.parameters);
   if (all.fit.effects.size() == base.effects.size()) return all;
-  follow(all, settings_.jobs);
-  cross_score(all.around, all);
+  follow(all, settings_.jobs, 1);
+  cross_score(all.around, all, base.effects.size());
   return all;
 }
 

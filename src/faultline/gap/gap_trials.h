@@ -28,7 +28,9 @@ struct Structure {
   double quick = 0;              // gain of the quick fit
   std::vector<double> held_out;  // loss per segment of all tests; empty until refined
   std::vector<double> score;     // the same on the scale of robust()
-  Surroundings around;           // its own, once refined
+  Eigen::VectorXd
+      apart;  // how far the folds' fits of the last effect's coordinates lie from each other: standard deviation
+  Surroundings around;  // its own, once refined
 };
 
 double sum(const std::vector<double>& values);
@@ -60,8 +62,8 @@ class GapTrials {
   // The model as it is, with start states and linearisation of all runs at it.
   FitResult stand(const GapModel& model);
 
-  // What refit() or stand() just returned, scored fold by fold: the parameters belong to the rig and stay as all learning runs have them; an
-  // effect is fitted again on a fold's learning runs and has to prove itself on the others.
+  // What refit() or stand() just returned, scored fold by fold: the parameters belong to the rig and stay as all learning runs have them, and so
+  // do the effects but the last; that one is fitted again on a fold's learning runs and has to prove itself on the others.
   Structure score(const FitResult& fit) const;
 
   // Every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best starting point or
@@ -89,8 +91,9 @@ class GapTrials {
   Surroundings settle(const Surroundings& before, const GapModel& at, int jobs) const;
   double learned_loss(const Surroundings& around) const;
   void refine(Structure& structure, int jobs) const;
-  double follow(Structure& structure, int jobs) const;
-  void cross_score(const Surroundings& around, Structure& structure) const;
+  double follow(Structure& structure, int jobs, int rounds) const;
+  // The first `settled` effects stay as they are.
+  void cross_score(const Surroundings& around, Structure& structure, std::size_t settled) const;
 
   const Datasheet& sheet_;
   const GapSettings& settings_;

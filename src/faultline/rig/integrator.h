@@ -16,7 +16,8 @@ class Integrator {
  public:
   virtual ~Integrator() = default;
   virtual void start(const double* channels) = 0;
-  virtual void start_at(const double* nominal_state, const double* channels) = 0;
+  // Moves to a nominal state. What effects add keeps its distance to rest: a load stays at the flank of the play on which it was.
+  virtual void move_to(const double* nominal_state, const double* channels) = 0;
   // One step of dt [s] from `time` [s], channels held.
   virtual void step(double time, double dt, const double* channels) = 0;
   virtual const double* state() const = 0;
@@ -30,9 +31,12 @@ class RungeKutta4 : public Integrator {
     state_.fill(0);
     rig_.start(channels, state_.data());
   }
-  void start_at(const double* nominal_state, const double* channels) override {
-    state_.fill(0);
-    rig_.start_at(nominal_state, channels, state_.data());
+  void move_to(const double* nominal_state, const double* channels) override {
+    State rest{}, moved{};
+    rig_.start_at(state_.data(), channels, rest.data());
+    rig_.start_at(nominal_state, channels, moved.data());
+    for (std::size_t i = 0; i < N; ++i) state_[i] = moved[i] + (state_[i] - rest[i]);
+    rig_.set_modes(state_.data());
   }
   void step(double time, double dt, const double* channels) override {
     stepper_.do_step([this, channels](const State& x, State& rate,

@@ -20,8 +20,10 @@ class Rig {
   virtual int states() const = 0;
   // Initial state for the given channel values; sets all discrete modes. `channels`: one value per channel.
   virtual void start(const double* channels, double* state) = 0;
-  // Takes a given nominal state (in the datasheet's order) instead of the initial one; effect states start at rest.
+  // Takes a given nominal state (in the datasheet's order) instead of the initial one; effect states start at rest. Sets no modes.
   virtual void start_at(const double* nominal_state, const double* channels, double* state) = 0;
+  // Sets all discrete modes (slipping, sticking) as the state says.
+  virtual void set_modes(const double* /*state*/) {}
   // d(state)/dt at time [s]. `channels` holds commands and inputs as they reach the plant.
   virtual void derivative(double time, const double* state, const double* channels, double* rate) = 0;
   // After each step: events and limits (sticking, end of travel, no negative pressure).

@@ -28,9 +28,13 @@ void Rosenbrock::start(const double* channels) {
   rig_.start(channels, state_.data());
 }
 
-void Rosenbrock::start_at(const double* nominal_state, const double* channels) {
-  std::fill(state_.begin(), state_.end(), 0);
-  rig_.start_at(nominal_state, channels, state_.data());
+void Rosenbrock::move_to(const double* nominal_state, const double* channels) {
+  std::fill(rate_.begin(), rate_.end(), 0);
+  std::fill(stage_.begin(), stage_.end(), 0);
+  rig_.start_at(state_.data(), channels, rate_.data());  // the rest where it stands
+  rig_.start_at(nominal_state, channels, stage_.data());
+  for (std::size_t s = 0; s < states_; ++s) state_[s] = stage_[s] + (state_[s] - rate_[s]);
+  rig_.set_modes(state_.data());
 }
 
 void Rosenbrock::step(double time, double dt, const double* channels) {

@@ -19,7 +19,7 @@ class Rosenbrock : public Integrator {
  public:
   explicit Rosenbrock(Rig& rig);
   void start(const double* channels) override;
-  void start_at(const double* nominal_state, const double* channels) override;
+  void move_to(const double* nominal_state, const double* channels) override;
   void step(double time, double dt, const double* channels) override;
   const double* state() const override { return state_.data(); }
 

@@ -80,7 +80,7 @@ class Plant {
       state[i] = std::isnan(nominal_state[i]) ? integrator_->state()[i] : nominal_state[i];
     for (const auto& [index, chain] : shown_states_)
       if (!std::isnan(nominal_state[index])) state[index] = chain->undo_signal(state[index], time);
-    integrator_->start_at(state.data(), channels);
+    integrator_->move_to(state.data(), channels);
   }
 
   // One sample period: commands held, inputs run linearly from `now` to `next`.

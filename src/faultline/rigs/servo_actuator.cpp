@@ -82,6 +82,7 @@ void ServoActuator::start(const double* channels, double* state) {
   const double half = channels[supply_] / 2;
   const double nominal[7] = {0, 0, half, half, 0, 0, 0};
   start_at(nominal, channels, state);
+  set_modes(state);
 }
 
 void ServoActuator::start_at(const double* nominal_state, const double*, double* state) {
@@ -96,8 +97,11 @@ void ServoActuator::start_at(const double* nominal_state, const double*, double*
     state[load_] = state[kPosition];
     state[load_ + 1] = state[kVelocity];
   }
+}
+
+void ServoActuator::set_modes(const double* state) {
   piston_friction_.start(state[kVelocity]);
-  load_friction_.start(state[kVelocity]);
+  if (has_load_) load_friction_.start(state[load_ + 1]);
 }
 
 double ServoActuator::stop_force(double position, double velocity) const {

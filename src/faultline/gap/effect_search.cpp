@@ -1,0 +1,149 @@
+#include "faultline/gap/effect_search.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace faultline {
+namespace {
+
+constexpr std::size_t kFinalists = 10;  // candidates that are fitted after screening ...
+constexpr std::size_t kSurvivors = 3;   // ... and of those followed to the end,
+constexpr double kFollow = 0.75;        // if they win this share of what the best one wins
+constexpr double kSignificance = 3;     // standard errors that a gain must exceed
+constexpr double kMaterial = 0.04;      // share of the mean squared residual that a first effect must remove
+constexpr double kMaterialNext = 0.15;  // ... and a further one
+constexpr double kDecisive = 0.4;       // ... or this share of the excess, either of them
+constexpr double kQuietShare =
+    0.01;  // of what there was, which a further effect must find left beyond what is quiet, up to ...
+constexpr double kQuietMost = 5;      // ... so much
+constexpr double kCloseRival = 0.03;  // share of an effect's gain that a rival may be behind to be tried again
+
+bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
+
+// The followed structures of one round, best first; `rest` takes the finalists that were not followed.
+std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& base, std::vector<Structure> structures,
+                                     double from, double to, std::vector<Structure>& rest) {
+  if (structures.size() > kFinalists) structures.resize(kFinalists);
+  const double middle = from + 0.3 * (to - from);
+  work.shortlist(base, structures, from, middle);
+  std::size_t kept = 1;
+  while (kept < structures.size() && kept < kSurvivors && structures[kept].quick > kFollow * structures.front().quick)
+    ++kept;
+  rest.assign(structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
+  structures.resize(kept);
+  work.refine(structures, middle, to);
+  std::stable_sort(structures.begin(), structures.end(), by_score);
+  for (std::size_t i = 1; i < structures.size(); ++i) structures[i].around = {};  // large, and not needed again
+  return structures;
+}
+
+// Whether a structure is worth its last effect.
+bool pays(const EffectSearch& now, const Structure& best, int round, double values, double quiet) {
+  const std::vector<double> gain = minus(now.score, best.score);
+  if (sum(gain) <= kSignificance * standard_error(gain)) return false;
+  // Mean over the segments of the log of their loss: the share by which a typical segment shrinks.
+  const double share = 1 - std::exp(-sum(gain) / (0.5 * values));
+  if (share >= (round == 0 ? kMaterial : kMaterialNext)) return true;
+  // Some effects (a breakaway level) show in a few segments only, but there decide the mean.
+  const double before = mean_excess(now.losses, values), after = mean_excess(best.held_out, values);
+  return before - after > kDecisive * before && before - after > quiet;
+}
+
+// An effect that was found alone was found with others missing: the close rivals of each round but the last are tried again beside
+// everything else, and take its place if they do better there.
+void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& followed, EffectSearch& search) {
+  for (std::size_t round = 0; round + 1 < search.base.effects.size(); ++round) {
+    const Structure& winner = followed[round].front();
+    const double whole = sum(search.plain.score) - sum(winner.score);
+    std::vector<double> standing = winner.score;  // of what holds the winner's place, as if it stood alone
+    for (std::size_t r = 1; r < followed[round].size(); ++r) {
+      const Structure& rival = followed[round][r];
+      if (sum(rival.score) - sum(winner.score) > kCloseRival * whole) continue;
+      const auto e = std::find(search.round_of.begin(), search.round_of.end(), round) - search.round_of.begin();
+      std::vector<Structure> swapped(1);
+      std::vector<Candidate>& effects = swapped.front().fit.effects;
+      effects = search.base.effects;
+      effects.erase(effects.begin() + e);
+      effects.push_back(rival.fit.effects.back());
+      swapped.front().fit.model = with_effects(effects, search.base.model.parameters);
+      work.refine(swapped, 0.87, 0.88);
+      const std::vector<double> gain = minus(search.score, swapped.front().score);
+      const std::vector<double> beside = minus(standing, gain);
+      if (round == 0)  // how the two compare beside the others is what counts
+        for (Structure& s : search.ranked)
+          if (same_effect(s.fit.effects.back(), rival.fit.effects.back())) s.score = beside;
+      if (sum(gain) <= 0) continue;
+      standing = beside;
+      search.base = work.refit(swapped.front());
+      search.base.covariance = swapped.front().fit.covariance;
+      search.losses = swapped.front().held_out;
+      search.score = swapped.front().score;
+      search.round_of.erase(search.round_of.begin() + e);
+      search.round_of.push_back(round);
+      search.apart.erase(search.apart.begin() + e);
+      search.apart.push_back(swapped.front().apart);
+    }
+  }
+  std::stable_sort(search.ranked.begin(), search.ranked.end(), [](const Structure& a, const Structure& b) {
+    return !a.score.empty() && (b.score.empty() || by_score(a, b));
+  });
+}
+
+}  // namespace
+
+double typical_excess(const std::vector<double>& scores, double values) {
+  return std::expm1(std::max(0.0, 2 * sum(scores) / values));
+}
+
+double mean_excess(const std::vector<double>& losses, double values) {
+  return std::max(0.0, 2 * sum(losses) / values - 1);
+}
+
+bool same_effect(const Candidate& a, const Candidate& b) {
+  return a.effect.effect == b.effect.effect && a.effect.port == b.effect.port;
+}
+
+EffectSearch search_effects(GapTrials& work, int most_effects, double quiet) {
+  const double values = work.held_out_values();
+  EffectSearch search;
+  GapModel nominal;
+  nominal.parameters = work.model().sheet().nominal();
+  search.base = work.refit(nominal, {});
+  search.plain = work.score(search.base);
+  search.nominal = work.held_out(nominal);
+  search.losses = search.plain.held_out;
+  search.score = search.plain.score;
+  const double enough = quiet + kQuietShare * std::min(typical_excess(search.score, values), kQuietMost);
+  std::vector<std::vector<Structure>> followed;  // round by round, best first
+  for (int round = 0; round < most_effects; ++round) {
+    if (typical_excess(search.score, values) < (round == 0 ? quiet : enough)) break;
+    const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
+    const std::vector<Structure> screened = work.screen(search.base, from, from + 0.5 * width);
+    if (round == 0) search.screened = screened;
+    if (screened.empty()) break;
+    std::vector<Structure> rest;
+    std::vector<Structure> structures =
+        best_of_round(work, search.base, screened, from + 0.5 * width, from + width, rest);
+    const Structure best = structures.front();
+    structures.front().around = {};
+    if (round == 0) {
+      search.ranked = structures;
+      search.ranked.insert(search.ranked.end(), rest.begin(), rest.end());
+    }
+    if (!pays(search, best, round, values, quiet)) break;
+    followed.push_back(structures);
+    search.base = work.refit(best);
+    search.base.covariance = best.fit.covariance;
+    search.round_of.push_back(static_cast<std::size_t>(round));
+    search.apart.push_back(best.apart);
+    // A further effect must not be credited with what one more refit wins.
+    const Structure again = work.score(search.base);
+    const Structure& better = sum(again.score) < sum(best.score) ? again : best;
+    search.losses = better.held_out;
+    search.score = better.score;
+  }
+  try_rivals(work, followed, search);
+  return search;
+}
+
+}  // namespace faultline

@@ -1,0 +1,72 @@
+#include "faultline/gap/size_search.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace faultline {
+namespace {
+
+constexpr double kGolden = 0.6180339887498949;
+
+}  // namespace
+
+double narrow(const std::function<double(double)>& f, double low, double high, int points, double width) {
+  const double spacing = (high - low) / (points - 1);
+  double best = std::numeric_limits<double>::infinity(), at = low;
+  for (int i = 0; i < points; ++i) {
+    const double value = f(low + i * spacing);
+    if (value < best) best = value, at = low + i * spacing;
+  }
+  const double floor = low, ceiling = high;
+  low = std::max(floor, at - spacing), high = std::min(ceiling, at + spacing);
+  double left = high - kGolden * (high - low), right = low + kGolden * (high - low);
+  double of_left = f(left), of_right = f(right);
+  while (high - low > width) {
+    if (of_left < of_right) {
+      high = right, right = left, of_right = of_left;
+      of_left = f(left = high - kGolden * (high - low));
+    } else {
+      low = left, left = right, of_left = of_right;
+      of_right = f(right = low + kGolden * (high - low));
+    }
+  }
+  const double middle = of_left < of_right ? left : right;
+  return std::min(of_left, of_right) < best ? middle : at;
+}
+
+double search_effect(const ResidualModel& model, const Linearisation& linear, FitResult& fit, double span, int points) {
+  const Datasheet& sheet = model.sheet();
+  Candidate& effect = fit.effects.back();
+  const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), fit.model.parameters);
+  Eigen::VectorXd move;
+  const auto loss = [&] {
+    const GapModel at = with_effects(fit.effects, fit.model.parameters);
+    return projected_loss(linear, linear.products(residuals_of(model, at, linear.runs())), z, &move);
+  };
+  const double before = loss();
+  double best = before;
+  Eigen::VectorXd best_move = move;
+  for (std::size_t p = 0; p < effect.bounds.size(); ++p) {
+    double& value = effect.effect.parameters[p];
+    if (effect.bounds[p].minimum >= effect.bounds[p].maximum) continue;
+    const double start = value, c = effect.to_coordinate(p, value);
+    const auto at = [&](double coordinate) {
+      value = effect.from_coordinate(p, coordinate);
+      return loss();
+    };
+    const double found = narrow(at, std::max(0.0, c - span), std::min(1.0, c + span), points, span / points);
+    const double now = at(found);
+    if (now < best) {
+      best = now;
+      best_move = move;
+    } else {
+      value = start;
+    }
+  }
+  if (best >= before) return 0;
+  shift_parameters(sheet, linear.free_parameters(), best_move, fit.model.parameters);
+  fit.model = with_effects(fit.effects, fit.model.parameters);
+  return before - best;
+}
+
+}  // namespace faultline
