@@ -96,7 +96,7 @@ TEST(Rosenbrock, WhatIsFastDiesWithoutSwinging) {
   Driven rig;
   Rosenbrock method(rig);
   const double far[2] = {1e6, 1};
-  method.start_at(far, nullptr);
+  method.move_to(far, nullptr);
   method.step(0, 0.1, nullptr);
   EXPECT_NEAR(method.state()[0], std::cos(0.1), 100);
   method.step(0.1, 0.1, nullptr);

@@ -415,6 +415,35 @@ TEST_P(EveryEffect, GrowsDuringARun) {
     }
 }
 
+// What effects add - a load on one flank of its play, a swinging oil column - goes on when the states are put back to where they are.
+TEST_P(EveryEffect, PuttingStatesBackToWhereTheyAreChangesNothing) {
+  if (servo().port(GetParam().port).kind == PortKind::sensor) return;  // shows the states otherwise than they are
+  for (const double share : {0.3, 0.9}) {
+    SimulationSetup setup = servo_setup("square");
+    setup.noise = false;
+    setup.effects = {sized(GetParam(), share)};
+    const Recording r = simulate(servo(), setup, 2);
+    setup.substep = find_rig_type("servo_actuator")->substep;
+    std::vector<std::size_t> restarts;
+    std::vector<double> states;
+    for (std::size_t k = 0; k < r.rows(); k += 250) {
+      restarts.push_back(k);
+      for (const char* shown : {"position", "velocity", "chamber_a_pressure", "chamber_b_pressure", "spool_position"})
+        states.push_back(r.at(k, column(shown)));
+      states.insert(states.end(), 2, std::nan(""));
+    }
+    DrivenModel model(servo(), setup);
+    model.run(r, 0, r.rows(), restarts, states.data(), [&](std::size_t k, const double* row) {
+      for (std::size_t c = 0; c < r.columns(); ++c) {
+        const Channel& channel = r.channels[c];
+        if (channel.role != Role::output) continue;
+        ASSERT_NEAR(row[c], r.at(k, c), 1e-4 * (channel.maximum - channel.minimum))
+            << channel.name << " row " << k << " " << to_string(setup.effects[0]);
+      }
+    });
+  }
+}
+
 std::string place_name(const ::testing::TestParamInfo<Place>& info) {
   std::string name = info.param.effect + "_at_" + info.param.port;
   std::replace(name.begin(), name.end(), '.', '_');

@@ -1,0 +1,90 @@
+// The search for effects: sizes that derivatives do not find, two effects at once, and what a rig without one leaves.
+#include "faultline/gap/effect_search.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "faultline/gap/size_search.h"
+#include "servo_runs.h"
+
+namespace faultline {
+namespace {
+
+constexpr std::size_t kSegment = 250;
+
+std::vector<GapRun> runs_with(const std::vector<std::string>& effects) {
+  std::vector<GapRun> runs;
+  std::uint64_t seed = 11;
+  for (const char* profile : {"multisine", "square"}) {
+    SimulationSetup setup = servo_setup(profile, seed++);
+    setup.parameters = draw_parameters(servo(), 11);
+    for (const std::string& effect : effects) setup.effects.push_back(parse_effect(effect));
+    runs.push_back(prepare_run(servo(), profile, simulate(servo(), setup, 6), kSegment));
+  }
+  return runs;
+}
+
+// Ports of what is found among the candidates at these ports.
+EffectSearch search_among(const std::vector<std::string>& ports, const std::vector<std::string>& effects) {
+  GapSettings settings;
+  settings.jobs = 2;
+  for (const Port& port : servo().ports)
+    if (std::find(ports.begin(), ports.end(), port.name) == ports.end())
+      for (const FittingEffect& fitting : port.effects) settings.without.push_back(fitting.effect + "@" + port.name);
+  const GapProgress silent;
+  GapTrials work(servo(), runs_with(effects), {{{0}, {1}}, {{1}, {0}}}, {0, 1}, settings, silent);
+  return search_effects(work, 3, 0.05);
+}
+
+std::string found(const EffectSearch& search) {
+  std::string all;
+  for (std::size_t round = 0; round < search.round_of.size(); ++round)
+    for (std::size_t e = 0; e < search.round_of.size(); ++e)
+      if (search.round_of[e] == round)
+        all += search.base.effects[e].effect.effect + "@" + search.base.effects[e].effect.port + " ";
+  return all;
+}
+
+TEST(Narrow, FindsTheDeepestOfSeveralValleys) {
+  const auto f = [](double x) { return std::cos(20 * x) + 2 * std::pow(x - 0.8, 2); };
+  const double at = narrow(f, 0, 1, 11, 1e-4);
+  for (int i = 0; i <= 1000; ++i) EXPECT_LE(f(at), f(1e-3 * i) + 1e-6);
+  EXPECT_NEAR(narrow([](double x) { return x; }, 2, 3, 5, 1e-3), 2, 1e-3);  // at the edge
+}
+
+TEST(EffectSearch, NothingWhereNothingIsMissing) {
+  const EffectSearch search = search_among({"transmission.rod", "force.piston", "flow.chamber_a_chamber_b"}, {});
+  EXPECT_EQ(found(search), "");
+  EXPECT_EQ(search.apart.size(), 0u);
+}
+
+// From a starting point far off, the play has a valley that a Gauss-Newton step does not find.
+TEST(EffectSearch, FindsAPlay) {
+  const EffectSearch search =
+      search_among({"transmission.rod", "compliance.chambers"}, {"backlash@transmission.rod:gap=0.003"});
+  ASSERT_EQ(found(search), "backlash@transmission.rod ");
+  EXPECT_NEAR(search.base.effects.front().effect.parameters.front(), 0.003, 2e-4);
+}
+
+TEST(EffectSearch, FindsAnOilColumnBesideALeak) {
+  const EffectSearch search = search_among(
+      {"line.valve_cylinder", "flow.chamber_a_chamber_b"},
+      {"line_inertia@line.valve_cylinder:inertance=1e8", "laminar_leakage@flow.chamber_a_chamber_b:coefficient=2e-11"});
+  ASSERT_EQ(search.base.effects.size(), 2u) << found(search);
+  EXPECT_NE(found(search).find("line_inertia@line.valve_cylinder"), std::string::npos) << found(search);
+  EXPECT_NE(found(search).find("leakage@flow.chamber_a_chamber_b"), std::string::npos) << found(search);
+  EXPECT_EQ(search.apart.size(), 2u);
+}
+
+// The steps of one run reach the limit, the other run hardly does: what it cannot show does not speak against the effect.
+TEST(EffectSearch, ARunThatShowsNothingHasNoSay) {
+  const EffectSearch search =
+      search_among({"command.valve_command", "force.piston"},
+                   {"rate_limit@command.valve_command:rate=60", "added_mass@force.piston:mass=5"});
+  EXPECT_NE(found(search).find("rate_limit@command.valve_command"), std::string::npos) << found(search);
+  EXPECT_NE(found(search).find("added_mass@force.piston"), std::string::npos) << found(search);
+}
+
+}  // namespace
+}  // namespace faultline
