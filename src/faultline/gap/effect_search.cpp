@@ -25,7 +25,7 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
                                      double from, double to, std::vector<Structure>& rest) {
   if (structures.size() > kFinalists) structures.resize(kFinalists);
   const double middle = from + 0.3 * (to - from);
-  work.shortlist(base, structures, from, middle);
+  work.shortlist(base, structures, true, from, middle);
   std::size_t kept = 1;
   while (kept < structures.size() && kept < kSurvivors && structures[kept].quick > kFollow * structures.front().quick)
     ++kept;

@@ -253,7 +253,8 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   return result;
 }
 
-void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, double from, double to) const {
+void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from,
+                          double to) const {
   const Linearisation learn = around_.linear->subset(learn_);
   const auto weighted = [&](const GapModel& at) {
     return sum(robust(learn.segment_losses(residuals_of(model(), at, learn_)), segment_values()));
@@ -294,7 +295,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
     if (stuck) find_time(structure.fit);
     const FitResult start = structure.fit;
     fit(structure, 1);
-    if (stuck || structure.quick > structure.screened || structure.screened < promise) return;
+    if (!search || stuck || structure.quick > structure.screened || structure.screened < promise) return;
     // A step that wins less than the screening promised is in a valley that its derivatives do not see.
     Structure other = structure;
     other.fit = start;

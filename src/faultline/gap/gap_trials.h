@@ -70,8 +70,9 @@ class GapTrials {
   // wherever on the way to it from no effect it should be better.
   std::vector<Structure> screen(const FitResult& base, double from, double to) const;
 
-  // Fits each with the linearisation as it stands, and sorts them, best first.
-  void shortlist(const FitResult& base, std::vector<Structure>& structures, double from, double to) const;
+  // Fits each with the linearisation as it stands, and sorts them, best first. With `search`, sizes are searched where a step fails, which
+  // takes several times as long.
+  void shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from, double to) const;
 
   // Fits each with start states and linearisation of its own and scores it in the same way.
   void refine(std::vector<Structure>& structures, double from, double to) const;

@@ -237,7 +237,7 @@ void LiveGap::locate(std::size_t segments) {
   const double beyond = sum(trials.score(base).score) - robust(0.5 * trials.segment_values(), trials.segment_values());
   std::vector<Structure> structures = trials.screen(base, 0, 1);
   if (structures.size() > kAgain) structures.resize(kAgain);
-  trials.shortlist(base, structures, 0, 1);
+  trials.shortlist(base, structures, false, 0, 1);
   state_.place = LivePlace();
   state_.place.time = state_.time;
   if (structures.empty() || structures.front().quick < kWorthNaming * std::max(1.0, beyond)) return;
