@@ -51,14 +51,15 @@ void move_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std
 std::vector<std::vector<Eigen::MatrixXf>> effect_sensitivity(const ResidualModel& residuals, const FitResult& at,
                                                              const Coordinates& coordinates,
                                                              const std::vector<Eigen::MatrixXf>& now,
-                                                             const std::vector<std::size_t>& runs) {
+                                                             const std::vector<std::size_t>& runs, int jobs) {
   std::vector<std::vector<Eigen::MatrixXf>> columns;
   for (const auto& which : coordinates) {
     std::vector<Candidate> moved = at.effects;
     const double c = coordinate(moved, which);
     const double step = c > 0.5 ? -kEffectStep : kEffectStep;
     set_coordinate(moved, which, c + step);
-    columns.push_back(difference(residuals_of(residuals, with_effects(moved, at.model.parameters), runs), now, step));
+    columns.push_back(
+        difference(residuals_of(residuals, with_effects(moved, at.model.parameters), runs, jobs), now, step));
   }
   return columns;
 }
@@ -86,7 +87,7 @@ GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<d
 namespace {
 
 FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-              const Linearisation& linear, int iterations, bool parameters_move) {
+              const Linearisation& linear, int iterations, bool parameters_move, int jobs) {
   const Datasheet& sheet = residuals.sheet();
   const std::vector<std::size_t>& free = linear.free_parameters();
   const auto parameters = static_cast<Eigen::Index>(parameters_move ? free.size() : 0);
@@ -110,11 +111,11 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
   FitResult result;
   result.effects = effects;
   result.model = with_effects(effects, start.parameters);
-  std::vector<Eigen::MatrixXf> now = residuals_of(residuals, result.model, linear.runs());
+  std::vector<Eigen::MatrixXf> now = residuals_of(residuals, result.model, linear.runs(), jobs);
   result.loss = loss_of(now, result.effects, result.model.parameters);
   double damping = 0;
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    const auto effect_columns = effect_sensitivity(residuals, result, coordinates, now, linear.runs());
+    const auto effect_columns = effect_sensitivity(residuals, result, coordinates, now, linear.runs(), jobs);
     std::vector<const std::vector<Eigen::MatrixXf>*> columns = {&now};
     if (parameters_move)
       for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
@@ -143,7 +144,7 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
       for (std::size_t i = 0; i < coordinates.size(); ++i)
         move_coordinate(moved, coordinates[i], move[parameters + static_cast<Eigen::Index>(i)]);
       const GapModel model = with_effects(moved, values);
-      std::vector<Eigen::MatrixXf> tried = residuals_of(residuals, model, linear.runs());
+      std::vector<Eigen::MatrixXf> tried = residuals_of(residuals, model, linear.runs(), jobs);
       const double loss = loss_of(tried, moved, values);
       if (loss < result.loss) {
         const double gain = result.loss - loss;
@@ -166,23 +167,23 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
 }  // namespace
 
 FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-                  const Linearisation& linear, int iterations) {
-  return fit(residuals, start, effects, linear, iterations, true);
+                  const Linearisation& linear, int iterations, int jobs) {
+  return fit(residuals, start, effects, linear, iterations, true, jobs);
 }
 
 FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-                      const Linearisation& linear, int iterations) {
-  return fit(residuals, start, effects, linear, iterations, false);
+                      const Linearisation& linear, int iterations, int jobs) {
+  return fit(residuals, start, effects, linear, iterations, false, jobs);
 }
 
 std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const FitResult& fit,
-                                         const Linearisation& linear) {
+                                         const Linearisation& linear, int jobs) {
   const Coordinates coordinates = coordinates_of(fit.effects);
-  const std::vector<Eigen::MatrixXf> now = residuals_of(residuals, fit.model, linear.runs());
+  const std::vector<Eigen::MatrixXf> now = residuals_of(residuals, fit.model, linear.runs(), jobs);
   std::vector<Eigen::VectorXd> result(linear.runs().size(),
                                       Eigen::VectorXd(static_cast<Eigen::Index>(coordinates.size())));
   Eigen::Index at = 0;
-  for (const auto& column : effect_sensitivity(residuals, fit, coordinates, now, linear.runs())) {
+  for (const auto& column : effect_sensitivity(residuals, fit, coordinates, now, linear.runs(), jobs)) {
     const std::vector<double> squares = linear.products(column).squares;
     std::size_t segment = 0;
     for (std::size_t r = 0; r < result.size(); ++r) {
@@ -195,10 +196,11 @@ std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const F
   return result;
 }
 
-Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear) {
+Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear,
+                            int jobs) {
   const Coordinates coordinates = coordinates_of(fit.effects);
   const std::vector<Eigen::MatrixXf>& now = linear.at_model();
-  const auto effect_columns = effect_sensitivity(residuals, fit, coordinates, now, linear.runs());
+  const auto effect_columns = effect_sensitivity(residuals, fit, coordinates, now, linear.runs(), jobs);
   std::vector<const std::vector<Eigen::MatrixXf>*> columns = {&now};
   for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
   for (const auto& column : effect_columns) columns.push_back(&column);

@@ -20,12 +20,13 @@ struct FitResult {
 };
 
 // Refits the free parameters and the effects' parameters from where `start` and `effects` have them, in at most `iterations`
-// steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in each step.
+// steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in each step. Simulates `jobs` runs at once, as
+// all here do.
 FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-                  const Linearisation& linear, int iterations);
+                  const Linearisation& linear, int iterations, int jobs = 1);
 // The same with the free parameters left as they are.
 FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-                      const Linearisation& linear, int iterations);
+                      const Linearisation& linear, int iterations, int jobs = 1);
 
 // Moves the free parameters by so many tolerances, within their bound.
 void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& free, const Eigen::VectorXd& move,
@@ -33,11 +34,12 @@ void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& fr
 
 // Information (d r/d c)' W (d r/d c) of each run, in the order of linear.runs(), about each of the effects' coordinates that have a range.
 std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const FitResult& fit,
-                                         const Linearisation& linear);
+                                         const Linearisation& linear, int jobs = 1);
 
 // Covariance at a fit, robust against residuals that are not white and models that are not exact (Huber's sandwich, by segments):
 // H^-1 (sum over segments of g g') H^-1 + H^-1 for what only the prior holds. `linear` must stand at the fit.
-Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear);
+Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear,
+                            int jobs = 1);
 
 // The model with these effects and parameters.
 GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters);

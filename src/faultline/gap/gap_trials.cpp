@@ -68,6 +68,34 @@ std::vector<double> resized(const Candidate& candidate, std::vector<double> valu
   return values;
 }
 
+// The effects with what some runs may not decide held where it is: those that were found before, like the parameters, and what these
+// runs hardly show - a rate limit that only steps reach would be fitted to anything. `shown`: information() of all runs.
+std::vector<Candidate> left_to(const std::vector<std::size_t>& runs, std::vector<Candidate> effects,
+                               std::size_t settled, const std::vector<Eigen::VectorXd>& shown) {
+  Eigen::Index at = 0;
+  for (std::size_t e = 0; e < effects.size(); ++e)
+    for (std::size_t p = 0; p < effects[e].bounds.size(); ++p) {
+      Bounds& bounds = effects[e].bounds[p];
+      if (bounds.minimum >= bounds.maximum) continue;
+      double known = 0, all = 0;
+      for (const Eigen::VectorXd& run : shown) all += run[at];
+      for (const std::size_t run : runs) known += shown[run][at];
+      ++at;
+      if (e < settled || known < kShows * all) bounds.minimum = bounds.maximum = effects[e].effect.parameters[p];
+    }
+  return effects;
+}
+
+// Coordinates of a fitted effect, in those of `free`; not a number where they were held.
+Eigen::VectorXd free_sizes(const Candidate& free, const Candidate& fitted) {
+  Eigen::VectorXd result(static_cast<Eigen::Index>(free.bounds.size()));
+  for (std::size_t p = 0; p < free.bounds.size(); ++p)
+    result[static_cast<Eigen::Index>(p)] = fitted.bounds[p].minimum < fitted.bounds[p].maximum
+                                               ? free.to_coordinate(p, fitted.effect.parameters[p])
+                                               : std::nan("");
+  return result;
+}
+
 }  // namespace
 
 double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
@@ -139,7 +167,7 @@ FitResult GapTrials::refit(const Structure& refined) {
   double before = learned_loss(around_);
   for (int round = 0; round < kMostRounds; ++round) {
     const FitResult better =
-        fit_gap(*around_.residuals, fit.model, fit.effects, around_.linear->subset(learn_), kSteps);
+        fit_gap(*around_.residuals, fit.model, fit.effects, around_.linear->subset(learn_), kSteps, settings_.jobs);
     Surroundings moved = settle(around_, better.model, settings_.jobs);
     const double now = learned_loss(moved);
     if (now >= before) break;
@@ -314,7 +342,7 @@ double GapTrials::follow(Structure& structure, int jobs, int rounds) const {
   for (int round = 0; round < rounds; ++round) {
     const Surroundings& own = structure.around;
     const FitResult fit =
-        fit_gap(*own.residuals, structure.fit.model, structure.fit.effects, own.linear->subset(learn_), kSteps);
+        fit_gap(*own.residuals, structure.fit.model, structure.fit.effects, own.linear->subset(learn_), kSteps, jobs);
     Surroundings moved = settle(own, fit.model, jobs);
     const double now = learned_loss(moved);
     if (now >= best) break;
@@ -349,7 +377,7 @@ void GapTrials::refine(Structure& structure, int jobs) const {
   for (int pass = 0; pass < kSearches && best > kEnough * 0.5 * values; ++pass) {
     Structure searched = structure;
     if (search_effect(*structure.around.residuals, structure.around.linear->subset(learn_), searched.fit, kCloseSpan,
-                      kClosePoints) < kSettled)
+                      kClosePoints, jobs) < kSettled)
       break;
     const double other = follow(searched, jobs, 1);
     if (other > best - kSettled) break;
@@ -357,67 +385,39 @@ void GapTrials::refine(Structure& structure, int jobs) const {
     best = other;
   }
   structure.fit.covariance =
-      uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_));
-  cross_score(structure.around, structure, structure.fit.effects.size() - 1);
+      uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_), jobs);
+  cross_score(structure.around, structure, structure.fit.effects.size() - 1, jobs);
 }
 
-void GapTrials::cross_score(const Surroundings& around, Structure& structure, std::size_t settled) const {
+void GapTrials::cross_score(const Surroundings& around, Structure& structure, std::size_t settled, int jobs) const {
   const FitResult& fit = structure.fit;
-  structure.held_out.clear();
-  std::vector<Eigen::VectorXd> fitted;
   std::vector<Eigen::VectorXd> shown;
-  if (folds_.size() > 1) shown = information(*around.residuals, fit, *around.linear);
-  for (const Fold& fold : folds_) {
+  if (folds_.size() > 1) shown = information(*around.residuals, fit, *around.linear, jobs);
+  std::vector<std::vector<double>> losses(folds_.size());
+  std::vector<Eigen::VectorXd> sizes(folds_.size());
+  in_parallel(folds_.size(), jobs, [&](std::size_t f) {
+    const Fold& fold = folds_[f];
     FitResult part = fit;
     if (fold.train != learn_) {
-      // Effects that were found before stay as they are, like the parameters. And what these runs hardly show is not theirs to say: a
-      // rate limit that only steps reach would be fitted to anything.
-      std::vector<Candidate> effects = fit.effects;
-      std::size_t at = 0;
-      for (std::size_t e = 0; e < effects.size(); ++e) {
-        Candidate& candidate = effects[e];
-        for (std::size_t p = 0; p < candidate.bounds.size(); ++p) {
-          Bounds& bounds = candidate.bounds[p];
-          if (bounds.minimum >= bounds.maximum) continue;
-          double known = 0, all = 0;
-          for (std::size_t r = 0; r < shown.size(); ++r) {
-            all += shown[r][static_cast<Eigen::Index>(at)];
-            if (std::find(fold.train.begin(), fold.train.end(), r) != fold.train.end())
-              known += shown[r][static_cast<Eigen::Index>(at)];
-          }
-          ++at;
-          if (e < settled || known < kShows * all) bounds.minimum = bounds.maximum = candidate.effect.parameters[p];
-        }
-      }
+      const std::vector<Candidate> effects = left_to(fold.train, fit.effects, settled, shown);
       part = fit_effects(*around.residuals, fit.model, effects, around.linear->subset(fold.train), kSteps);
     }
-    if (!part.effects.empty() && settled + 1 == part.effects.size()) {
-      const Candidate& last = part.effects.back();
-      const Candidate& free = fit.effects.back();
-      Eigen::VectorXd at(static_cast<Eigen::Index>(free.bounds.size()));
-      for (std::size_t p = 0; p < free.bounds.size(); ++p) {
-        const bool ranges = last.bounds[p].minimum < last.bounds[p].maximum;
-        at[static_cast<Eigen::Index>(p)] = ranges ? free.to_coordinate(p, last.effect.parameters[p]) : std::nan("");
-      }
-      fitted.push_back(at);
-    }
-    const auto losses =
-        around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test));
-    structure.held_out.insert(structure.held_out.end(), losses.begin(), losses.end());
-  }
+    if (!fit.effects.empty()) sizes[f] = free_sizes(fit.effects.back(), part.effects.back());
+    losses[f] = around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test));
+  });
+  structure.held_out.clear();
+  for (const std::vector<double>& part : losses)
+    structure.held_out.insert(structure.held_out.end(), part.begin(), part.end());
   structure.score = robust(structure.held_out, segment_values());
-  if (fitted.empty()) return;
-  structure.apart = Eigen::VectorXd::Zero(fitted.front().size());
-  for (Eigen::Index p = 0; p < structure.apart.size(); ++p) {
-    const double apart = 0.5 * (fitted.front()[p] - fitted.back()[p]);
-    if (std::isfinite(apart)) structure.apart[p] = std::abs(apart);
-  }
+  structure.apart = 0.5 * (sizes.front() - sizes.back()).cwiseAbs();
+  for (Eigen::Index p = 0; p < structure.apart.size(); ++p)
+    if (!std::isfinite(structure.apart[p])) structure.apart[p] = 0;
 }
 
 Structure GapTrials::score(const FitResult& fit) const {
   Structure structure;
   structure.fit = fit;
-  cross_score(around_, structure, fit.effects.empty() ? 0 : fit.effects.size() - 1);
+  cross_score(around_, structure, fit.effects.empty() ? 0 : fit.effects.size() - 1, settings_.jobs);
   return structure;
 }
 
@@ -474,7 +474,7 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
   all.fit.model = with_effects(all.fit.effects, base.model.parameters);
   if (all.fit.effects.size() == base.effects.size()) return all;
   follow(all, settings_.jobs, 1);
-  cross_score(all.around, all, base.effects.size());
+  cross_score(all.around, all, base.effects.size(), settings_.jobs);
   return all;
 }
 

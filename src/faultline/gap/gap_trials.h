@@ -94,7 +94,7 @@ class GapTrials {
   void refine(Structure& structure, int jobs) const;
   double follow(Structure& structure, int jobs, int rounds) const;
   // The first `settled` effects stay as they are.
-  void cross_score(const Surroundings& around, Structure& structure, std::size_t settled) const;
+  void cross_score(const Surroundings& around, Structure& structure, std::size_t settled, int jobs) const;
 
   const Datasheet& sheet_;
   const GapSettings& settings_;

@@ -23,9 +23,9 @@ double robust(double loss, double values) { return 0.5 * values * std::log(std::
 double robust_weight(double loss, double values) { return 1 / std::max(2 * loss / values, kFloor); }
 
 std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
-                                          const std::vector<std::size_t>& runs) {
-  std::vector<Eigen::MatrixXf> result;
-  for (const std::size_t run : runs) result.push_back(model.residuals(at, run));
+                                          const std::vector<std::size_t>& runs, int jobs) {
+  std::vector<Eigen::MatrixXf> result(runs.size());
+  in_parallel(runs.size(), jobs, [&](std::size_t i) { result[i] = model.residuals(at, runs[i]); });
   return result;
 }
 

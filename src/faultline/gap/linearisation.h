@@ -82,9 +82,9 @@ class Linearisation {
 double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z,
                       Eigen::VectorXd* move = nullptr);
 
-// Normalised residuals of some of the runs, and (a - b)/step of two such.
+// Normalised residuals of some of the runs (`jobs` at once), and (a - b)/step of two such.
 std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
-                                          const std::vector<std::size_t>& runs);
+                                          const std::vector<std::size_t>& runs, int jobs = 1);
 std::vector<Eigen::MatrixXf> difference(const std::vector<Eigen::MatrixXf>& a, const std::vector<Eigen::MatrixXf>& b,
                                         double step);
 

@@ -34,14 +34,15 @@ double narrow(const std::function<double(double)>& f, double low, double high, i
   return std::min(of_left, of_right) < best ? middle : at;
 }
 
-double search_effect(const ResidualModel& model, const Linearisation& linear, FitResult& fit, double span, int points) {
+double search_effect(const ResidualModel& model, const Linearisation& linear, FitResult& fit, double span, int points,
+                     int jobs) {
   const Datasheet& sheet = model.sheet();
   Candidate& effect = fit.effects.back();
   const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), fit.model.parameters);
   Eigen::VectorXd move;
   const auto loss = [&] {
     const GapModel at = with_effects(fit.effects, fit.model.parameters);
-    return projected_loss(linear, linear.products(residuals_of(model, at, linear.runs())), z, &move);
+    return projected_loss(linear, linear.products(residuals_of(model, at, linear.runs(), jobs)), z, &move);
   };
   const double before = loss();
   double best = before;

@@ -12,6 +12,7 @@ double narrow(const std::function<double(double)>& f, double low, double high, i
 
 // Looks for a better value of each of the last effect's coordinates (candidates.h) within `span` of where it is, the parameters adjusted to
 // first order: what sticks, rings or plays. Returns the gain in log likelihood; `fit` changes if there is one.
-double search_effect(const ResidualModel& model, const Linearisation& linear, FitResult& fit, double span, int points);
+double search_effect(const ResidualModel& model, const Linearisation& linear, FitResult& fit, double span, int points,
+                     int jobs = 1);
 
 }  // namespace faultline
