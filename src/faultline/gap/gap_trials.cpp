@@ -283,6 +283,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
 
 void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from,
                           double to) const {
+  if (structures.empty()) return;
   const Linearisation learn = around_.linear->subset(learn_);
   const auto weighted = [&](const GapModel& at) {
     return sum(robust(learn.segment_losses(residuals_of(model(), at, learn_)), segment_values()));
