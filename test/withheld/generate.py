@@ -200,6 +200,7 @@ def _one(task):
 def quiet_worker():
     """Ctrl-C is for the parent, which then closes the pool."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def bar(done, total, began, text):
