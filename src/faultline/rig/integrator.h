@@ -40,7 +40,10 @@ class RungeKutta4 : public Integrator {
   }
   void step(double time, double dt, const double* channels) override {
     stepper_.do_step([this, channels](const State& x, State& rate,
-                                      double t) { rig_.derivative(t, x.data(), channels, rate.data()); },
+                                      double t) {
+                         rate.fill(0);
+                         rig_.derivative(t, x.data(), channels, rate.data());
+                       },
                      state_, time, dt);
     rig_.after_step(time + dt, state_.data(), channels);
   }
