@@ -30,7 +30,7 @@ from truth_servo_actuator import PARAMETERS, Truth
 RIG = "servo_actuator"
 DURATION = 20.0
 PARTS = ["closed", "open", "none", "two"]
-SEEDS = {"development": 41000, "test": 99000}  # a method may be tuned on the first, never on the second (97000 and 98000 were, and are spent)
+SEEDS = {"development": 41000, "test": 102000}  # a method may be tuned on the first, never on the second (97000 and 98000 were, 99000 was looked at)
 NOISE = {"0.1 %": 1.0, "0.5 %": 5.0, "2 %": 20.0}  # of range; factor on the datasheet's noise, which is about 0.1 %
 NOISE_SHARE = [0.5, 0.3, 0.2]
 SEVERITY = {"1.2-2": (1.25, 1.9), "2-5": (2.2, 4.6), "above 5": (5.5, 14.0)}

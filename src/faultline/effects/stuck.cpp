@@ -3,6 +3,8 @@
 // from [s]; infinite: never. This is the effect's own parameter, not the time from which other effects grow, so a stuck
 // channel does not grow. Reaches no effect as 1/size where from > 0. Limit: sticks for good, does not come back.
 
+#include <cmath>
+
 #include "faultline/rig/effect.h"
 
 namespace faultline {
@@ -17,6 +19,7 @@ class Stuck : public Effect {
     started_ = true;
     return held_;
   }
+  double undo_signal(double value, double time) override { return time < parameter(0) ? value : std::nan(""); }
 
  private:
   double held_ = 0;

@@ -193,7 +193,22 @@ Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run
           static_cast<float>(std::clamp(r, -kLargest, kLargest));
     }
   });
+  read_held_values(model, run, result);
   return result;
+}
+
+// What a stuck sensor holds is read from the recording: its simulated value has the error of the segment in which it stuck, for ever.
+void ResidualModel::read_held_values(const GapModel& model, const GapRun& run, Eigen::MatrixXf& residuals) const {
+  for (const EffectSpec& spec : model.effects) {
+    if (spec.effect != "stuck" || sheet_.port(spec.port).kind != PortKind::sensor) continue;
+    const int channel = sheet_.channel(sheet_.port(spec.port).channel);
+    const auto output = std::find(outputs_.begin(), outputs_.end(), channel);
+    if (output == outputs_.end()) continue;
+    const double from = spec.parameters.front() + run.recording.time.front();
+    const auto first = std::lower_bound(run.recording.time.begin(), run.recording.time.end(), from);
+    auto held = residuals.col(output - outputs_.begin()).tail(run.recording.time.end() - first);
+    if (held.size() > 0) held.array() -= held.mean();
+  }
 }
 
 Eigen::MatrixXf ResidualModel::residuals(const GapModel& model, std::size_t run) const {

@@ -61,6 +61,7 @@ class ResidualModel {
   double start_at(const GapRun& run, std::size_t row, int channel) const;
   Eigen::MatrixXf simulate(const GapModel& model, const GapRun& run, const std::vector<std::size_t>& restarts,
                            const std::vector<double>& starts) const;
+  void read_held_values(const GapModel& model, const GapRun& run, Eigen::MatrixXf& residuals) const;
 
   Datasheet sheet_;
   std::vector<GapRun> runs_;

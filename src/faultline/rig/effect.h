@@ -52,7 +52,8 @@ class Effect {
 
   // Signal at a command or sensor port: called once per step of context().step, in order of time [s].
   virtual double signal(double value, double /*time*/) { return value; }
-  // What must have gone in, for the given thing to come out: for sensors whose reading drives the model. Static effects only.
+  // What must have gone in, for the given thing to come out: for sensors whose reading drives the model. Static effects only. NaN: what
+  // comes out says nothing about it.
   virtual double undo_signal(double value, double /*time*/) { return value; }
   virtual void force(const Motion&, BodyForces&) const {}
   virtual double flow(const LeakPath&) const { return 0; }  // m^3/s, added

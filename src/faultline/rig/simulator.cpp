@@ -78,8 +78,11 @@ class Plant {
     if (std::all_of(nominal_state, nominal_state + state.size(), [](double v) { return std::isnan(v); })) return;
     for (std::size_t i = 0; i < state.size(); ++i)
       state[i] = std::isnan(nominal_state[i]) ? integrator_->state()[i] : nominal_state[i];
-    for (const auto& [index, chain] : shown_states_)
-      if (!std::isnan(nominal_state[index])) state[index] = chain->undo_signal(state[index], time);
+    for (const auto& [index, chain] : shown_states_) {
+      if (std::isnan(nominal_state[index])) continue;
+      const double shown = chain->undo_signal(state[index], time);
+      state[index] = std::isnan(shown) ? integrator_->state()[index] : shown;
+    }
     integrator_->move_to(state.data(), channels);
   }
 
@@ -310,8 +313,10 @@ struct DrivenModel::Parts {
   // What reaches the plant: a sensor whose reading drives the model shows the true value through its effects.
   void take(const Recording& recording, std::size_t row, std::vector<double>& values) {
     std::copy_n(recording.row(row), values.size(), values.begin());
-    for (const auto& [channel, chain] : plant.input_sensors())
-      values[channel] = chain->undo_signal(values[channel], time(recording, row));
+    for (const auto& [channel, chain] : plant.input_sensors()) {
+      const double value = chain->undo_signal(values[channel], time(recording, row));
+      if (!std::isnan(value)) values[channel] = value;
+    }
   }
   static double time(const Recording& recording, std::size_t row) {
     return recording.time[row] - recording.time.front();
