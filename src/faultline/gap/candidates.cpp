@@ -22,6 +22,10 @@ double Candidate::from_coordinate(std::size_t i, double coordinate) const {
   return b.minimum + c * (b.maximum - b.minimum);
 }
 
+bool same_effect(const Candidate& a, const Candidate& b) {
+  return a.effect.effect == b.effect.effect && a.effect.port == b.effect.port;
+}
+
 std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without, double duration) {
   std::vector<Candidate> result;
   for (const Port& port : sheet.ports)

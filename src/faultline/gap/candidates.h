@@ -20,6 +20,9 @@ struct Candidate {
   double from_coordinate(std::size_t parameter, double coordinate) const;
 };
 
+// Of the same kind at the same port, whatever its size.
+bool same_effect(const Candidate& a, const Candidate& b);
+
 // Every effect at every fitting port of the datasheet, but for those in `without` ("effect" or "effect@port"). `duration`: s, of the
 // longest run: where an unbounded time may lie.
 std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without,

@@ -10,13 +10,9 @@ constexpr std::size_t kFinalists = 10;  // candidates that are fitted after scre
 constexpr std::size_t kSurvivors = 3;   // ... and of those followed to the end,
 constexpr double kFollow = 0.75;        // if they win this share of what the best one wins
 constexpr double kSignificance = 3;     // standard errors that a gain must exceed
-constexpr double kMaterial = 0.04;      // share of the mean squared residual that a first effect must remove
-constexpr double kMaterialNext = 0.15;  // ... and a further one
-constexpr double kDecisive = 0.4;       // ... or this share of the excess, either of them
-constexpr double kQuietShare =
-    0.01;  // of what there was, which a further effect must find left beyond what is quiet, up to ...
-constexpr double kQuietMost = 5;      // ... so much
-constexpr double kCloseRival = 0.03;  // share of an effect's gain that a rival may be behind to be tried again
+constexpr double kMaterial = 0.04;      // share of the typical squared residual that an effect must remove ...
+constexpr double kDecisive = 0.4;       // ... or this share of the mean excess
+constexpr double kCloseRival = 0.03;    // share of an effect's gain that a rival may be behind to be tried again
 
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
 
@@ -38,12 +34,12 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
 }
 
 // Whether a structure is worth its last effect.
-bool pays(const EffectSearch& now, const Structure& best, int round, double values, double quiet) {
+bool pays(const EffectSearch& now, const Structure& best, double values, double quiet) {
   const std::vector<double> gain = minus(now.score, best.score);
   if (sum(gain) <= kSignificance * standard_error(gain)) return false;
   // Mean over the segments of the log of their loss: the share by which a typical segment shrinks.
   const double share = 1 - std::exp(-sum(gain) / (0.5 * values));
-  if (share >= (round == 0 ? kMaterial : kMaterialNext)) return true;
+  if (share >= kMaterial) return true;
   // Some effects (a breakaway level) show in a few segments only, but there decide the mean.
   const double before = mean_excess(now.losses, values), after = mean_excess(best.held_out, values);
   return before - after > kDecisive * before && before - after > quiet;
@@ -99,10 +95,6 @@ double mean_excess(const std::vector<double>& losses, double values) {
   return std::max(0.0, 2 * sum(losses) / values - 1);
 }
 
-bool same_effect(const Candidate& a, const Candidate& b) {
-  return a.effect.effect == b.effect.effect && a.effect.port == b.effect.port;
-}
-
 EffectSearch search_effects(GapTrials& work, int most_effects, double quiet) {
   const double values = work.held_out_values();
   EffectSearch search;
@@ -113,10 +105,9 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet) {
   search.nominal = work.held_out(nominal);
   search.losses = search.plain.held_out;
   search.score = search.plain.score;
-  const double enough = quiet + kQuietShare * std::min(typical_excess(search.score, values), kQuietMost);
   std::vector<std::vector<Structure>> followed;  // round by round, best first
   for (int round = 0; round < most_effects; ++round) {
-    if (typical_excess(search.score, values) < (round == 0 ? quiet : enough)) break;
+    if (typical_excess(search.score, values) < quiet) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     const std::vector<Structure> screened = work.screen(search.base, from, from + 0.5 * width);
     if (round == 0) search.screened = screened;
@@ -130,7 +121,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet) {
       search.ranked = structures;
       search.ranked.insert(search.ranked.end(), rest.begin(), rest.end());
     }
-    if (!pays(search, best, round, values, quiet)) break;
+    if (!pays(search, best, values, quiet)) break;
     followed.push_back(structures);
     search.base = work.refit(best);
     search.base.covariance = best.fit.covariance;

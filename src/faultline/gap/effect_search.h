@@ -26,6 +26,4 @@ double typical_excess(const std::vector<double>& scores, double values);
 // The same of all segments, from their losses.
 double mean_excess(const std::vector<double>& losses, double values);
 
-bool same_effect(const Candidate& a, const Candidate& b);
-
 }  // namespace faultline

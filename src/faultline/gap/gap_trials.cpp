@@ -7,6 +7,7 @@
 
 #include "faultline/fit/in_parallel.h"
 #include "faultline/gap/size_search.h"
+#include "faultline/gap/spectral_lines.h"
 
 namespace faultline {
 namespace {
@@ -196,13 +197,13 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
     Eigen::VectorXd move = {};  // of the parameters there
     bool tried = false;
   };
+  const std::vector<Candidate> all = at_lines(all_, around_.linear->at_model(), sheet_.sample_period);
   std::vector<Point> points;
-  for (std::size_t c = 0; c < all_.size(); ++c) {
-    const bool there = std::any_of(base.effects.begin(), base.effects.end(), [&](const Candidate& e) {
-      return e.effect.effect == all_[c].effect.effect && e.effect.port == all_[c].effect.port;
-    });
+  for (std::size_t c = 0; c < all.size(); ++c) {
+    const bool there = std::any_of(base.effects.begin(), base.effects.end(),
+                                   [&](const Candidate& known) { return same_effect(known, all[c]); });
     if (there) continue;
-    for (auto& values : starting_points(all_[c])) points.push_back({c, values});
+    for (auto& values : starting_points(all[c])) points.push_back({c, values});
   }
   const Eigen::VectorXd z = deviations(sheet_, around_.linear->free_parameters(), base.model.parameters);
   const Linearisation& linear = *around_.linear;
@@ -212,7 +213,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   std::atomic<std::size_t> done{0};
   const auto attempt = [&](Point& point) {
     std::vector<Candidate> effects = base.effects;
-    effects.push_back(all_[point.candidate]);
+    effects.push_back(all[point.candidate]);
     effects.back().effect.parameters = point.values;
     std::vector<Eigen::MatrixXf> residuals =
         residuals_of(model(), with_effects(effects, base.model.parameters), every_);
@@ -251,7 +252,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
     if (count == 0 && (i + 1 == points.size() || points[i + 1].candidate != points[i].candidate)) first.push_back(i);
   }
   in_parallel(first.size(), settings_.jobs, [&](std::size_t i) { attempt(points[first[i]]); });
-  std::vector<double> reach(all_.size(), before);
+  std::vector<double> reach(all.size(), before);
   for (const Point& point : points)
     if (point.tried) reach[point.candidate] = std::min(reach[point.candidate], point.loss);
   std::vector<double> sorted = reach;
@@ -262,15 +263,15 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   in_parallel(second.size(), settings_.jobs, [&](std::size_t i) { attempt(points[second[i]]); });
 
   std::vector<Structure> result;
-  for (std::size_t c = 0; c < all_.size(); ++c) {
+  for (std::size_t c = 0; c < all.size(); ++c) {
     const Point* best = nullptr;
     for (const Point& point : points)
       if (point.candidate == c && point.tried && (!best || point.loss < best->loss)) best = &point;
     if (!best) continue;
     Structure structure;
     structure.fit.effects = base.effects;
-    structure.fit.effects.push_back(all_[c]);
-    structure.fit.effects.back().effect.parameters = resized(all_[c], best->values, best->share);
+    structure.fit.effects.push_back(all[c]);
+    structure.fit.effects.back().effect.parameters = resized(all[c], best->values, best->share);
     structure.fit.model = with_effects(structure.fit.effects, base.model.parameters);
     shift_parameters(sheet_, linear.free_parameters(), best->move, structure.fit.model.parameters);
     structure.screened = before - best->loss;
@@ -278,6 +279,13 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   }
   std::stable_sort(result.begin(), result.end(),
                    [](const Structure& a, const Structure& b) { return a.screened > b.screened; });
+  // Of an effect that was tried at several lines only the best.
+  for (std::size_t i = 0; i < result.size(); ++i)
+    result.erase(std::remove_if(result.begin() + static_cast<std::ptrdiff_t>(i) + 1, result.end(),
+                                [&](const Structure& other) {
+                                  return same_effect(other.fit.effects.back(), result[i].fit.effects.back());
+                                }),
+                 result.end());
   return result;
 }
 
@@ -466,9 +474,8 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
   }
   if (!flexible)
     for (const Candidate& candidate : all_) {
-      const bool there = std::any_of(base.effects.begin(), base.effects.end(), [&](const Candidate& known) {
-        return known.effect.effect == candidate.effect.effect && known.effect.port == port;
-      });
+      const bool there = std::any_of(base.effects.begin(), base.effects.end(),
+                                     [&](const Candidate& known) { return same_effect(known, candidate); });
       if (!there && candidate.effect.port == port && candidate.family != "stuck" && candidate.family != "resolution")
         add(candidate);
     }

@@ -1,0 +1,97 @@
+#include "faultline/gap/spectral_lines.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+#include <unsupported/Eigen/FFT>
+
+namespace faultline {
+namespace {
+
+constexpr std::size_t kPadding = 4;
+constexpr std::size_t kNeighbours = 64;  // grid points on each side
+constexpr std::size_t kLines = 3;
+constexpr double kWidth = 0.5;  // of one over the longest run, on both sides of a line
+constexpr double kLeast =
+    12;  // times the median around it, that make a line; noise alone reaches that once in 4000 points
+
+std::size_t longest(const std::vector<Eigen::MatrixXf>& residuals) {
+  Eigen::Index rows = 0;
+  for (const Eigen::MatrixXf& run : residuals) rows = std::max(rows, run.rows());
+  return static_cast<std::size_t>(rows);
+}
+
+// Power over frequencies k / (size * period), k = 0 .. size/2.
+std::vector<double> power_of(const std::vector<Eigen::MatrixXf>& residuals, std::size_t size) {
+  std::vector<double> power(size / 2 + 1, 0.0);
+  Eigen::FFT<double> fft;
+  std::vector<double> signal;
+  std::vector<std::complex<double>> spectrum;
+  for (const Eigen::MatrixXf& run : residuals)
+    for (Eigen::Index column = 0; column < run.cols(); ++column) {
+      const Eigen::VectorXd values = run.col(column).cast<double>();
+      const double scale = 1 / std::max(1e-12, values.norm());  // one channel far off must not hide the others
+      signal.assign(size, 0.0);
+      for (Eigen::Index k = 0; k < values.size(); ++k) signal[static_cast<std::size_t>(k)] = scale * values[k];
+      fft.fwd(spectrum, signal);
+      for (std::size_t k = 0; k < power.size(); ++k) power[k] += std::norm(spectrum[k]);
+    }
+  return power;
+}
+
+}  // namespace
+
+std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals, double period, double low,
+                                   double high, std::size_t count) {
+  std::size_t size = 1;
+  while (size < kPadding * longest(residuals)) size *= 2;
+  const std::vector<double> power = power_of(residuals, size);
+  const double spacing = 1 / (static_cast<double>(size) * period);
+  const auto first = std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(low / spacing)));
+  const auto last = std::min(power.size() - 2, static_cast<std::size_t>(high / spacing));
+  std::vector<std::pair<double, double>> peaks;  // (how far it stands out, frequency)
+  std::vector<double> around;
+  for (std::size_t k = first; k <= last; ++k) {
+    if (power[k] < power[k - 1] || power[k] < power[k + 1]) continue;
+    around.assign(power.begin() + static_cast<std::ptrdiff_t>(k - std::min(k, kNeighbours)),
+                  power.begin() + static_cast<std::ptrdiff_t>(std::min(power.size(), k + kNeighbours + 1)));
+    const auto middle = around.begin() + static_cast<std::ptrdiff_t>(around.size() / 2);
+    std::nth_element(around.begin(), middle, around.end());
+    const double contrast = power[k] / std::max(*middle, 1e-300);
+    if (contrast > kLeast) peaks.emplace_back(contrast, static_cast<double>(k) * spacing);
+  }
+  std::sort(peaks.rbegin(), peaks.rend());
+  std::vector<double> lines;
+  const double apart = 2 / (static_cast<double>(longest(residuals)) * period);  // side lobes are not lines of their own
+  for (const auto& [contrast, frequency] : peaks) {
+    if (lines.size() == count) break;
+    if (std::all_of(lines.begin(), lines.end(), [&](double f) { return std::abs(f - frequency) > apart; }))
+      lines.push_back(frequency);
+  }
+  return lines;
+}
+
+std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const std::vector<Eigen::MatrixXf>& residuals,
+                                double period) {
+  const double width = kWidth / (static_cast<double>(longest(residuals)) * period);
+  std::vector<Candidate> result;
+  for (const Candidate& candidate : candidates) {
+    const auto& parameters = find_effect_type(candidate.effect.effect)->parameters;
+    const auto found =
+        std::find_if(parameters.begin(), parameters.end(), [](const EffectParameter& p) { return p.unit == "Hz"; });
+    const auto at = static_cast<std::size_t>(found - parameters.begin());
+    if (found == parameters.end() || candidate.bounds[at].minimum >= candidate.bounds[at].maximum) {
+      result.push_back(candidate);
+      continue;
+    }
+    const Bounds range = candidate.bounds[at];
+    for (const double line : spectral_lines(residuals, period, range.minimum, range.maximum, kLines)) {
+      result.push_back(candidate);
+      result.back().bounds[at] = {std::max(range.minimum, line - width), std::min(range.maximum, line + width)};
+    }
+  }
+  return result;
+}
+
+}  // namespace faultline

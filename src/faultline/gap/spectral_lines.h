@@ -1,0 +1,23 @@
+// Sharp lines in the spectrum of residuals: where an effect that swings would have to swing. Its frequency is a valley as narrow as one over
+// the length of the run, which no coarse search meets.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "faultline/gap/candidates.h"
+
+namespace faultline {
+
+// Up to `count` frequencies [Hz] between `low` and `high` at which the residuals' power, summed over columns and runs, stands out most
+// from its neighbourhood (+-64 grid points, median), strongest first. `period`: s, between rows. The grid is four times as fine as the
+// longest run resolves.
+std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals, double period, double low,
+                                   double high, std::size_t count);
+
+// The candidates, those with a frequency once for each line within its range, narrowed to that line's width.
+std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const std::vector<Eigen::MatrixXf>& residuals,
+                                double period);
+
+}  // namespace faultline
