@@ -10,7 +10,8 @@ constexpr std::size_t kFinalists = 10;  // candidates that are fitted after scre
 constexpr std::size_t kSurvivors = 3;   // ... and of those followed to the end,
 constexpr double kFollow = 0.75;        // if they win this share of what the best one wins
 constexpr double kSignificance = 3;     // standard errors that a gain must exceed
-constexpr double kMaterial = 0.04;      // share of the typical squared residual that an effect must remove ...
+constexpr double kMaterial = 0.04;      // share of the typical squared residual that an effect must remove,
+constexpr double kShareOfRest = 0.3;    // ... a further one besides of what the others leave beyond the noise,
 constexpr double kDecisive = 0.4;       // ... or this share of the mean excess
 constexpr double kCloseRival = 0.03;    // share of an effect's gain that a rival may be behind to be tried again
 
@@ -33,13 +34,16 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
   return structures;
 }
 
-// Whether a structure is worth its last effect.
+// Whether a structure is worth its last effect. What others leave is in part that they are not quite what the rig has, and something
+// smooths a part of that always.
 bool pays(const EffectSearch& now, const Structure& best, double values, double quiet) {
   const std::vector<double> gain = minus(now.score, best.score);
   if (sum(gain) <= kSignificance * standard_error(gain)) return false;
   // Mean over the segments of the log of their loss: the share by which a typical segment shrinks.
   const double share = 1 - std::exp(-sum(gain) / (0.5 * values));
-  if (share >= kMaterial) return true;
+  const double rest = typical_excess(now.score, values);
+  const bool first = now.base.effects.empty();
+  if (share >= kMaterial && (first || rest - typical_excess(best.score, values) > kShareOfRest * rest)) return true;
   // Some effects (a breakaway level) show in a few segments only, but there decide the mean.
   const double before = mean_excess(now.losses, values), after = mean_excess(best.held_out, values);
   return before - after > kDecisive * before && before - after > quiet;
