@@ -203,6 +203,16 @@ def quiet_worker():
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
+def _interrupted(*_):
+    raise KeyboardInterrupt
+
+
+def end_on_signals():
+    """SIGTERM ends as Ctrl-C does, and both do in the background too: a shell starts background commands deaf to the latter."""
+    for name in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(name, _interrupted)
+
+
 def bar(done, total, began, text):
     if not sys.stderr.isatty() and done not in (0, total) and done % max(1, total // 10):
         return
@@ -293,6 +303,7 @@ if __name__ == "__main__":
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_arguments(reader)
     given = reader.parse_args()
+    end_on_signals()
     try:
         generate(given.out, given.part or PARTS, given.cases, given.seed or SEEDS[given.set], given.jobs, given.third)
     except KeyboardInterrupt:

@@ -8,7 +8,6 @@ Stops cleanly on Ctrl-C and goes on where it stopped when the same command is gi
 import argparse
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -166,13 +165,8 @@ def main():
     return 1 if failed else 0
 
 
-def interrupted(*_):
-    raise KeyboardInterrupt
-
-
 if __name__ == "__main__":
-    for name in (signal.SIGINT, signal.SIGTERM):  # a shell starts background commands deaf to the first
-        signal.signal(name, interrupted)
+    generate.end_on_signals()
     try:
         sys.exit(main())
     except KeyboardInterrupt:

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "faultline/fit/in_parallel.h"
+#include "faultline/gap/screening.h"
 #include "faultline/gap/size_search.h"
 #include "faultline/gap/spectral_lines.h"
 
@@ -27,8 +28,6 @@ constexpr int kClosePoints = 9;
 constexpr int kSearches = 2;         // searches of a structure that is followed
 constexpr double kEnough = 0.04;     // excess of a typical segment that is not worth a search
 constexpr double kPromising = 0.25;  // share of the best screening that is worth a search
-const std::vector<double> kShares = {0.05, 0.15, 0.4, 0.7, 1.5, 2.5};  // of a starting point's size
-constexpr std::size_t kFollowed = 14;  // candidates of which all starting points are tried
 
 // Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect that is new changes
 // nothing yet.
@@ -53,20 +52,6 @@ bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to) {
     }
   }
   return true;
-}
-
-// The effect at a share of its size.
-std::vector<double> resized(const Candidate& candidate, std::vector<double> values, double share) {
-  if (candidate.family == "stuck") return values;  // a time is no size
-  const EffectType* type = find_effect_type(candidate.effect.effect);
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const double none = type->parameters[i].none;
-    if (std::isnan(none)) continue;
-    const Bounds& b = candidate.bounds[i];
-    values[i] =
-        std::clamp(std::isinf(none) ? values[i] / share : none + share * (values[i] - none), b.minimum, b.maximum);
-  }
-  return values;
 }
 
 // The effects with what some runs may not decide held where it is: those that were found before, like the parameters, and what these
@@ -189,103 +174,15 @@ FitResult GapTrials::stand(const GapModel& model) {
 }
 
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
-  struct Point {
-    std::size_t candidate;
-    std::vector<double> values;
-    double loss = 0;            // at the best share of these values' size, residuals taken to grow with it
-    double share = 1;           // that share
-    Eigen::VectorXd move = {};  // of the parameters there
-    bool tried = false;
-  };
+  std::function<void(double)> progress;
+  if (progress_) progress = [&](double share) { progress_(from + (to - from) * share, "trying effects"); };
   const std::vector<Candidate> all = at_lines(all_, around_.linear->at_model(), sheet_.sample_period);
-  std::vector<Point> points;
-  for (std::size_t c = 0; c < all.size(); ++c) {
-    const bool there = std::any_of(base.effects.begin(), base.effects.end(),
-                                   [&](const Candidate& known) { return same_effect(known, all[c]); });
-    if (there) continue;
-    for (auto& values : starting_points(all[c])) points.push_back({c, values});
-  }
-  const Eigen::VectorXd z = deviations(sheet_, around_.linear->free_parameters(), base.model.parameters);
-  const Linearisation& linear = *around_.linear;
-  const std::vector<Eigen::MatrixXf>& at_model = linear.at_model();
-  const SegmentProducts none = linear.products(at_model);
-  const double before = projected_loss(linear, none, z);
-  std::atomic<std::size_t> done{0};
-  const auto attempt = [&](Point& point) {
-    std::vector<Candidate> effects = base.effects;
-    effects.push_back(all[point.candidate]);
-    effects.back().effect.parameters = point.values;
-    std::vector<Eigen::MatrixXf> residuals =
-        residuals_of(model(), with_effects(effects, base.model.parameters), every_);
-    const SegmentProducts full = linear.products(residuals);
-    point.loss = projected_loss(linear, full, z, &point.move);
-    // Residuals of other sizes of this shape, as far as they lie on the line from the model to this point.
-    for (std::size_t r = 0; r < residuals.size(); ++r) residuals[r] = 0.5f * (residuals[r] + at_model[r]);
-    const SegmentProducts half = linear.products(residuals);
-    for (const double share : kShares) {
-      SegmentProducts part = none;
-      for (std::size_t g = 0; g < part.squares.size(); ++g) {
-        const double both = 2 * half.squares[g] - 0.5 * (none.squares[g] + full.squares[g]);
-        part.squares[g] = std::max(0.0, (1 - share) * (1 - share) * none.squares[g] + 2 * share * (1 - share) * both +
-                                            share * share * full.squares[g]);
-        part.against_parameters[g] += share * (full.against_parameters[g] - none.against_parameters[g]);
-      }
-      Eigen::VectorXd move;
-      const double loss = projected_loss(linear, part, z, &move);
-      if (loss < point.loss) {
-        point.loss = loss;
-        point.share = share;
-        point.move = move;
-      }
-    }
-    point.tried = true;
-    const std::size_t now = ++done;
-    if (progress_)
-      progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(points.size()), "trying effects");
-  };
-  // First one point in three of each candidate, then the others of those candidates that may reach far.
-  std::vector<std::size_t> first, second;
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    count = i > 0 && points[i].candidate == points[i - 1].candidate ? count + 1 : 0;
-    if (count % 3 == 1) first.push_back(i);
-    if (count == 0 && (i + 1 == points.size() || points[i + 1].candidate != points[i].candidate)) first.push_back(i);
-  }
-  in_parallel(first.size(), settings_.jobs, [&](std::size_t i) { attempt(points[first[i]]); });
-  std::vector<double> reach(all.size(), before);
-  for (const Point& point : points)
-    if (point.tried) reach[point.candidate] = std::min(reach[point.candidate], point.loss);
-  std::vector<double> sorted = reach;
-  std::sort(sorted.begin(), sorted.end());
-  const double enough = sorted[std::min(kFollowed, sorted.size() - 1)];
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (!points[i].tried && reach[points[i].candidate] <= enough) second.push_back(i);
-  in_parallel(second.size(), settings_.jobs, [&](std::size_t i) { attempt(points[second[i]]); });
-
   std::vector<Structure> result;
-  for (std::size_t c = 0; c < all.size(); ++c) {
-    const Point* best = nullptr;
-    for (const Point& point : points)
-      if (point.candidate == c && point.tried && (!best || point.loss < best->loss)) best = &point;
-    if (!best) continue;
-    Structure structure;
-    structure.fit.effects = base.effects;
-    structure.fit.effects.push_back(all[c]);
-    structure.fit.effects.back().effect.parameters = resized(all[c], best->values, best->share);
-    structure.fit.model = with_effects(structure.fit.effects, base.model.parameters);
-    shift_parameters(sheet_, linear.free_parameters(), best->move, structure.fit.model.parameters);
-    structure.screened = before - best->loss;
-    result.push_back(std::move(structure));
+  for (Screened& screened : screen_candidates(model(), *around_.linear, all, base, settings_.jobs, progress)) {
+    result.emplace_back();
+    result.back().fit = std::move(screened.fit);
+    result.back().screened = screened.gain;
   }
-  std::stable_sort(result.begin(), result.end(),
-                   [](const Structure& a, const Structure& b) { return a.screened > b.screened; });
-  // Of an effect that was tried at several lines only the best.
-  for (std::size_t i = 0; i < result.size(); ++i)
-    result.erase(std::remove_if(result.begin() + static_cast<std::ptrdiff_t>(i) + 1, result.end(),
-                                [&](const Structure& other) {
-                                  return same_effect(other.fit.effects.back(), result[i].fit.effects.back());
-                                }),
-                 result.end());
   return result;
 }
 
