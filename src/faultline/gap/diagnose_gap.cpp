@@ -214,8 +214,7 @@ bool same_cause(const NamedEffect& a, const NamedEffect& b) { return a.effect ==
 // The effects that were found, and the rivals of the first.
 void name_effects(const EffectSearch& search, GapResult& result) {
   for (std::size_t round = 0; round < search.round_of.size(); ++round) {
-    const auto e = static_cast<std::size_t>(std::find(search.round_of.begin(), search.round_of.end(), round) -
-                                            search.round_of.begin());
+    const std::size_t e = position_of(search, round);
     NamedEffect effect = named(search.base, e, search.apart[e]);
     effect.probability = 1;
     if (round == 0)
@@ -276,9 +275,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   double closure_gain = named_gain;
   if (found && left > quiet) {
     work.tell(0.88, "fitting a flexible model");
-    const auto first = std::find(search.round_of.begin(), search.round_of.end(), 0U) - search.round_of.begin();
-    const Structure closure =
-        work.closure(search.base, search.base.effects[static_cast<std::size_t>(first)].effect.port);
+    const Structure closure = work.closure(search.base, search.base.effects[position_of(search, 0)].effect.port);
     if (!closure.score.empty()) closure_gain = std::max(named_gain, sum(search.plain.score) - sum(closure.score));
   }
   work.tell(0.93, "measuring the gap");

@@ -59,7 +59,7 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
     for (std::size_t r = 1; r < followed[round].size(); ++r) {
       const Structure& rival = followed[round][r];
       if (sum(rival.score) - sum(winner.score) > kCloseRival * whole) continue;
-      const auto e = std::find(search.round_of.begin(), search.round_of.end(), round) - search.round_of.begin();
+      const auto e = static_cast<std::ptrdiff_t>(position_of(search, round));
       std::vector<Structure> swapped(1);
       std::vector<Candidate>& effects = swapped.front().fit.effects;
       effects = search.base.effects;
@@ -90,6 +90,11 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
 }
 
 }  // namespace
+
+std::size_t position_of(const EffectSearch& search, std::size_t round) {
+  const auto found = std::find(search.round_of.begin(), search.round_of.end(), round);
+  return static_cast<std::size_t>(found - search.round_of.begin());
+}
 
 double typical_excess(const std::vector<double>& scores, double values) {
   return std::expm1(std::max(0.0, 2 * sum(scores) / values));

@@ -17,6 +17,9 @@ struct EffectSearch {
   std::vector<Structure> ranked;  // the finalists of the first round, best first: those with scores, then the others
 };
 
+// Where among the effects of `base` the one of a round stands.
+std::size_t position_of(const EffectSearch& search, std::size_t round);
+
 // Looks for at most `most_effects`, until a typical segment's excess is below `quiet`.
 EffectSearch search_effects(GapTrials& work, int most_effects, double quiet);
 
