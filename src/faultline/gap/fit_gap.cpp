@@ -128,14 +128,15 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
     Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
     hessian.diagonal().array() += 1;
     Eigen::VectorXd gradient = gram.bottomLeftCorner(n, 1);
-    if (parameters_move) gradient.head(parameters) += deviations(sheet, free, result.model.parameters);
+    const Eigen::VectorXd z = parameters_move ? deviations(sheet, free, result.model.parameters) : Eigen::VectorXd();
+    gradient.head(parameters) += z;
     gradient.tail(extra) += from_start(result.effects);
 
     bool better = false;
     for (int attempt = 0; attempt < kAttempts && !better; ++attempt) {
       Eigen::MatrixXd damped = hessian;
       damped.diagonal() *= 1 + damping;
-      Eigen::VectorXd move = -damped.ldlt().solve(gradient);
+      Eigen::VectorXd move = bounded_move(damped, gradient, z);
       for (Eigen::Index i = 0; i < extra; ++i)
         move[parameters + i] = std::clamp(move[parameters + i], -kLargestMove, kLargestMove);
       std::vector<double> values = result.model.parameters;

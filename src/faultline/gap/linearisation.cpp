@@ -242,9 +242,6 @@ Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::M
   return total;
 }
 
-namespace {
-
-// Minimum of 1/2 move' hessian move + gradient' move with z + move within the bound: what leaves it is held there, the rest solved again.
 Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient,
                              const Eigen::VectorXd& z) {
   Eigen::VectorXd move = -hessian.ldlt().solve(gradient);
@@ -274,8 +271,6 @@ Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::Vector
     move[i] = std::clamp(z[i] + move[i], -kParameterBound, kParameterBound) - z[i];
   return move;
 }
-
-}  // namespace
 
 double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z,
                       Eigen::VectorXd* best_move) {

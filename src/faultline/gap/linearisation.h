@@ -77,6 +77,10 @@ class Linearisation {
   std::vector<double> weights_;  // per segment, runs one after the other
 };
 
+// Minimum of 1/2 move' hessian move + gradient' move with z + the first z.size() moves within the bound: what leaves it is held there, the
+// rest solved again.
+Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z);
+
 // L with the parameters adjusted to first order within their bound, for residuals of a changed model at the linearisation's parameters z.
 // `move`, if given, takes the adjustment.
 double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z,
