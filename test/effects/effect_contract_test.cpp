@@ -122,7 +122,8 @@ TEST(EffectContract, FiniteWithinAllBounds) {
         for (double time : {0.0, 1e4})
           for (double value : {0.0, -3.0, 1e7}) {
             ASSERT_TRUE(std::isfinite(effect->signal(value, time)));
-            ASSERT_TRUE(std::isfinite(effect->undo_signal(value, time)));
+            // What a stuck sensor shows says nothing.
+            ASSERT_TRUE(std::isfinite(effect->undo_signal(value, time)) || type.name == "stuck");
           }
       }
     }
@@ -191,6 +192,10 @@ TEST(EffectContract, UndoReturnsWhatWentIn) {
     const auto effect = made(type, typical_parameters(type));
     for (double time : {0.0, 3.0})
       for (double value : {-2.0, 0.0, 0.7}) {
+        if (type.name == "stuck" && time >= typical_parameters(type).front()) {
+          EXPECT_TRUE(std::isnan(effect->undo_signal(value, time)));
+          continue;
+        }
         const double in = undone.count(type.name) ? effect->signal(value, time) : value;
         EXPECT_NEAR(effect->undo_signal(in, time), value, 1e-14);
       }

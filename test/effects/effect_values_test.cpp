@@ -259,6 +259,8 @@ TEST(EffectValues, Stuck) {
   EXPECT_EQ(e->signal(1, 1.9), 1);
   EXPECT_EQ(e->signal(5, 2), 1);
   EXPECT_EQ(e->signal(6, 100), 1);
+  EXPECT_EQ(e->undo_signal(3, 1.9), 3);
+  EXPECT_TRUE(std::isnan(e->undo_signal(1, 2)));
   e->reset();
   EXPECT_EQ(e->signal(7, 3), 7);  // nothing before it: the first value
   EXPECT_EQ(e->signal(8, 3.1), 7);

@@ -39,10 +39,10 @@ EffectSearch search_among(const std::vector<std::string>& ports, const std::vect
 
 std::string found(const EffectSearch& search) {
   std::string all;
-  for (std::size_t round = 0; round < search.round_of.size(); ++round)
-    for (std::size_t e = 0; e < search.round_of.size(); ++e)
-      if (search.round_of[e] == round)
-        all += search.base.effects[e].effect.effect + "@" + search.base.effects[e].effect.port + " ";
+  for (std::size_t round = 0; round < search.round_of.size(); ++round) {
+    const EffectSpec& effect = search.base.effects[position_of(search, round)].effect;
+    all += effect.effect + "@" + effect.port + " ";
+  }
   return all;
 }
 
@@ -75,6 +75,16 @@ TEST(EffectSearch, FindsAnOilColumnBesideALeak) {
   EXPECT_NE(found(search).find("line_inertia@line.valve_cylinder"), std::string::npos) << found(search);
   EXPECT_NE(found(search).find("leakage@flow.chamber_a_chamber_b"), std::string::npos) << found(search);
   EXPECT_EQ(search.apart.size(), 2u);
+}
+
+// A frequency between all starting points, known from the lines of the spectrum.
+TEST(EffectSearch, FindsTheFrequencyOfARipple) {
+  const EffectSearch search = search_among({"source.supply_pressure", "flow.chamber_a_tank"},
+                                           {"ripple@source.supply_pressure:amplitude=4e5,frequency=23.7"});
+  ASSERT_EQ(found(search), "ripple@source.supply_pressure ");
+  const std::vector<double>& size = search.base.effects.front().effect.parameters;
+  EXPECT_NEAR(size[0], 4e5, 4e4);
+  EXPECT_NEAR(size[1], 23.7, 0.02);
 }
 
 // The steps of one run reach the limit, the other run hardly does: what it cannot show does not speak against the effect.

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -53,6 +54,26 @@ TEST(NoiseFloor, OfASimulatedRunIsWhatTheDatasheetSays) {
     const double says = servo().channels[column(channel)].noise_std;
     EXPECT_NEAR(noise_floor(run, column(channel)), says, 0.08 * says) << channel;
   }
+}
+
+// A stuck transducer's value is read from the recording, and the state behind it goes on: otherwise each segment would start at what it
+// shows.
+TEST(Residuals, OfAStuckTransducerAreNoiseOnceItIsInTheModel) {
+  SimulationSetup setup = servo_setup("multisine");
+  const std::string stuck = "stuck@sensor.position:from=2.1";
+  setup.effects = {parse_effect(stuck)};
+  const ResidualModel residuals(servo(), {prepare_run(servo(), "a.bag", simulate(servo(), setup, 6), 250)}, 250);
+  const auto position =
+      std::find(residuals.outputs().begin(), residuals.outputs().end(), static_cast<int>(column("position"))) -
+      residuals.outputs().begin();
+  const auto mean_square = [&](const GapModel& model) {
+    const Eigen::VectorXf held = residuals.residuals(model, 0).col(position).tail(3500);
+    return static_cast<double>(held.squaredNorm()) / 3500;
+  };
+  GapModel model = nominal();
+  EXPECT_GT(mean_square(model), 10);
+  model.effects = {parse_effect(stuck)};
+  EXPECT_LT(mean_square(model), 1.2);
 }
 
 TEST(PrepareRun, RefusesWhatCannotBeUsed) {

@@ -39,12 +39,12 @@ class RungeKutta4 : public Integrator {
     rig_.set_modes(state_.data());
   }
   void step(double time, double dt, const double* channels) override {
-    stepper_.do_step([this, channels](const State& x, State& rate,
-                                      double t) {
-                         rate.fill(0);
-                         rig_.derivative(t, x.data(), channels, rate.data());
-                       },
-                     state_, time, dt);
+    stepper_.do_step(
+        [this, channels](const State& x, State& rate, double t) {
+          rate.fill(0);
+          rig_.derivative(t, x.data(), channels, rate.data());
+        },
+        state_, time, dt);
     rig_.after_step(time + dt, state_.data(), channels);
   }
   const double* state() const override { return state_.data(); }
