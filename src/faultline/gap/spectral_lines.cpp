@@ -9,12 +9,12 @@
 namespace faultline {
 namespace {
 
+constexpr double kTwoPi = 6.283185307179586;
 constexpr std::size_t kPadding = 4;
 constexpr std::size_t kNeighbours = 64;  // grid points on each side
-constexpr std::size_t kLines = 3;
-constexpr double kWidth = 0.5;  // of one over the longest run, on both sides of a line
-constexpr double kLeast =
-    12;  // times the median around it, that make a line; noise alone reaches that once in 4000 points
+constexpr std::size_t kLines = 5;        // what flips sign with another signal has side bands stronger than itself
+constexpr double kWidth = 0.5;           // of one over the longest run, on both sides of a line
+constexpr double kRare = 11;             // negative log of the share of grid points that noise alone may make lines
 
 std::size_t longest(const std::vector<Eigen::MatrixXf>& residuals) {
   Eigen::Index rows = 0;
@@ -30,7 +30,10 @@ std::vector<double> power_of(const std::vector<Eigen::MatrixXf>& residuals, std:
   std::vector<std::complex<double>> spectrum;
   for (const Eigen::MatrixXf& run : residuals)
     for (Eigen::Index column = 0; column < run.cols(); ++column) {
-      const Eigen::VectorXd values = run.col(column).cast<double>();
+      Eigen::VectorXd values = run.col(column).cast<double>();
+      for (Eigen::Index k = 0; k < values.size();
+           ++k)  // Hann's window: a strong line must not make lines beside itself
+        values[k] *= 0.5 - 0.5 * std::cos(kTwoPi * (static_cast<double>(k) + 0.5) / static_cast<double>(values.size()));
       const double scale = 1 / std::max(1e-12, values.norm());  // one channel far off must not hide the others
       signal.assign(size, 0.0);
       for (Eigen::Index k = 0; k < values.size(); ++k) signal[static_cast<std::size_t>(k)] = scale * values[k];
@@ -47,6 +50,10 @@ std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals
   std::size_t size = 1;
   while (size < kPadding * longest(residuals)) size *= 2;
   const std::vector<double> power = power_of(residuals, size);
+  double spectra = 0;
+  for (const Eigen::MatrixXf& run : residuals) spectra += static_cast<double>(run.cols());
+  // A sum of so many exponentials exceeds so many times its mean only with probability exp(-kRare) (Laurent and Massart 2000).
+  const double least = 1 + std::sqrt(2 * kRare / spectra) + kRare / spectra;
   const double spacing = 1 / (static_cast<double>(size) * period);
   const auto first = std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(low / spacing)));
   const auto last = std::min(power.size() - 2, static_cast<std::size_t>(high / spacing));
@@ -59,11 +66,11 @@ std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals
     const auto middle = around.begin() + static_cast<std::ptrdiff_t>(around.size() / 2);
     std::nth_element(around.begin(), middle, around.end());
     const double contrast = power[k] / std::max(*middle, 1e-300);
-    if (contrast > kLeast) peaks.emplace_back(contrast, static_cast<double>(k) * spacing);
+    if (contrast > least) peaks.emplace_back(contrast, static_cast<double>(k) * spacing);
   }
   std::sort(peaks.rbegin(), peaks.rend());
   std::vector<double> lines;
-  const double apart = 2 / (static_cast<double>(longest(residuals)) * period);  // side lobes are not lines of their own
+  const double apart = 3 / (static_cast<double>(longest(residuals)) * period);  // side lobes are not lines of their own
   for (const auto& [contrast, frequency] : peaks) {
     if (lines.size() == count) break;
     if (std::all_of(lines.begin(), lines.end(), [&](double f) { return std::abs(f - frequency) > apart; }))
