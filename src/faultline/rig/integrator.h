@@ -41,7 +41,7 @@ class RungeKutta4 : public Integrator {
   void step(double time, double dt, const double* channels) override {
     stepper_.do_step(
         [this, channels](const State& x, State& rate, double t) {
-          rate.fill(0);
+          rate.fill(0);  // of the padding too: what stands there by chance slows every step
           rig_.derivative(t, x.data(), channels, rate.data());
         },
         state_, time, dt);
