@@ -60,7 +60,7 @@ def latency(root, programs, duration):
                         '--duration', '10', '-o', samples], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         print(f'\nover ROS at 1 kHz for {duration:g} s (aim: p99 <= 3 ms)', flush=True)
         return subprocess.run([sys.executable, os.path.join(root, 'test/bench/latency.py'), '--programs', programs,
-                               '--csv', samples, '--sheet', os.path.join(root, 'config/servo_actuator.yaml'),
+                               '--csv', samples, '--sheet', os.path.join(root, 'config/servo_actuator'),
                                '--duration', str(duration)]).returncode
 
 

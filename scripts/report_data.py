@@ -140,9 +140,9 @@ def read_answer(path):
 
 
 def datasheet_path(rig, here):
-    """config/<rig>.yaml of the source tree, or of share/faultline in an install space; None where there is none."""
+    """config/<rig>/rig.yaml of the source tree, or of share/faultline in an install space; None where there is none."""
     for folder in (os.environ.get("FAULTLINE_SHARE", ""), os.path.dirname(here), os.path.join(here, "..", "..", "share", "faultline")):
-        path = os.path.join(folder, "config", rig + ".yaml")
+        path = os.path.join(folder, "config", rig, "rig.yaml")
         if folder and os.path.isfile(path):
             return path
     return None
@@ -155,6 +155,8 @@ class Datasheet:
         self.title, self.channels, self.ports = rig.replace("_", " "), {}, {}
         if not path:
             return
+        if os.path.isdir(path):
+            path = os.path.join(path, "rig.yaml")
         try:
             with open(path, encoding="utf-8") as file:
                 sheet = yaml.safe_load(file)

@@ -102,7 +102,7 @@ def first_sample(path, rig):
 
 def main():
     parser = argparse.ArgumentParser(prog="watch_alarms.py", description="Prints the alarms of a rig as they appear.")
-    parser.add_argument("--rig", default="servo_actuator", help="rig to watch (default: %(default)s)")
+    parser.add_argument("--rig", required=True, help="rig to watch; `faultline rigs` lists them")
     parser.add_argument("--bag", help="the session that is replayed: times count from its first sample")
     parser.add_argument("--until-replay-ends", action="store_true", help="stop when what publishes /clock is gone")
     parser.add_argument("--timeout", type=float, default=0, metavar="S", help="give up after so many seconds without an alarm message")

@@ -27,7 +27,7 @@ std::string effect_text(const NamedEffect& effect) {
 void adopt(const Datasheet& sheet, const GapResult& result, const std::string& file) {
   if (result.verdict == "unknown")
     throw InputError("--adopt: the answer is unknown, there is nothing that could be adopted");
-  std::string text = read_text(sheet.file);
+  std::string text = datasheet_text(sheet);
   const GapLevel& level = result.gap.back();
   for (const auto& [name, factor] : level.parameters) {
     const Parameter& parameter = sheet.parameters[static_cast<std::size_t>(sheet.parameter(name))];

@@ -4,9 +4,16 @@
 
 #include <fmt/format.h>
 
+#include "cli/output_file.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
+
+std::string datasheet_text(const Datasheet& sheet) {
+  std::string text = read_text(sheet.file);
+  if (!sheet.stages_file.empty()) text += "\n" + read_text(sheet.stages_file);
+  return text;
+}
 
 void set_parameter(const Datasheet& sheet, std::string& text, const std::string& parameter, const std::string& key,
                    double value) {

@@ -69,7 +69,7 @@ void print_result(const Datasheet& sheet, const ParameterFit& fit) {
 
 // The datasheet with what was found as nominal values and tolerances.
 void write_patch(const Datasheet& sheet, const ParameterFit& fit, const std::string& file) {
-  std::string text = read_text(sheet.file);
+  std::string text = datasheet_text(sheet);
   for (const FittedParameter& p : fit.parameters) {
     if (!p.determined) continue;
     set_parameter(sheet, text, p.name, "nominal", p.estimate);
@@ -115,7 +115,7 @@ void add(CLI::App& app) {
 }
 
 FAULTLINE_SUBCOMMAND(fit, {"fit", "estimate a rig's parameters from recordings, with intervals",
-                           "faultline fit servo_actuator prbs1.bag prbs2.bag --patch mine.yaml", add});
+                           "faultline fit RIG prbs1.bag prbs2.bag --patch mine.yaml", add});
 
 }  // namespace
 }  // namespace faultline

@@ -64,7 +64,7 @@ void add(CLI::App& app) {
 }
 
 FAULTLINE_SUBCOMMAND(import_csv, {"import", "make a bag of a CSV file",
-                                  "faultline import run7.csv --rig servo_actuator -o run7.bag", add});
+                                  "faultline import run7.csv --rig RIG -o run7.bag", add});
 
 }  // namespace
 }  // namespace faultline

@@ -25,7 +25,7 @@ int main(int count, char** arguments) {
   watch_interrupts();
   CLI::App app("faultline: fault diagnosis and sim-to-real gap diagnosis for fluid-power test rigs", "faultline");
   app.require_subcommand(1);
-  app.footer("Example: faultline rigs servo_actuator");
+  app.footer("Example: faultline rigs --json rigs.json");
   std::string known;
   for (const Subcommand& subcommand : subcommands()) {
     CLI::App* sub = app.add_subcommand(subcommand.name, subcommand.meaning);

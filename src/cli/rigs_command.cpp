@@ -177,7 +177,7 @@ void add(CLI::App& app) {
 }
 
 FAULTLINE_SUBCOMMAND(rigs, {"rigs", "list the rigs: channels, states, parameters, ports and fitting effects",
-                            "faultline rigs servo_actuator --json servo_actuator.json", add});
+                            "faultline rigs RIG --json rig.json", add});
 
 }  // namespace
 }  // namespace faultline

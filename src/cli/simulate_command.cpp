@@ -169,8 +169,8 @@ void add(CLI::App& app) {
 }
 
 FAULTLINE_SUBCOMMAND(simulate, {"simulate", "run a rig's model with effects and write a recording",
-                                "faultline simulate servo_actuator --duration 60 --seed 3 --effect "
-                                "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1e-8,from=20,to=40 -o leak.bag",
+                                "faultline simulate RIG --duration 60 --seed 3 --effect "
+                                "orifice_leakage@flow.FROM_TO:coefficient=1e-8,from=20,to=40 -o leak.bag",
                                 add});
 
 }  // namespace

@@ -155,7 +155,7 @@ void print_answer(const StageSpec& stage, const Options& options, const Answer& 
 }
 
 void write_patch(const Datasheet& sheet, const StageSpec& stage, const Options& options, const Answer& a) {
-  std::string text = read_text(sheet.file);
+  std::string text = datasheet_text(sheet);
   if (!options.keep_noise) {
     set_stage_setting(sheet, text, stage.name, "process_noise", list_text(a.noise.process_noise));
     set_stage_setting(sheet, text, stage.name, "measurement_noise", list_text(a.noise.measurement_noise));
@@ -242,7 +242,7 @@ void add(CLI::App& app) {
 }
 
 FAULTLINE_SUBCOMMAND(tune, {"tune", "choose a stage's noise settings and thresholds from recordings of a healthy rig",
-                            "faultline tune servo_actuator healthy.bag --fault internal_leak_steps --rate 0.1", add});
+                            "faultline tune RIG healthy.bag --fault FAULT --rate 0.1", add});
 
 }  // namespace
 }  // namespace faultline

@@ -102,7 +102,7 @@ class Diagnose(ProgramTest):
 
     def test_config_of_ones_own(self):
         bag = self.simulate("a.bag")
-        report = self.report(bag, "--config", ROOT / "config/servo_actuator.yaml")
+        report = self.report(bag, "--config", ROOT / "config/servo_actuator")
         self.assertEqual(report["rig"], "servo_actuator")
 
 

@@ -7,7 +7,7 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from program import ROOT, ProgramTest  # noqa: E402
 
-CONFIG = ROOT / "config/servo_actuator.yaml"
+CONFIG = ROOT / "config/servo_actuator/rig.yaml"
 
 
 class Fit(ProgramTest):

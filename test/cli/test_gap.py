@@ -208,7 +208,7 @@ class BadInput(ProgramTest):
 
     def test_two_rigs(self):
         run = self.simulate("a.bag")
-        sheet = (ROOT / "config/servo_actuator.yaml").read_text().replace("rig: servo_actuator", "rig: other_actuator", 1)
+        sheet = (ROOT / "config/servo_actuator/rig.yaml").read_text().replace("rig: servo_actuator", "rig: other_actuator", 1)
         (self.folder / "other_actuator.yaml").write_text(sheet)
         self.complains(["gap", run, "--config", "other_actuator.yaml"], "servo_actuator")
 

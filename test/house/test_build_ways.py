@@ -40,8 +40,7 @@ def run(command, **options):
 
 
 def rig_names():
-    return [name.stem for name in repository_files() if name.parent.name == "config" and name.suffix == ".yaml"
-            and re.search(r"^rig:", (ROOT / name).read_text(), re.M)]
+    return [name.parts[1] for name in repository_files() if name.parts[0] == "config" and name.name == "rig.yaml"]
 
 
 class BuildWays(unittest.TestCase):

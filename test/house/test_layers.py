@@ -10,15 +10,14 @@ from sources import ROOT, sources_below
 ALLOWED = {
     "signal": set(),
     "rig": {"signal"},
-    "rigs": {"signal", "rig"},
     "effects": {"signal", "rig"},
     "fit": {"signal", "rig"},
-    "estimators": {"signal", "rig", "rigs", "effects", "fit"},
-    "detectors": {"signal", "rig", "rigs", "effects", "fit", "estimators"},
-    "isolation": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors"},
-    "alarms": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation"},
-    "diagnosis": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
-    "tuning": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
+    "estimators": {"signal", "rig", "effects", "fit"},
+    "detectors": {"signal", "rig", "effects", "fit", "estimators"},
+    "isolation": {"signal", "rig", "effects", "fit", "estimators", "detectors"},
+    "alarms": {"signal", "rig", "effects", "fit", "estimators", "detectors", "isolation"},
+    "diagnosis": {"signal", "rig", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
+    "tuning": {"signal", "rig", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
     "gap": {"signal", "rig", "effects", "fit"},
 }
 # Transport and what belongs to it stay at the rim.
@@ -76,13 +75,26 @@ class Layers(unittest.TestCase):
                  if path.startswith(("nodes/", "cli/"))]
         self.assertEqual(wrong, [])
 
+    def test_nothing_but_a_rig_and_tests_includes_a_rig(self):
+        wrong = [f"{name} includes {path}" for folder in ("src/faultline", "src/nodes", "src/cli", "src/rigs")
+                 for name in sources_below(folder) for path in includes(name)
+                 if path.startswith("rigs/") and path.split("/")[1] != (name.parts + ("",) * 3)[2]]
+        self.assertEqual(wrong, [])
+
+    def test_rigs_know_general_rooms_only(self):
+        found = sources_below("src/rigs")
+        self.assertGreater(len(found), 5)
+        wrong = [f"{name} includes {path}" for name in found for path in includes(name)
+                 if RIM_ONLY.search(path) or path.startswith(("nodes/", "cli/"))]
+        self.assertEqual(wrong, [])
+
     def test_nodes_do_not_include_the_program(self):
         wrong = [f"{name} includes {path}" for name in sources_below("src/nodes") for path in includes(name)
                  if path.startswith("cli/")]
         self.assertEqual(wrong, [])
 
     def test_no_circles_between_files(self):
-        names = [name for folder in ("src/faultline", "src/nodes", "src/cli") for name in sources_below(folder)]
+        names = [name for folder in ("src/faultline", "src/rigs", "src/nodes", "src/cli") for name in sources_below(folder)]
         known = {str(name.relative_to("src")): name for name in names}
         arrows = {path: [other for other in includes(name) if other in known] for path, name in known.items()}
         done = set()

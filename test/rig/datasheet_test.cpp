@@ -303,17 +303,17 @@ TEST_F(SmallDatasheet, FilesThatAreNoDatasheetsAreRefusedInOneLine) {
 }
 
 TEST_F(SmallDatasheet, FoldersAreCheckedForRigsThatClash) {
-  write(kSmall, "tank.yaml");
+  write(kSmall, "tank/rig.yaml");
   EXPECT_EQ(find_datasheet(folder_.string(), "tank").rig, "tank");
-  write(kSmall, "barrel.yaml");
+  write(kSmall, "barrel/rig.yaml");
   EXPECT_NE(complaint([&] { read_datasheets(folder_.string()); }).find("already described"), std::string::npos);
-  EXPECT_NE(complaint([&] { find_datasheet(folder_.string(), "barrel"); }).find("name it tank.yaml"),
+  EXPECT_NE(complaint([&] { find_datasheet(folder_.string(), "barrel"); }).find("name its folder tank"),
             std::string::npos);
   EXPECT_NE(complaint([&] { find_datasheet(folder_.string(), "pond"); }).find("barrel, tank"), std::string::npos);
 }
 
 TEST_F(SmallDatasheet, ATornFileIsRefusedOrReadButNeverWorse) {
-  std::ifstream stream(config_folder() + "/cooling_circuit.yaml");
+  std::ifstream stream(config_folder() + "/cooling_circuit/rig.yaml");
   const std::string whole((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
   ASSERT_GT(whole.size(), 10000u);
   int refused = 0;

@@ -1,4 +1,4 @@
-"""What the withheld check takes from the project: the datasheet of a rig, config/<rig>.yaml, and nothing else.
+"""What the withheld check takes from the project: the datasheet of a rig, config/<rig>/rig.yaml, and nothing else.
 
 Only channels, parameters, ports, constants and the sample period are read. Everything the truth computes with these
 numbers is written here a second time, on purpose.
@@ -19,7 +19,7 @@ class Datasheet:
     """Channels, parameters and ports of one rig, as plain dictionaries."""
 
     def __init__(self, rig, path=None):
-        self.path = path or os.environ.get("FAULTLINE_DATASHEET") or os.path.join(ROOT, "config", rig + ".yaml")
+        self.path = path or os.environ.get("FAULTLINE_DATASHEET") or os.path.join(ROOT, "config", rig, "rig.yaml")
         if not os.path.exists(self.path):
             raise SystemExit(f"{self.path}: no such datasheet; run from a complete tree or set FAULTLINE_DATASHEET")
         with open(self.path, encoding="utf-8") as stream:

@@ -27,18 +27,18 @@ std::size_t find(const Datasheet& sheet, const std::vector<T>& things, const cha
       fmt::format("{}: {} has no {} '{}'; there are {}", sheet.file, sheet.rig, what, name, joined(names_of(things))));
 }
 
-// Datasheet files of a folder, sorted by name.
-std::vector<std::filesystem::path> yaml_files(const std::string& folder) {
+// Folders of rigs (RIG/rig.yaml) in a folder, sorted by name.
+std::vector<std::filesystem::path> rig_folders(const std::string& folder) {
   std::error_code error;
-  std::vector<std::filesystem::path> files;
+  std::vector<std::filesystem::path> found;
   for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
-    if (entry->path().extension() == ".yaml") files.push_back(entry->path());
+    if (std::filesystem::exists(entry->path() / "rig.yaml")) found.push_back(entry->path());
   if (error)
     throw InputError(
         fmt::format("{}: the folder cannot be read ({}); give the one with the datasheets", folder, error.message()));
-  if (files.empty()) throw InputError(fmt::format("{}: the folder holds no datasheet (*.yaml)", folder));
-  std::sort(files.begin(), files.end());
-  return files;
+  if (found.empty()) throw InputError(fmt::format("{}: the folder holds no datasheet (RIG/rig.yaml)", folder));
+  std::sort(found.begin(), found.end());
+  return found;
 }
 
 }  // namespace
@@ -65,7 +65,7 @@ std::vector<double> Datasheet::nominal() const {
 
 std::vector<Datasheet> read_datasheets(const std::string& folder) {
   std::vector<Datasheet> sheets;
-  for (const auto& file : yaml_files(folder)) sheets.push_back(read_datasheet(file.string()));
+  for (const auto& path : rig_folders(folder)) sheets.push_back(read_datasheet(path.string()));
   std::sort(sheets.begin(), sheets.end(), [](const Datasheet& a, const Datasheet& b) { return a.rig < b.rig; });
   for (std::size_t i = 1; i < sheets.size(); ++i)
     if (sheets[i].rig == sheets[i - 1].rig)
@@ -75,15 +75,15 @@ std::vector<Datasheet> read_datasheets(const std::string& folder) {
 }
 
 Datasheet find_datasheet(const std::string& folder, const std::string& rig) {
-  // By file name, so that a mistake in one datasheet does not stop work on another rig.
+  // By the folder's name, so that a mistake in one datasheet does not stop work on another rig.
   std::vector<std::string> rigs;
-  for (const auto& file : yaml_files(folder)) {
-    rigs.push_back(file.stem().string());
+  for (const auto& path : rig_folders(folder)) {
+    rigs.push_back(path.filename().string());
     if (rigs.back() != rig) continue;
-    Datasheet sheet = read_datasheet(file.string());
+    Datasheet sheet = read_datasheet(path.string());
     if (sheet.rig != rig)
       throw InputError(
-          fmt::format("{}: the file describes rig '{}'; name it {}.yaml", sheet.file, sheet.rig, sheet.rig));
+          fmt::format("{}: the file describes rig '{}'; name its folder {}", sheet.file, sheet.rig, sheet.rig));
     return sheet;
   }
   throw InputError(fmt::format("{}: there is no rig '{}'; there are {}", folder, rig, joined(rigs)));

@@ -1,4 +1,4 @@
-// The datasheet of a rig: config/<rig>.yaml, read strictly. It fixes the nominal model's numbers, names and places, and
+// The datasheet of a rig: config/<rig>/rig.yaml with stages.yaml beside it, read strictly. It fixes the nominal model's numbers, names and places, and
 // names the stages that diagnose the rig. One schema for all rigs (docs/datasheet.md); unknown or missing keys, wrong types
 // and values out of range are InputErrors that name the file, the line, the key and what is allowed.
 #pragma once
@@ -110,7 +110,8 @@ struct Lookup {  // a table of a rig: one or more columns over a grid
 };
 
 struct Datasheet {
-  std::string file;
+  std::string file;         // rig.yaml, or a single file that holds the stages too
+  std::string stages_file;  // stages.yaml beside it; empty: there is none
   std::string rig;
   std::string title;
   std::string source;
@@ -145,13 +146,14 @@ struct Datasheet {
   std::vector<double> nominal() const;                   // parameter values in order
 };
 
-// Reads and checks one datasheet.
-Datasheet read_datasheet(const std::string& file);
+// Reads and checks one datasheet: a folder with rig.yaml and, where the rig is diagnosed, stages.yaml; or that rig.yaml; or a single
+// file of another name that holds both.
+Datasheet read_datasheet(const std::string& path);
 
-// All datasheets in a folder (*.yaml), sorted by rig.
+// The datasheets of all rigs in a folder (RIG/rig.yaml), sorted by rig.
 std::vector<Datasheet> read_datasheets(const std::string& folder);
 
-// The datasheet of `rig` in the folder; InputError that lists the rigs there are.
+// The datasheet of `rig` in the folder (RIG/rig.yaml); InputError that lists the rigs there are.
 Datasheet find_datasheet(const std::string& folder, const std::string& rig);
 
 }  // namespace faultline

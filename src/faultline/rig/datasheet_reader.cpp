@@ -3,6 +3,9 @@
 // the stages and the controllers that are named, since it is the library that says so when they are made.
 #include <fmt/format.h>
 
+#include <array>
+#include <filesystem>
+
 #include "faultline/rig/datasheet_sections.h"
 #include "faultline/signal/error.h"
 
@@ -195,21 +198,29 @@ void read_ports(const YamlValue& root, Datasheet& sheet) {
   }
 }
 
+constexpr const char* kRigFile = "rig.yaml";
+constexpr const char* kStagesFile = "stages.yaml";
+constexpr std::array kStageKeys = {"estimators", "detectors", "isolators", "normal_gap"};
+
 }  // namespace
 
-Datasheet read_datasheet(const std::string& file) {
-  YamlValue root = YamlValue::load(file);
+Datasheet read_datasheet(const std::string& path) {
+  // A file of another name than rig.yaml stands alone: it may hold the stages itself.
+  const bool folder = std::filesystem::is_directory(path);
+  const std::filesystem::path file = folder ? std::filesystem::path(path) / kRigFile : std::filesystem::path(path);
+  YamlValue root = YamlValue::load(file.string());
   const std::vector<std::string> prose = {"conventions",    "layout",      "equations",       "estimator_form",
                                           "initial_state",  "integration", "reference_point", "leakage_conversion",
                                           "parameter_twins"};
   std::vector<std::string> optional = {
       "branches", "not_recorded",    "constants",  "tables",    "inputs",    "controllers", "profiles", "faults",
-      "nuisance", "nominal_effects", "estimators", "detectors", "isolators", "normal_gap",  "targets",  "notes"};
+      "nuisance", "nominal_effects", "notes"};
+  optional.insert(optional.end(), kStageKeys.begin(), kStageKeys.end());
   optional.insert(optional.end(), prose.begin(), prose.end());
   root.allow({"rig", "title", "source", "sample_period", "channels", "states", "parameters", "ports"}, optional);
 
   Datasheet sheet;
-  sheet.file = file;
+  sheet.file = file.string();
   sheet.rig = root.at("rig").name();
   sheet.title = root.at("title").text();
   sheet.source = root.at("source").text();
@@ -231,6 +242,16 @@ Datasheet read_datasheet(const std::string& file) {
   read_excitation(root, sheet);
   read_faults(root, sheet);
   read_diagnosis(root, sheet);
+  const std::filesystem::path stages = file.parent_path() / kStagesFile;
+  if (file.filename() == kRigFile && std::filesystem::exists(stages)) {
+    for (const char* key : kStageKeys)
+      if (root.has(key)) root.at(key).fail(fmt::format("belongs into {}, which stands beside this file", kStagesFile));
+    YamlValue second = YamlValue::load(stages.string());
+    second.allow({}, {kStageKeys.begin(), kStageKeys.end()});
+    second.set_branches(sheet.branches);
+    sheet.stages_file = stages.string();
+    read_diagnosis(second, sheet);
+  }
   return sheet;
 }
 

@@ -87,7 +87,7 @@ EffectSpec parse_effect(const std::string& text) {
   const auto colon = text.find(':', at == std::string::npos ? 0 : at);
   if (at == std::string::npos || at == 0)
     throw InputError(fmt::format(
-        "effect '{}': write effect@port:name=value,..., as in coulomb_friction@force.piston:force=100", text));
+        "effect '{}': write effect@port:name=value,..., as in coulomb_friction@force.BODY:force=100", text));
   spec.effect = text.substr(0, at);
   spec.port = text.substr(at + 1, colon == std::string::npos ? std::string::npos : colon - at - 1);
   const EffectType* type = find_effect_type(spec.effect);

@@ -12,7 +12,7 @@ bool has_state(const Datasheet& sheet, const std::string& unit) {
 }  // namespace
 
 std::string effect_unit(const Datasheet& sheet, const Port& port, const std::string& unit) {
-  // source.supply_pressure passes what the channel supply_pressure measures.
+  // A port whose place bears the name of a channel passes what that channel measures.
   const std::string place = port.channel.empty() ? port.name.substr(port.name.find('.') + 1) : port.channel;
   const int channel = find_channel(sheet.channels, place);
   const std::size_t either = unit.find(" or ");
