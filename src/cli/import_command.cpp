@@ -63,8 +63,8 @@ void add(CLI::App& app) {
   app.callback([options] { run(*options); });
 }
 
-FAULTLINE_SUBCOMMAND(import_csv, {"import", "make a bag of a CSV file",
-                                  "faultline import run7.csv --rig RIG -o run7.bag", add});
+FAULTLINE_SUBCOMMAND(import_csv,
+                     {"import", "make a bag of a CSV file", "faultline import run7.csv --rig RIG -o run7.bag", add});
 
 }  // namespace
 }  // namespace faultline

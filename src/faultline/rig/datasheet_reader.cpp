@@ -212,9 +212,9 @@ Datasheet read_datasheet(const std::string& path) {
   const std::vector<std::string> prose = {"conventions",    "layout",      "equations",       "estimator_form",
                                           "initial_state",  "integration", "reference_point", "leakage_conversion",
                                           "parameter_twins"};
-  std::vector<std::string> optional = {
-      "branches", "not_recorded",    "constants",  "tables",    "inputs",    "controllers", "profiles", "faults",
-      "nuisance", "nominal_effects", "notes"};
+  std::vector<std::string> optional = {"branches", "not_recorded",    "constants", "tables",
+                                       "inputs",   "controllers",     "profiles",  "faults",
+                                       "nuisance", "nominal_effects", "notes"};
   optional.insert(optional.end(), kStageKeys.begin(), kStageKeys.end());
   optional.insert(optional.end(), prose.begin(), prose.end());
   root.allow({"rig", "title", "source", "sample_period", "channels", "states", "parameters", "ports"}, optional);

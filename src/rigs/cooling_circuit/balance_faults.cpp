@@ -1,4 +1,4 @@
-// Balances and faults of the cooling circuit (balance_model.h). Source: seed of rig cooling_circuit, (9), and config/cooling_circuit.
+// Balances and faults of the cooling circuit (balance_model.h). Source: Iannetti et al. (2015), equation (9), and config/cooling_circuit.
 //
 // Per branch, with flows through feed q_f, tube q_12 and throttle q_t, of which the meter shows q (before a leak of the outlet hose):
 //   q_12 = q + L_outlet,  q_f = q_12 + L_inlet,  q_t = q - L_drain,   L = rho k sqrt(P - P_d) for a leak of coefficient k

@@ -1,5 +1,5 @@
 // What must balance in the cooling circuit, as relations with one unknown coefficient each (relation_model.h).
-// Source: seed of rig cooling_circuit, (9), for the tube; the others are the rig's own equations at rest, config/cooling_circuit.
+// Source: Iannetti et al. (2015), equation (9), for the tube; the others are the rig's own equations at rest, config/cooling_circuit.
 //
 //   {b}_tube   q_2 = c q_2^0.125 sqrt(P_1 - P_2)
 //   {b}_drain  q_2 = k_d sqrt(P_2 - P_d)

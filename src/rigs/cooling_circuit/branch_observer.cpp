@@ -1,5 +1,5 @@
 // The branches of the cooling circuit as a Kalman filter sees them: per branch P_2 and d = F c = c/b, driven by measured q_2 and P_1.
-// Source: seed of rig cooling_circuit, equations (8), (11)-(18); its misprints are told in config/cooling_circuit.
+// Source: Iannetti et al. (2015), equations (8), (11)-(18); its misprints are told in config/cooling_circuit.
 //
 //   P_2' = -F q_2 + d q_2^0.125 sqrt(P_1 - P_2),  d a random walk;  y = P_2;  F = 1/b
 // scheme euler: one explicit step, as printed. With the b of the datasheet its A(1,1) is about -150 (chamber): the prediction is
