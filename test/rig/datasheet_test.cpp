@@ -106,6 +106,7 @@ class SmallDatasheet : public ::testing::Test {
   void TearDown() override { fs::remove_all(folder_); }
 
   std::string write(const std::string& text, const std::string& name = "tank.yaml") const {
+    fs::create_directories((folder_ / name).parent_path());
     std::ofstream(folder_ / name, std::ios::binary) << text;
     return (folder_ / name).string();
   }
