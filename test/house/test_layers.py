@@ -9,17 +9,18 @@ from sources import ROOT, sources_below
 # room -> rooms it may include, itself apart
 ALLOWED = {
     "signal": set(),
-    "rig": {"signal"},
-    "rigs": {"signal", "rig"},
-    "effects": {"signal", "rig"},
-    "fit": {"signal", "rig"},
-    "estimators": {"signal", "rig", "rigs", "effects", "fit"},
-    "detectors": {"signal", "rig", "rigs", "effects", "fit", "estimators"},
-    "isolation": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors"},
-    "alarms": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation"},
-    "diagnosis": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
-    "tuning": {"signal", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
-    "gap": {"signal", "rig", "effects", "fit"},
+    "numerics": {"signal"},
+    "rig": {"signal", "numerics"},
+    "rigs": {"signal", "numerics", "rig"},
+    "effects": {"signal", "numerics", "rig"},
+    "fit": {"signal", "numerics", "rig"},
+    "estimators": {"signal", "numerics", "rig", "rigs", "effects", "fit"},
+    "detectors": {"signal", "numerics", "rig", "rigs", "effects", "fit", "estimators"},
+    "isolation": {"signal", "numerics", "rig", "rigs", "effects", "fit", "estimators", "detectors"},
+    "alarms": {"signal", "numerics", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation"},
+    "diagnosis": {"signal", "numerics", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
+    "tuning": {"signal", "numerics", "rig", "rigs", "effects", "fit", "estimators", "detectors", "isolation", "alarms"},
+    "gap": {"signal", "numerics", "rig", "effects", "fit"},
 }
 # Transport and what belongs to it stay at the rim.
 RIM_ONLY = re.compile(r"^(ros|rosbag|roscpp|rosgraph|lcm|faultline_lcm|tf2|tf2_ros|diagnostic_updater|topic_tools)/"
