@@ -8,7 +8,7 @@
 #include "cooling_recordings.h"
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/estimators/recursive_least_squares.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 
 namespace faultline {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "faultline/detectors/detector.h"
 #include "faultline/detectors/run_length.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "faultline/detectors/cusum.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -5,7 +5,7 @@
 
 #include "cooling_runs.h"
 #include "faultline/estimators/process_model.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 
 namespace faultline {
 namespace {

@@ -8,7 +8,7 @@
 #include <Eigen/Dense>
 
 #include "faultline/estimators/process_model.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 
 namespace faultline {
 

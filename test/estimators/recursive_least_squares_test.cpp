@@ -6,7 +6,7 @@
 #include <Eigen/Dense>
 
 #include "allocations.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

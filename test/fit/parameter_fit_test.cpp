@@ -8,7 +8,7 @@
 
 #include <Eigen/LU>
 
-#include "faultline/fit/in_parallel.h"
+#include "faultline/numerics/in_parallel.h"
 #include "faultline/signal/error.h"
 #include "servo_runs.h"
 

@@ -9,7 +9,7 @@
 
 #include "faultline/gap/gap_series.h"
 #include "faultline/gap/grid_step.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 #include "servo_runs.h"
 

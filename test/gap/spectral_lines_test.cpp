@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 
 namespace faultline {
 namespace {

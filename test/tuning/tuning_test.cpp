@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 #include "faultline/tuning/noise_tuning.h"
 #include "faultline/tuning/threshold_tuning.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "faultline/estimators/observed_correction.h"
-#include "faultline/estimators/triangle.h"
+#include "faultline/numerics/triangle.h"
 
 namespace faultline {
 namespace {

@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "faultline/estimators/row_correction.h"
-#include "faultline/estimators/triangle.h"
+#include "faultline/numerics/triangle.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -6,7 +6,7 @@
 #include <ceres/ceres.h>
 #include <Eigen/QR>
 
-#include "faultline/fit/in_parallel.h"
+#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {

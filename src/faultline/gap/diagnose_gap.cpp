@@ -10,7 +10,7 @@
 #include "faultline/gap/grid_step.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

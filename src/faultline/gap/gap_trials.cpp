@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "faultline/fit/in_parallel.h"
+#include "faultline/numerics/in_parallel.h"
 #include "faultline/gap/screening.h"
 #include "faultline/gap/size_search.h"
 #include "faultline/gap/spectral_lines.h"

@@ -6,7 +6,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "faultline/fit/in_parallel.h"
+#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {

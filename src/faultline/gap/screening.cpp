@@ -4,7 +4,7 @@
 #include <atomic>
 #include <cmath>
 
-#include "faultline/fit/in_parallel.h"
+#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {

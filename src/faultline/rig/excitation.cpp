@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

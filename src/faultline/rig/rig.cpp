@@ -1,7 +1,5 @@
 #include "faultline/rig/rig.h"
 
-#include <stdexcept>
-
 namespace faultline {
 namespace {
 
@@ -11,14 +9,6 @@ std::vector<RigType>& registry() {
 }
 
 }  // namespace
-
-const std::vector<std::pair<int, int>>& Rig::jacobian_entries() const {
-  throw std::logic_error("a stiff rig must have a Jacobian");
-}
-
-void Rig::jacobian(double, const double*, const double*, double*, double*, double*) {
-  throw std::logic_error("a stiff rig must have a Jacobian");
-}
 
 const std::vector<RigType>& rig_types() { return registry(); }
 

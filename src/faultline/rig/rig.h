@@ -5,38 +5,25 @@
 
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
+#include "faultline/numerics/ode_system.h"
 #include "faultline/rig/effect_chain.h"
 
 namespace faultline {
 
-class Rig {
+// The number of states depends on the effects (a pipe with inertia has a flow). The inputs of the equations are all channels, with
+// commands and inputs as they reach the plant.
+class Rig : public OdeSystem {
  public:
-  virtual ~Rig() = default;
-
-  // Number of continuous states; depends on the effects (a pipe with inertia has a flow).
-  virtual int states() const = 0;
   // Initial state for the given channel values; sets all discrete modes. `channels`: one value per channel.
   virtual void start(const double* channels, double* state) = 0;
   // Takes a given nominal state (in the datasheet's order) instead of the initial one; effect states start at rest. Sets no modes.
   virtual void start_at(const double* nominal_state, const double* channels, double* state) = 0;
   // Sets all discrete modes (slipping, sticking) as the state says.
   virtual void set_modes(const double* /*state*/) {}
-  // d(state)/dt at time [s]. `channels` holds commands and inputs as they reach the plant.
-  virtual void derivative(double time, const double* state, const double* channels, double* rate) = 0;
-  // After each step: events and limits (sticking, end of travel, no negative pressure).
-  virtual void after_step(double /*time*/, double* /*state*/, const double* /*channels*/) {}
   // Writes the output channels (and inputs that the model predicts) into `channels`, before sensors.
   virtual void outputs(double time, const double* state, double* channels) const = 0;
-  // Whether the equations need an implicit method at the substep of the simulator; then the two below are called.
-  virtual bool stiff() const { return false; }
-  // (row, column) of every non-zero of the Jacobian d(rate)/d(state); always the same.
-  virtual const std::vector<std::pair<int, int>>& jacobian_entries() const;
-  // As derivative(); also d(rate)/d(time) and the Jacobian's non-zeros, in the order of jacobian_entries().
-  virtual void jacobian(double time, const double* state, const double* channels, double* rate, double* time_rate,
-                        double* entries);
 };
 
 struct RigType {

@@ -5,8 +5,8 @@
 
 #include <fmt/format.h>
 
-#include "faultline/rig/integrator.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/integrator.h"
+#include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -54,6 +54,8 @@ class Plant {
     for (std::size_t i = 0; i < sheet.states.size(); ++i)
       for (const auto& [channel, chain] : sensors_)
         if (sheet.channels[channel].name == sheet.states[i].name) shown_states_.push_back({i, chain});
+    rest_.resize(static_cast<std::size_t>(rig_->states()));
+    moved_.resize(rest_.size());
     start_.resize(sheet.states.size());
     true_.resize(sheet.channels.size());
     shown_.resize(sheet.channels.size());
@@ -65,7 +67,8 @@ class Plant {
     effects_.set_time(0);
     std::copy_n(channels, true_.size(), true_.begin());
     for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], 0);
-    integrator_->start(true_.data());
+    std::fill_n(integrator_->state(), rig_->states(), 0.0);
+    rig_->start(true_.data(), integrator_->state());
     effects_.reset();
     if (nominal_state) restart(0, channels, nominal_state);
     observe(0);
@@ -83,7 +86,7 @@ class Plant {
       const double shown = chain->undo_signal(state[index], time);
       state[index] = std::isnan(shown) ? integrator_->state()[index] : shown;
     }
-    integrator_->move_to(state.data(), channels);
+    move_to(state.data(), channels);
   }
 
   // One sample period: commands held, inputs run linearly from `now` to `next`.
@@ -110,6 +113,17 @@ class Plant {
   const double* state() const { return integrator_->state(); }
 
  private:
+  // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
+  void move_to(const double* nominal_state, const double* channels) {
+    double* state = integrator_->state();
+    std::fill(rest_.begin(), rest_.end(), 0);
+    std::fill(moved_.begin(), moved_.end(), 0);
+    rig_->start_at(state, channels, rest_.data());
+    rig_->start_at(nominal_state, channels, moved_.data());
+    for (std::size_t i = 0; i < rest_.size(); ++i) state[i] = moved_[i] + (state[i] - rest_[i]);
+    rig_->set_modes(state);
+  }
+
   static int substeps(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
     const RigType* type = find_rig_type(sheet.rig);
     double wanted = type ? type->substep : sheet.sample_period;
@@ -138,7 +152,7 @@ class Plant {
   std::unique_ptr<Integrator> integrator_;
   std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;
   std::vector<std::pair<std::size_t, const EffectChain*>> shown_states_;
-  std::vector<double> true_, shown_, start_;
+  std::vector<double> true_, shown_, start_, rest_, moved_;
 };
 
 // Value plus band-limited wander, a sum of sines with random phases.

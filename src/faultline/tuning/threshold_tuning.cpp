@@ -8,7 +8,7 @@
 
 #include "faultline/detectors/detector.h"
 #include "faultline/estimators/estimator_stage.h"
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

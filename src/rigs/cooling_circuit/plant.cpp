@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "faultline/rig/orifice.h"
-#include "faultline/rig/rosenbrock.h"
+#include "faultline/numerics/rosenbrock.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -1,10 +1,10 @@
 // Sparse factors against dense ones.
-#include "faultline/rig/sparse_lu.h"
+#include "faultline/numerics/sparse_lu.h"
 
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
 
-#include "faultline/rig/random.h"
+#include "faultline/numerics/random.h"
 
 namespace faultline {
 namespace {

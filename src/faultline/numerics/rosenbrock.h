@@ -1,4 +1,4 @@
-// Fixed-step integration of a stiff rig by RODAS3, a Rosenbrock method: implicit through one Jacobian a step, no iteration.
+// Fixed-step integration of a stiff system by RODAS3, a Rosenbrock method: implicit through one Jacobian a step, no iteration.
 //
 //   (2/h I - J) u_i = f(t + a_i h, y + sum_j A_ij u_j) + sum_j C_ij/h u_j + g_i h df/dt,   y(t + h) = y + 2 u_1 + u_3 + u_4
 //
@@ -10,28 +10,26 @@
 #include <array>
 #include <vector>
 
-#include "faultline/rig/integrator.h"
-#include "faultline/rig/sparse_lu.h"
+#include "faultline/numerics/integrator.h"
+#include "faultline/numerics/sparse_lu.h"
 
 namespace faultline {
 
 class Rosenbrock : public Integrator {
  public:
-  explicit Rosenbrock(Rig& rig);
-  void start(const double* channels) override;
-  void move_to(const double* nominal_state, const double* channels) override;
-  void step(double time, double dt, const double* channels) override;
-  const double* state() const override { return state_.data(); }
+  explicit Rosenbrock(OdeSystem& system);
+  void step(double time, double dt, const double* inputs) override;
+  double* state() override { return state_.data(); }
 
  private:
-  Rig& rig_;
+  OdeSystem& system_;
   std::size_t states_;
   SparseLu lu_;
   std::vector<double> state_, stage_, rate_, time_rate_, jacobian_;
   std::array<std::vector<double>, 4> u_;
 };
 
-// Brings `state` to rest for held channels at time 0: implicit Euler steps that grow until they are Newton steps.
-void settle(Rig& rig, const double* channels, double* state);
+// Brings `state` to rest for held inputs at time 0: implicit Euler steps that grow until they are Newton steps.
+void settle(OdeSystem& system, const double* inputs, double* state);
 
 }  // namespace faultline

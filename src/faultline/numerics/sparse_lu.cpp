@@ -1,4 +1,4 @@
-#include "faultline/rig/sparse_lu.h"
+#include "faultline/numerics/sparse_lu.h"
 
 #include <algorithm>
 #include <stdexcept>
