@@ -15,7 +15,8 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace faultline;
-  constexpr long kMostMemory = 1000000;  // kB; a chunk may decompress to 0.27 million, and the sanitizer keeps what was freed
+  constexpr long kMostMemory =
+      1000000;  // kB; a chunk may decompress to 0.27 million, and the sanitizer keeps what was freed
   static const int handle = ::memfd_create("bag_fuzz", MFD_CLOEXEC);
   static const std::string file = "/proc/self/fd/" + std::to_string(handle);
   if (handle < 0 || ::ftruncate(handle, 0) != 0 || ::pwrite(handle, data, size, 0) != static_cast<ssize_t>(size))

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "faultline/estimators/state_estimator.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -14,6 +15,7 @@ namespace {
 // What an estimator refuses it may say without knowing where its settings stand.
 std::unique_ptr<StageCore> make_core(const Datasheet& sheet, const StageSpec& spec) {
   try {
+    if (!is_least_squares(spec.type) && !is_fault_response(spec.type)) check_state_estimator(spec.type);
     return is_least_squares(spec.type)    ? make_relation_core(sheet, spec)
            : is_fault_response(spec.type) ? make_response_core(sheet, spec)
                                           : make_filter_core(sheet, spec);
