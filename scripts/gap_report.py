@@ -6,8 +6,6 @@ the series of the diagnosis; it can be called on files that were kept, too:
 
 Exit: 0 when the report is written; 2 for bad usage or bad input.
 """
-import argparse
-import datetime
 import os
 import sys
 
@@ -15,6 +13,14 @@ HERE = os.path.dirname(os.path.realpath(__file__))
 sys.path.insert(0, HERE)
 sys.dont_write_bytecode = True
 NAME = "faultline gap_report"
+
+import report_signals
+
+if __name__ == "__main__":
+    report_signals.end_on_signals(NAME)
+
+import argparse
+import datetime
 
 try:
     import jinja2
@@ -231,7 +237,7 @@ def render(answer, series, sheet, facts):
 
 
 def parse(arguments):
-    parser = argparse.ArgumentParser(prog="gap_report.py", description="Writes the answer of `faultline gap` as one HTML file.")
+    parser = report.Parser(prog=NAME, description="Writes the answer of `faultline gap` as one HTML file.")
     parser.add_argument("runs", metavar="RUN", nargs="*", help="the recordings, for their size and checksum")
     parser.add_argument("--json", metavar="FILE", help="answer of `faultline gap RUN... --json FILE`")
     parser.add_argument("--series", metavar="FILE", help="series of `faultline gap RUN... --series FILE`")
@@ -250,7 +256,7 @@ def main(arguments):
     if chosen.check:
         return 0
     try:
-        report.check_writable(chosen.output)
+        report.check_output(chosen.output, [chosen.json, chosen.series, chosen.datasheet] + chosen.runs)
         answer, series = read_gap(chosen.json), read_series(chosen.series)
         facts = [("Recording", "{} ({})".format(os.path.basename(run), report.file_facts(run))) for run in chosen.runs if os.path.isfile(run)]
         if chosen.command:
@@ -265,12 +271,10 @@ def main(arguments):
         report.write_file(chosen.output, render(answer, series, sheet, facts))
         return 0
     except ReportError as error:
-        print("{}: {}".format(NAME, error), file=sys.stderr)
-        return 2
+        return report.complain(NAME, error)
+    except Exception as error:  # an answer or a series of a form that nobody foresaw
+        return report.complain(NAME, "unexpected: {}: {}".format(type(error).__name__, error), 1)
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(sys.argv[1:]))
-    except KeyboardInterrupt:
-        sys.exit(130)
+    sys.exit(main(sys.argv[1:]))

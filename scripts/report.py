@@ -6,20 +6,25 @@
 
 Exit: 0 when the report is written, whatever the diagnosis says; 2 for bad usage or bad input.
 """
-import argparse
-import datetime
-import hashlib
 import os
-import re
-import shutil
-import signal
-import subprocess
 import sys
-import tempfile
 
 HERE = os.path.dirname(os.path.realpath(__file__))
 sys.path.insert(0, HERE)
 sys.dont_write_bytecode = True
+
+import report_signals
+
+if __name__ == "__main__":
+    report_signals.end_on_signals("faultline report")
+
+import argparse
+import datetime
+import hashlib
+import re
+import shutil
+import subprocess
+import tempfile
 
 try:
     import jinja2
@@ -27,7 +32,7 @@ try:
     import matplotlib
     import numpy
     import report_pictures as pictures
-    from report_data import Datasheet, ReportError, datasheet_path, flatten, read_answer, read_series
+    from report_data import Datasheet, ReportError, config_folders, datasheet_path, flatten, read_answer, read_series, text_of
     from report_units import Scale, decimals_for, show, words
 except ImportError as missing:
     print("faultline report: {}; install python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml".format(missing),
@@ -61,7 +66,7 @@ def diagnose(program, chosen, folder):
     options = (["--rig", chosen.rig] if chosen.rig else []) + (["--config", chosen.config] if chosen.config else [])
     command = [program, "diagnose", bag] + options + ["--json", answer, "--series", series]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-                          universal_newlines=True)
+                          encoding="utf-8", errors="replace")
     if done.returncode != 0:
         said = [line for line in done.stderr.splitlines() if line.strip()]
         raise ReportError(said[-1] if said else "{}: the diagnosis ended with code {} and said nothing".format(
@@ -87,9 +92,12 @@ def program_version():
 
 def file_facts(path):
     digest = hashlib.sha256()
-    with open(path, "rb") as file:
-        for block in iter(lambda: file.read(1 << 20), b""):
-            digest.update(block)
+    try:
+        with open(path, "rb") as file:
+            for block in iter(lambda: file.read(1 << 20), b""):
+                digest.update(block)
+    except OSError as error:
+        raise ReportError("{}: cannot be read: {}".format(path, error.strerror))
     size = os.path.getsize(path)
     return "{:.2f} MB, SHA-256 {}…".format(size / 1e6, digest.hexdigest()[:16])
 
@@ -178,33 +186,67 @@ def render(answer, series, sheet, facts):
 
 
 def write_file(path, text):
-    """All of it or nothing: a reader never meets half a report."""
-    folder = os.path.dirname(os.path.abspath(path))
-    unfinished = None
+    """All of it or nothing: a reader never meets half a report. A link stays a link, a device a device."""
+    path, unfinished = os.path.realpath(path), None
     try:
-        handle, unfinished = tempfile.mkstemp(prefix=".faultline_report_", dir=folder)
+        if os.path.exists(path) and not os.path.isfile(path):
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text_of(text))
+            return
+        mask = os.umask(0)
+        os.umask(mask)
+        mode = os.stat(path).st_mode & 0o777 if os.path.exists(path) else 0o666 & ~mask
+        handle, unfinished = tempfile.mkstemp(prefix=".faultline_report_", dir=os.path.dirname(path))
         with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(unfinished, 0o644)
+            file.write(text_of(text))
+        os.chmod(unfinished, mode)
         os.replace(unfinished, path)
+        unfinished = None
     except OSError as error:
+        raise ReportError("{}: cannot be written: {}".format(path, error.strerror))
+    finally:
         if unfinished and os.path.exists(unfinished):
             os.unlink(unfinished)
-        raise ReportError("{}: cannot be written: {}".format(path, error.strerror))
 
 
-def check_writable(path):
-    folder = os.path.dirname(os.path.abspath(path))
+def check_output(path, inputs):
+    """That the report can be written, and takes the place of nothing that it is made from, nor of a datasheet of the program."""
+    for file in filter(None, inputs):
+        if os.path.realpath(file) == os.path.realpath(path) or (os.path.isfile(path) and os.path.exists(file) and os.path.samefile(file, path)):
+            raise ReportError("{}: this file is read, as {}; choose another name with -o".format(path, file))
+    if os.path.isfile(path) and any(os.path.realpath(path).startswith(os.path.realpath(own) + os.sep) for own in config_folders(HERE)):
+        raise ReportError("{}: this is one of the program's own datasheets; choose another name with -o".format(path))
+    folder = os.path.dirname(os.path.realpath(path))
     if not os.path.isdir(folder):
         raise ReportError("{}: cannot be written: there is no folder {}".format(path, folder))
     if os.path.isdir(path):
         raise ReportError("{}: is a folder; name a file".format(path))
-    if not os.access(folder, os.W_OK):
-        raise ReportError("{}: cannot be written: no right to write in {}".format(path, folder))
+    if not os.access(folder, os.W_OK) or (os.path.exists(path) and not os.access(path, os.W_OK)):
+        raise ReportError("{}: cannot be written: no right to write there".format(path))
+
+
+def say(text):
+    """On standard output, whose failure is told like any other. A file's name may hold bytes that are no text."""
+    try:
+        print(text_of(text), flush=True)
+    except OSError as error:
+        sys.stdout = open(os.devnull, "w")  # what is left in the buffer would fail once more at the end
+        raise ReportError("standard output cannot be written: {}".format(error.strerror))
+
+
+def complain(name, error, status=2):
+    text = " ".join(text_of(str(error)).split())
+    print(text if text.startswith("faultline") else "{}: {}".format(name, text), file=sys.stderr)
+    return status
+
+
+class Parser(argparse.ArgumentParser):
+    def error(self, message):
+        self.exit(complain(self.prog, "{}; see --help".format(message)))
 
 
 def parse(arguments):
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="faultline report", formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Diagnoses a recorded session and writes what was found as one HTML file.",
         epilog="example: ./faultline report bags/servo_actuator_step_leak.bag -o step_leak.html")
@@ -227,7 +269,7 @@ def main(arguments):
     chosen = parse(arguments)
     folder = None
     try:
-        check_writable(chosen.output)
+        check_output(chosen.output, [chosen.bag, chosen.config, chosen.json, chosen.series])
         if not os.path.isfile(chosen.bag):
             raise ReportError("{}: no such file; give a recorded session, for example bags/servo_actuator_step_leak.bag".format(
                 chosen.bag))
@@ -250,20 +292,16 @@ def main(arguments):
         ]
         sheet = Datasheet(answer["rig"], chosen.config or datasheet_path(answer["rig"], HERE))
         write_file(chosen.output, render(answer, series, sheet, facts))
-        print("faultline: report written to {}".format(chosen.output))
+        say("faultline: report written to {}".format(chosen.output))
         return 0
     except ReportError as error:
-        text = str(error)
-        print(text if text.startswith("faultline") else "faultline report: " + text, file=sys.stderr)
-        return 2
+        return complain("faultline report", error)
+    except Exception as error:  # an answer or a series of a form that nobody foresaw
+        return complain("faultline report", "unexpected: {}: {}".format(type(error).__name__, error), 1)
     finally:
         if folder:
             shutil.rmtree(folder, ignore_errors=True)
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    try:
-        sys.exit(main(sys.argv[1:]))
-    except KeyboardInterrupt:
-        sys.exit(130)
+    sys.exit(main(sys.argv[1:]))

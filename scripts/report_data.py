@@ -19,6 +19,11 @@ class ReportError(Exception):
     """Bad input. Its text is one line: what, where, what to do."""
 
 
+def text_of(text):
+    """What can be written as UTF-8: bytes of a file's name that are no text become question marks."""
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
 class Series:
     """The columns of a run."""
 
@@ -110,7 +115,7 @@ def read_json(path):
             return json.load(file)
     except OSError as error:
         raise ReportError("{}: cannot be read: {}".format(path, error.strerror))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ReportError("{}: is not JSON: {}".format(path, error))
 
 
@@ -139,11 +144,17 @@ def read_answer(path):
     return answer
 
 
+def config_folders(here):
+    """config/ of the source tree, or of share/faultline in an install space."""
+    shares = (os.environ.get("FAULTLINE_SHARE", ""), os.path.dirname(here), os.path.join(here, "..", "..", "share", "faultline"))
+    return [os.path.join(share, "config") for share in shares if share]
+
+
 def datasheet_path(rig, here):
-    """config/<rig>/rig.yaml of the source tree, or of share/faultline in an install space; None where there is none."""
-    for folder in (os.environ.get("FAULTLINE_SHARE", ""), os.path.dirname(here), os.path.join(here, "..", "..", "share", "faultline")):
-        path = os.path.join(folder, "config", rig, "rig.yaml")
-        if folder and os.path.isfile(path):
+    """config/<rig>/rig.yaml; None where there is none."""
+    for folder in config_folders(here):
+        path = os.path.join(folder, rig, "rig.yaml")
+        if os.path.isfile(path):
             return path
     return None
 

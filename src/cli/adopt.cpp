@@ -42,11 +42,7 @@ void adopt(const Datasheet& sheet, const GapResult& result, const std::string& f
     text = std::regex_replace(text, section, "");
     text += "\n# found by `faultline gap` and adopted\nnominal_effects:\n" + list;
   }
-  // Read back before it takes its name: what cannot be loaded is not kept.
-  OutputFile output(file);
-  write_text(output.written(), text);
-  read_datasheet(output.written());
-  output.commit();
+  write_datasheet(text, file);
 }
 
 }  // namespace faultline

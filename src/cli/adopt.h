@@ -9,7 +9,7 @@
 
 namespace faultline {
 
-// `file` may be the datasheet itself. InputError where the answer is "unknown" or the datasheet's text is of a form that cannot be
+// InputError where the answer is "unknown" or the datasheet's text is of a form that cannot be
 // edited in place.
 void adopt(const Datasheet& sheet, const GapResult& result, const std::string& file);
 

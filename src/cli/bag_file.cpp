@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <exception>
 #include <set>
 
@@ -62,8 +63,56 @@ void check_checksum(const std::string& file, const BagConnection& connection) {
                     connection.topic, connection.type));
 }
 
+// The bytes of a message, to be walked over before they are read: what ROS generates makes room for as many items as an array says
+// it has, before it looks whether they are there.
+class Walk {
+ public:
+  Walk(const std::string& file, const BagMessage& message) : file_(file), message_(message) {}
+
+  void skip(std::uint64_t bytes) {
+    if (bytes > message_.size - at_)
+      throw InputError(fmt::format("{}: a message on {} says that it is longer than its {} bytes; the bag is damaged",
+                                   file_, message_.connection->topic, message_.size));
+    at_ += static_cast<std::uint32_t>(bytes);
+  }
+  // A string or an array: its length, and as many items of `item` bytes.
+  std::uint32_t skip_items(std::uint32_t item) {
+    std::uint32_t length = 0;
+    skip(sizeof length);
+    std::memcpy(&length, message_.data + at_ - sizeof length, sizeof length);
+    skip(static_cast<std::uint64_t>(length) * item);
+    return length;
+  }
+  void skip_header() {
+    skip(12);  // seq, stamp
+    skip_items(1);
+  }
+
+ private:
+  const std::string& file_;
+  const BagMessage& message_;
+  std::uint32_t at_ = 0;
+};
+
+void check_lengths(Walk walk, const faultline_msgs::Sample&) {
+  walk.skip_header();
+  walk.skip(8);        // sequence
+  walk.skip_items(8);  // values
+}
+
+void check_lengths(Walk walk, const faultline_msgs::RigDescription&) {
+  walk.skip_header();
+  walk.skip_items(1);  // rig
+  walk.skip(8);        // sample_period
+  const std::uint32_t channels = walk.skip_items(0);
+  for (std::uint32_t i = 0; i < channels; ++i)
+    for (int text = 0; text < 3; ++text) walk.skip_items(1);  // name, unit, role
+  walk.skip_items(1);                                         // made_by
+}
+
 template <class Message>
 void deserialise(const std::string& file, const BagMessage& from, Message& to) {
+  check_lengths(Walk(file, from), to);
   try {
     ros::serialization::IStream stream(from.data, from.size);
     ros::serialization::deserialize(stream, to);

@@ -2,6 +2,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <memory>
@@ -12,7 +13,6 @@
 #include <rosbag/chunked_file.h>
 #include <rosbag/exceptions.h>
 
-#include "cli/interrupt.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -91,8 +91,10 @@ class Reader {
 
   void run() {
     std::error_code error;
-    if (std::filesystem::is_directory(file_, error))
-      throw InputError(fmt::format("{}: this is a folder, not a bag", file_));
+    const std::filesystem::file_status status = std::filesystem::status(file_, error);
+    if (std::filesystem::is_directory(status)) throw InputError(fmt::format("{}: this is a folder, not a bag", file_));
+    if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+      throw InputError(fmt::format("{}: this is a device or a pipe; a bag is read from a file", file_));
     stream_.reset(std::fopen(file_.c_str(), "rb"));
     if (!stream_) throw InputError(fmt::format("{}: the bag cannot be read ({})", file_, std::strerror(errno)));
     size_ = std::filesystem::file_size(file_, error);
@@ -126,7 +128,7 @@ class Reader {
   Bytes block(std::vector<std::uint8_t>& memory) {
     std::uint32_t length = 0;
     get(&length, sizeof length);
-    if (length > size_ - at_) throw CutOff();
+    if (length > size_ - at_ || length > kLargestRecord) throw CutOff();
     memory.resize(length);
     if (length > 0) get(memory.data(), length);
     return {memory.data(), memory.data() + length};
@@ -149,7 +151,6 @@ class Reader {
     const std::uint32_t chunks = fields.chunks;
     std::uint32_t listed = 0;
     while (next(fields, data)) {
-      check_interrupt();
       if (fields.op == kChunk) read_chunk(fields, data);
       if (fields.op == kConnection) connect(fields, data);
       if (fields.op == kChunkInfo) ++listed;
@@ -166,11 +167,14 @@ class Reader {
     if (!bz2 && chunk.compression != "lz4")
       throw InputError(
           fmt::format("{}: the compression '{}' is not known; none, bz2 and lz4 are", file_, chunk.compression));
-    if (chunk.size > kLargestChunk || data.left() == 0) throw CutOff();
-    chunk_.resize(chunk.size);
-    decompressor_.decompress(bz2 ? rosbag::compression::BZ2 : rosbag::compression::LZ4, chunk_.data(), chunk.size,
+    if (chunk.size > kLargestRecord || data.left() == 0) throw CutOff();
+    // The size is what the record says. calloc's memory costs nothing before it is written to, and what the decompressor leaves of it
+    // is zeros, which are no record.
+    chunk_.reset(static_cast<std::uint8_t*>(std::calloc(chunk.size, 1)));
+    if (!chunk_) throw CutOff();
+    decompressor_.decompress(bz2 ? rosbag::compression::BZ2 : rosbag::compression::LZ4, chunk_.get(), chunk.size,
                              data.at, static_cast<unsigned int>(data.left()));
-    read_messages({chunk_.data(), chunk_.data() + chunk_.size()});
+    read_messages({chunk_.get(), chunk_.get() + chunk.size});
   }
 
   void read_messages(Bytes records) {
@@ -178,11 +182,13 @@ class Reader {
     while (records.left() > 0) {
       const Fields fields = read_fields(records.take(records.number()));
       const Bytes data = records.take(records.number());
+      if (fields.op == 0) throw CutOff();
       if (fields.op == kConnection) connect(fields, data);
       if (fields.op != kMessage) continue;
       const auto found = connections_.find(fields.connection);
       if (found == connections_.end()) throw CutOff();
       message.connection = &found->second;
+      if (fields.nanoseconds >= 1000000000) throw CutOff();
       message.received = ros::Time(fields.seconds, fields.nanoseconds);
       message.data = data.at;
       message.size = static_cast<std::uint32_t>(data.left());
@@ -201,13 +207,15 @@ class Reader {
     connections_.emplace(fields.connection, connection);
   }
 
-  static constexpr std::uint32_t kLargestChunk = 1u << 30;  // bytes, decompressed
+  // Bytes of a record, and of a chunk when it is decompressed. rosbag fills a chunk to 0.8 MB and one message more.
+  static constexpr std::uint32_t kLargestRecord = 1u << 28;
 
   const std::string& file_;
   const std::function<void(const BagMessage&)>& take_;
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> stream_{nullptr, std::fclose};
   std::uint64_t size_ = 0, at_ = 0;
-  std::vector<std::uint8_t> header_, data_, chunk_;
+  std::vector<std::uint8_t> header_, data_;
+  std::unique_ptr<std::uint8_t, void (*)(void*)> chunk_{nullptr, std::free};
   std::map<std::uint32_t, BagConnection> connections_;
   rosbag::ChunkedFile decompressor_;
 };

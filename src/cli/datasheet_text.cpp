@@ -1,5 +1,9 @@
 #include "cli/datasheet_text.h"
 
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
 #include <regex>
 
 #include <fmt/format.h>
@@ -42,6 +46,26 @@ void set_stage_setting(const Datasheet& sheet, std::string& text, const std::str
   std::smatch line;
   if (!std::regex_search(entry, line, std::regex("(\\n|^)( *" + key + ": *)(\\[[^\\]\\n]*\\]|[-+0-9.eE]+)"))) fail();
   text.replace(begin + static_cast<std::size_t>(line.position(3)), static_cast<std::size_t>(line.length(3)), value);
+}
+
+void write_datasheet(const std::string& text, const std::string& file) {
+  OutputFile output(file);
+  {
+    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> stream(std::fopen(output.written().c_str(), "wb"),
+                                                                 std::fclose);
+    if (!stream || std::fwrite(text.data(), 1, text.size(), stream.get()) != text.size() ||
+        std::fflush(stream.get()) != 0)
+      throw InputError(fmt::format("{}: writing failed ({}); nothing is kept", file, std::strerror(errno)));
+  }
+  try {
+    read_datasheet(output.written());
+  } catch (const InputError& error) {
+    std::string why = error.what();
+    const std::size_t place = why.find(output.written());
+    if (place != std::string::npos) why.replace(place, output.written().size(), file);
+    throw InputError(fmt::format("{}; nothing is kept; edit the datasheet by hand", why));
+  }
+  output.commit();
 }
 
 }  // namespace faultline

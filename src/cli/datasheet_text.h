@@ -1,4 +1,4 @@
-// Edits numbers in the text of a datasheet in place: comments and layout stay.
+// Edits numbers in the text of a datasheet in place: comments and layout stay. The outcome goes into a file of its own.
 #pragma once
 
 #include <string>
@@ -17,5 +17,8 @@ void set_parameter(const Datasheet& sheet, std::string& text, const std::string&
 // Gives a setting of a stage (an entry `- name: STAGE` of estimators, detectors, ...) another value, as text.
 void set_stage_setting(const Datasheet& sheet, std::string& text, const std::string& stage, const std::string& key,
                        const std::string& value);
+
+// Writes the text of a datasheet, after it has been read back: what cannot be loaded is not kept.
+void write_datasheet(const std::string& text, const std::string& file);
 
 }  // namespace faultline

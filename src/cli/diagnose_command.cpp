@@ -5,10 +5,10 @@
 #include <memory>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
-#include "cli/interrupt.h"
+#include "cli/json_text.h"
 #include "cli/load_recording.h"
+#include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/series.h"
 #include "cli/subcommand.h"
@@ -19,8 +19,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kInterruptEvery = 4096;  // samples
-constexpr double kWorthSaying = 1;             // s
+constexpr double kWorthSaying = 1;  // s
 
 struct Options {
   std::string input, rig, config, json, series;
@@ -129,7 +128,6 @@ void run(const Options& options) {
   Sample sample;
   sample.values.resize(recording.columns());
   for (std::size_t row = 0; row < recording.rows(); ++row) {
-    if (row % kInterruptEvery == 0) check_interrupt();
     sample.time = recording.time[row];
     sample.sequence = recording.sequence[row];
     std::copy_n(recording.row(row), recording.columns(), sample.values.begin());
@@ -138,7 +136,7 @@ void run(const Options& options) {
 
   const Verdict verdict = verdict_of(diagnosis.report(), loaded.start, loaded.end);
   if (series) write_text(options.series, series->csv());
-  if (!options.json.empty()) write_text(options.json, report_json(loaded, diagnosis, verdict).dump(2) + "\n");
+  if (!options.json.empty()) write_text(options.json, json_text(report_json(loaded, diagnosis, verdict)));
   std::vector<std::string> remarks = loaded.remarks;
   if (loaded.findings.backward > 0)
     remarks.push_back(options.input +
@@ -147,15 +145,15 @@ void run(const Options& options) {
   if (options.json != "-" && options.series != "-") print_report(loaded, diagnosis, verdict);
 }
 
-void add(CLI::App& app) {
+std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  app.add_option("RECORDING", options->input, "a .bag, or a .csv with --rig")->required();
+  add_input(app, "RECORDING", options->input, "a .bag, or a .csv with --rig")->required();
   app.add_option("--rig", options->rig, "the rig; needed for a .csv, and where a bag holds several");
-  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
-  app.add_option("--json", options->json, "write the report as JSON to this file; - is standard output");
-  app.add_option("--series", options->series,
-                 "write signals, estimates and innovations as CSV, at most 4000 rows; - is standard output");
-  app.callback([options] { run(*options); });
+  add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
+  add_text_output(app, "--json", options->json, "write the report as JSON to this file; - is standard output");
+  add_text_output(app, "--series", options->series,
+                  "write signals, estimates and innovations as CSV, at most 4000 rows; - is standard output");
+  return [options] { run(*options); };
 }
 
 FAULTLINE_SUBCOMMAND(diagnose, {"diagnose", "say what is wrong in a recording, where, since when and how much",

@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
-#include "cli/interrupt.h"
 #include "cli/load_recording.h"
+#include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/sample_writer.h"
 #include "cli/subcommand.h"
@@ -32,7 +32,6 @@ void run(const Options& options) {
 
   const auto writer = make_sample_writer(options.output, loaded.sheet, "", 0, BagCompression::none, !counted);
   for (std::size_t row = 0; row < recording.rows(); ++row) {
-    if (row % 1000 == 0) check_interrupt();
     Sample sample = recording.sample(row);
     sample.time = static_cast<double>(loaded.stamp[row] - zero) / 1e9;
     writer->write(sample);
@@ -43,13 +42,13 @@ void run(const Options& options) {
              loaded.sheet.rig);
 }
 
-void add(CLI::App& app) {
+std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  app.add_option("BAG", options->input, "a recording")->required();
-  app.add_option("-o,--output", options->output, "NAME.csv")->required();
+  add_input(app, "BAG", options->input, "a recording")->required();
+  add_output(app, "-o,--output", options->output, "NAME.csv")->required();
   app.add_option("--rig", options->rig, "whose samples, if the bag holds several rigs");
-  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
-  app.callback([options] { run(*options); });
+  add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
+  return [options] { run(*options); };
 }
 
 FAULTLINE_SUBCOMMAND(export_csv, {"export", "make a CSV file of a bag", "faultline export run7.bag -o run7.csv", add});

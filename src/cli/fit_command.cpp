@@ -6,11 +6,11 @@
 #include <unistd.h>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "cli/datasheet_text.h"
-#include "cli/interrupt.h"
+#include "cli/json_text.h"
 #include "cli/load_recording.h"
+#include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
 #include "faultline/fit/parameter_fit.h"
@@ -75,11 +75,7 @@ void write_patch(const Datasheet& sheet, const ParameterFit& fit, const std::str
     set_parameter(sheet, text, p.name, "nominal", p.estimate);
     set_parameter(sheet, text, p.name, "tolerance", 0.5 * (p.high - p.low) / kNinetyPercent / std::abs(p.estimate));
   }
-  // Read back before it takes its name: what cannot be loaded is not kept.
-  OutputFile output(file);
-  write_text(output.written(), text);
-  read_datasheet(output.written());
-  output.commit();
+  write_datasheet(text, file);
 }
 
 void run(const Options& options) {
@@ -93,25 +89,24 @@ void run(const Options& options) {
   const int jobs = options.jobs > 0 ? options.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   const bool tell = isatty(fileno(stderr)) != 0;
   const ParameterFit fit = fit_parameters(sheet, std::move(runs), jobs, [tell](const std::string& text) {
-    check_interrupt();
-    if (tell) fmt::print(stderr, "fit: {}\n", text);
+    if (tell) std::fputs(fmt::format("fit: {}\n", text).c_str(), stderr);
   });
   if (!options.patch.empty()) write_patch(sheet, fit, options.patch);
-  if (!options.json.empty()) write_text(options.json, result_json(sheet, options.runs, fit).dump(2) + "\n");
+  if (!options.json.empty()) write_text(options.json, json_text(result_json(sheet, options.runs, fit)));
   if (options.json != "-") print_result(sheet, fit);
 }
 
-void add(CLI::App& app) {
+std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   app.add_option("RIG", options->rig, "the rig; its datasheet marks what is estimated with 'identify: true'")
       ->required();
-  app.add_option("RUN", options->runs, "recordings, .bag or .csv, of the rig without faults")->required();
-  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
-  app.add_option("--json", options->json, "write the answer as JSON to this file; - is standard output");
-  app.add_option("--patch", options->patch,
-                 "write the datasheet with the estimates as nominal values and tolerances to this file, for --config");
-  app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(CLI::Range(1, 256));
-  app.callback([options] { run(*options); });
+  add_input(app, "RUN", options->runs, "recordings, .bag or .csv, of the rig without faults")->required();
+  add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
+  add_text_output(app, "--json", options->json, "write the answer as JSON to this file; - is standard output");
+  add_output(app, "--patch", options->patch,
+             "write the datasheet with the estimates as nominal values and tolerances to this file, for --config");
+  app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(whole_number(1, 256));
+  return [options] { run(*options); };
 }
 
 FAULTLINE_SUBCOMMAND(fit, {"fit", "estimate a rig's parameters from recordings, with intervals",

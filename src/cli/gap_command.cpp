@@ -10,12 +10,12 @@
 #include <unistd.h>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "cli/adopt.h"
 #include "cli/gap_report.h"
-#include "cli/interrupt.h"
+#include "cli/json_text.h"
 #include "cli/load_recording.h"
+#include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
 #include "faultline/gap/diagnose_gap.h"
@@ -148,16 +148,6 @@ std::string command_text(const Options& options) {
   return text;
 }
 
-// What cannot be written is told before the diagnosis, not after it.
-void check_outputs(const Options& options) {
-  for (const std::string& file : {options.json, options.series, options.report, options.adopt})
-    if (!file.empty() && file != "-") OutputFile probe(file);
-  if (options.json == "-" && options.series == "-")
-    throw InputError("--json - and --series -: standard output takes one of them");
-  if (options.report == "-") throw InputError("--report -: a report is written to a file; name one");
-  if (!options.report.empty()) check_gap_report();
-}
-
 void print_result(const GapResult& result) {
   fmt::print("{}: {}\n{}\n", result.rig, result.verdict, result.sentence);
   fmt::print("\n{:<22} {:>12} {:>12} {:>12} {:>12}\n", "rms over a segment", "noise", "nominal", "refit", "explained");
@@ -194,7 +184,7 @@ void run(const Options& options) {
   std::vector<GapRun> runs, holdout;
   Datasheet sheet;
   bool have_sheet = false;
-  check_outputs(options);
+  if (!options.report.empty()) check_gap_report();  // now, not after the diagnosis
   const auto load = [&](const std::vector<std::string>& files, std::vector<GapRun>& list) {
     for (const std::string& file : files) {
       LoadedRecording loaded = load_recording(file, options.rig, options.config);
@@ -226,17 +216,15 @@ void run(const Options& options) {
   int shown = -1;
   const GapResult result =
       diagnose_gap(sheet, std::move(runs), std::move(holdout), settings, [&](double share, const std::string& text) {
-        check_interrupt();
         const std::lock_guard<std::mutex> lock(guard);
         const int percent = static_cast<int>(100 * share);
         if (!show || percent == shown) return;
         shown = percent;
-        fmt::print(stderr, "\r{:>3} % {:<28}", percent, text);
+        std::fputs(fmt::format("\r{:>3} % {:<28}", percent, text).c_str(), stderr);
       });
-  if (show) fmt::print(stderr, "\r{:<40}\r", "");
+  if (show) std::fputs(fmt::format("\r{:<40}\r", "").c_str(), stderr);
 
-  // A file name may hold bytes that are no text.
-  const std::string answer = result_json(sheet, result).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  const std::string answer = json_text(result_json(sheet, result));
   if (!options.json.empty()) write_text(options.json, answer);
   if (!options.series.empty()) write_text(options.series, series_csv(result.series));
   if (options.json != "-" && options.series != "-") print_result(result);
@@ -244,30 +232,30 @@ void run(const Options& options) {
     GapReportInput input{answer, series_csv(result.series), sheet.file, command_text(options), options.runs};
     input.recordings.insert(input.recordings.end(), options.holdout.begin(), options.holdout.end());
     write_gap_report(input, options.report);
-    fmt::print(stderr, "faultline gap: report written to {}\n", options.report);
+    std::fputs(fmt::format("faultline gap: report written to {}\n", options.report).c_str(), stderr);
   }
   if (!options.adopt.empty()) {
     adopt(sheet, result, options.adopt);
-    fmt::print(stderr, "faultline gap: adopted into {}\n", options.adopt);
+    std::fputs(fmt::format("faultline gap: adopted into {}\n", options.adopt).c_str(), stderr);
   }
 }
 
-void add(CLI::App& app) {
+std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  app.add_option("RUN", options->runs, "recordings to learn from: .bag, or .csv with --rig")->required();
-  app.add_option("--holdout", options->holdout, "recordings to score on; without it the runs score each other");
+  add_input(app, "RUN", options->runs, "recordings to learn from: .bag, or .csv with --rig")->required();
+  add_input(app, "--holdout", options->holdout, "recordings to score on; without it the runs score each other");
   app.add_option("--rig", options->rig, "the rig; needed for a .csv");
-  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
+  add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
   app.add_option("--without", options->without, "leave out EFFECT or EFFECT@PORT");
-  app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(CLI::Range(1, 256));
-  app.add_option("--seed", options->seed, "of the bootstrap");
-  app.add_option("--json", options->json, "write the answer as JSON to this file; - is standard output");
-  app.add_option("--series", options->series,
-                 "write the deciding run as CSV, measured and as the three levels have it; - is standard output");
-  app.add_option("--report", options->report, "write the answer as one HTML file that needs nothing else");
-  app.add_option("--adopt", options->adopt,
-                 "write a datasheet with the refitted parameters and the named effects to this file");
-  app.callback([options] { run(*options); });
+  app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(whole_number(1, 256));
+  app.add_option("--seed", options->seed, "of the bootstrap")->check(whole_number(0, UINT64_MAX));
+  add_text_output(app, "--json", options->json, "write the answer as JSON to this file; - is standard output");
+  add_text_output(app, "--series", options->series,
+                  "write the deciding run as CSV, measured and as the three levels have it; - is standard output");
+  add_output(app, "--report", options->report, "write the answer as one HTML file that needs nothing else");
+  add_output(app, "--adopt", options->adopt,
+             "write a datasheet with the refitted parameters and the named effects to this file");
+  return [options] { run(*options); };
 }
 
 FAULTLINE_SUBCOMMAND(gap,

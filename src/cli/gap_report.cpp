@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -37,6 +38,7 @@ class TemporaryFolder {
     if (!::mkdtemp(name.data()))
       throw InputError(fmt::format("{}: no folder can be made there ({}); set TMPDIR", name, std::strerror(errno)));
     folder_ = name;
+    unfinished_.push_back(std::make_unique<Unfinished>(name));
   }
   ~TemporaryFolder() {
     std::error_code error;
@@ -44,10 +46,14 @@ class TemporaryFolder {
   }
   TemporaryFolder(const TemporaryFolder&) = delete;
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  std::string file(const std::string& name) const { return (folder_ / name).string(); }
+  std::string file(const std::string& name) {
+    unfinished_.push_back(std::make_unique<Unfinished>((folder_ / name).string()));
+    return (folder_ / name).string();
+  }
 
  private:
   fs::path folder_;
+  std::vector<std::unique_ptr<Unfinished>> unfinished_;
 };
 
 std::string script() {
@@ -83,8 +89,9 @@ void run_script(const std::vector<std::string>& arguments, const std::string& sa
   if (failure != 0)
     throw InputError(fmt::format("--report: {} cannot be run ({}){}", words.front(), std::strerror(failure), kRemedy));
   int status = 0;
+  watch_child(child);
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) continue;
-  check_interrupt();
+  watch_child(0);
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
 
   // Its last line says what went wrong.
@@ -100,20 +107,17 @@ void run_script(const std::vector<std::string>& arguments, const std::string& sa
 }  // namespace
 
 void check_gap_report() {
-  const TemporaryFolder folder;
+  TemporaryFolder folder;
   run_script({"--check"}, folder.file("said"));
 }
 
 void write_gap_report(const GapReportInput& input, const std::string& file) {
-  const TemporaryFolder folder;
-  write_text(folder.file("answer.json"), input.answer);
-  write_text(folder.file("series.csv"), input.series);
-  std::vector<std::string> arguments = {"--json",      folder.file("answer.json"),
-                                        "--series",    folder.file("series.csv"),
-                                        "--datasheet", input.datasheet,
-                                        "--command",   input.command,
-                                        "--output",    file,
-                                        "--"};
+  TemporaryFolder folder;
+  const std::string answer = folder.file("answer.json"), series = folder.file("series.csv");
+  write_text(answer, input.answer);
+  write_text(series, input.series);
+  std::vector<std::string> arguments = {"--json",    answer,        "--series", series, "--datasheet", input.datasheet,
+                                        "--command", input.command, "--output", file,   "--"};
   arguments.insert(arguments.end(), input.recordings.begin(), input.recordings.end());
   run_script(arguments, folder.file("said"));
 }

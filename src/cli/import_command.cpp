@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
-#include "cli/interrupt.h"
 #include "cli/load_recording.h"
+#include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/sample_writer.h"
 #include "cli/subcommand.h"
@@ -36,7 +36,6 @@ void run(const Options& options) {
   const auto writer = make_sample_writer(options.output, sheet, "faultline import", recording.time.front(),
                                          bag_compression(options.compression), true);
   for (std::size_t row = 0; row < recording.rows(); ++row) {
-    if (row % 1000 == 0) check_interrupt();
     writer->write(recording.sample(row));
   }
   writer->commit();
@@ -53,14 +52,14 @@ void run(const Options& options) {
              recording.time.back() - recording.time.front(), sheet.rig);
 }
 
-void add(CLI::App& app) {
+std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  app.add_option("CSV", options->input, "header t,channel,... in SI units, or channel[unit]")->required();
+  add_input(app, "CSV", options->input, "header t,channel,... in SI units, or channel[unit]")->required();
   app.add_option("--rig", options->rig, "the rig it was recorded on")->required();
-  app.add_option("-o,--output", options->output, "NAME.bag")->required();
-  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
+  add_output(app, "-o,--output", options->output, "NAME.bag")->required();
+  add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
   app.add_option("--compression", options->compression, "of the bag: bz2 (default, smallest), lz4 or none");
-  app.callback([options] { run(*options); });
+  return [options] { run(*options); };
 }
 
 FAULTLINE_SUBCOMMAND(import_csv,

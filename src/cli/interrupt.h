@@ -1,18 +1,30 @@
-// Ctrl-C and SIGTERM: long loops call check_interrupt(), which throws so that unfinished files are removed on the way out. A second
-// Ctrl-C ends the program at once.
+// Ctrl-C, SIGTERM and SIGHUP end the program at once, wherever it is: what it has begun to write is removed, one line on stderr
+// says so, and the exit status is 128 + the signal. A reader of standard output that goes away (SIGPIPE) does the same in silence.
+// A signal that was ignored when the program began (nohup, a background job of a script) stays ignored.
 #pragma once
 
-#include <exception>
+#include <string>
+
+#include <sys/types.h>
 
 namespace faultline {
 
-struct Interrupted : std::exception {
-  explicit Interrupted(int number) : signal(number) {}
-  const char* what() const noexcept override { return "interrupted"; }
-  int signal;
+// `name`: of the subcommand, for the line.
+void watch_interrupts(const std::string& name);
+
+// A file or folder that is removed if the program is interrupted while this lives.
+class Unfinished {
+ public:
+  explicit Unfinished(const std::string& path);
+  ~Unfinished();
+  Unfinished(const Unfinished&) = delete;
+  Unfinished& operator=(const Unfinished&) = delete;
+
+ private:
+  int slot_;
 };
 
-void watch_interrupts();
-void check_interrupt();  // throws Interrupted
+// A child process that is asked to end (SIGTERM) if the program is interrupted; 0: there is none.
+void watch_child(pid_t child);
 
 }  // namespace faultline

@@ -5,10 +5,10 @@
 #include <thread>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
-#include "cli/interrupt.h"
+#include "cli/json_text.h"
 #include "cli/load_recording.h"
+#include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
 #include "faultline/estimators/fault_responses.h"
@@ -19,8 +19,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kInterruptEvery = 1000;  // samples
-constexpr double kAllStretches = 1e6;          // the whole run counts
+constexpr double kAllStretches = 1e6;  // the whole run counts
 
 struct Options {
   std::string run, rig, config, json;
@@ -54,7 +53,6 @@ void run(const Options& options) {
   const ResponseSettings settings = settings_of(loaded.sheet);
   std::size_t stretches = 0;
   for (std::size_t k = 0; k < loaded.recording.rows(); ++k) {
-    if (k % kInterruptEvery == 0) check_interrupt();
     if (!responses.add(loaded.recording.time[k] - loaded.start, loaded.recording.row(k), true)) continue;
     ++stretches;
     if (!options.trace) continue;
@@ -104,21 +102,22 @@ void run(const Options& options) {
     table += fmt::format("{:<52} {:>12} {:<18} {}\n", f.name() + (f.size_name.empty() ? "" : ":" + f.size_name),
                          seen ? fmt::format("{:.4g}", f.size(least)) : "not seen", f.size_unit, like);
   }
-  if (!options.json.empty()) write_text(options.json, json.dump(2) + "\n");
+  if (!options.json.empty()) write_text(options.json, json_text(json));
   if (options.json != "-") fmt::print("{}", table);
 }
 
-void add(CLI::App& app) {
+std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  app.add_option("RUN", options->run, "a recording, .bag or .csv: its motion decides what can be told apart")
+  add_input(app, "RUN", options->run, "a recording, .bag or .csv: its motion decides what can be told apart")
       ->required();
   app.add_option("--rig", options->rig, "the rig; needed for a .csv, and where a bag holds several");
   app.add_option("--alike", options->alike, "cosine from which faults are listed as alike [0.95]")
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(number_between(0.0, 1.0));
   app.add_flag("--trace", options->trace, "instead, what is found stretch by stretch");
-  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
-  app.add_option("--json", options->json, "write faults and all cosines as JSON to this file; - is standard output");
-  app.callback([options] { run(*options); });
+  add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
+  add_text_output(app, "--json", options->json,
+                  "write faults and all cosines as JSON to this file; - is standard output");
+  return [options] { run(*options); };
 }
 
 FAULTLINE_SUBCOMMAND(isolability, {"isolability", "say which faults the motion of a run could show and tell apart",

@@ -6,16 +6,14 @@
 #include <fmt/format.h>
 
 #include "cli/bag_file.h"
-#include "cli/interrupt.h"
 #include "cli/output_file.h"
 #include "cli/share_folder.h"
 #include "faultline/signal/csv.h"
 #include "faultline/signal/error.h"
+#include "faultline/signal/text.h"
 
 namespace faultline {
 namespace {
-
-constexpr std::size_t kInterruptEvery = 65536;  // samples
 
 void take_bag(const std::string& file, const std::string& rig, const std::string& config, LoadedRecording& loaded) {
   BagContent content = read_bag(file, rig);
@@ -99,7 +97,6 @@ LoadedRecording load_recording(const std::string& file, const std::string& rig, 
   Sample sample;
   sample.values.resize(recording.columns());
   for (std::size_t row = 0; row < recording.rows(); ++row) {
-    if (row % kInterruptEvery == 0) check_interrupt();
     sample.time = recording.time[row];
     sample.sequence = recording.sequence[row];
     std::copy_n(recording.row(row), recording.columns(), sample.values.begin());
@@ -120,7 +117,7 @@ LoadedRecording load_recording(const std::string& file, const std::string& rig, 
 
 void print_remarks(const std::string& subcommand, const std::vector<std::string>& remarks) {
   for (const std::string& remark : remarks)
-    std::fprintf(stderr, "faultline %s: note: %s\n", subcommand.c_str(), remark.c_str());
+    std::fprintf(stderr, "faultline %s: note: %s\n", subcommand.c_str(), printable(remark).c_str());
 }
 
 }  // namespace faultline

@@ -1,11 +1,13 @@
 #include "cli/output_file.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <random>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -16,21 +18,56 @@ namespace faultline {
 
 namespace fs = std::filesystem;
 
-OutputFile::OutputFile(const std::string& file) : file_(file), target_(file) {
+namespace {
+
+constexpr std::size_t kLongestName =
+    200;                    // bytes of a file's name that its part's name repeats; 255 is the most there may be
+constexpr int kLinks = 40;  // followed, as the kernel does
+
+// Creates NAME.RANDOM.part beside `target`; empty, with errno, where that cannot be.
+std::string create_part(const fs::path& target, std::unique_ptr<Unfinished>& unfinished) {
+  std::random_device random;
+  for (int attempt = 0; attempt < 100; ++attempt) {
+    const std::string name =
+        fmt::format("{}.{:08x}.part", target.filename().string().substr(0, kLongestName), random());
+    const std::string part = (target.parent_path() / name).string();
+    unfinished = std::make_unique<Unfinished>(part);
+    const int handle = ::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (handle >= 0) {
+      ::close(handle);
+      return part;
+    }
+    if (errno != EEXIST) break;
+  }
+  unfinished.reset();
+  return "";
+}
+
+}  // namespace
+
+std::string resolved(const std::string& file) {
+  fs::path path(file);
   std::error_code error;
-  const fs::file_status status = fs::status(file, error);
+  for (int i = 0; i < kLinks && fs::is_symlink(path, error); ++i)
+    path = path.parent_path() / fs::read_symlink(path, error);
+  const fs::path whole = fs::weakly_canonical(fs::absolute(path, error), error);
+  return error ? path.string() : whole.string();
+}
+
+OutputFile::OutputFile(const std::string& file) : file_(file), target_(resolved(file)) {
+  const auto refuse = [&](const char* why) {
+    throw InputError(
+        fmt::format("{}: the file cannot be written ({}); choose another place or mend its rights", file, why));
+  };
+  std::error_code error;
+  const fs::file_status status = fs::status(target_, error);
   if (fs::is_directory(status)) throw InputError(fmt::format("{}: this is a folder; name a file in it", file));
   direct_ = fs::exists(status) && !fs::is_regular_file(status);
-  if (fs::exists(status)) {
-    const fs::path resolved = fs::canonical(file, error);  // a link stays a link
-    if (!error) target_ = resolved.string();
-  }
-  part_ = direct_ ? target_ : target_ + ".part";
-  std::FILE* probe = std::fopen(part_.c_str(), direct_ ? "r+b" : "wb");
-  if (!probe)
-    throw InputError(fmt::format("{}: the file cannot be written ({}); choose another place with -o or mend its rights",
-                                 file, std::strerror(errno)));
-  std::fclose(probe);
+  // A file that nobody may write is not replaced either.
+  if (fs::exists(status) && ::access(target_.c_str(), W_OK) != 0) refuse(std::strerror(errno));
+  part_ = direct_ ? target_ : create_part(target_, unfinished_);
+  if (part_.empty()) refuse(std::strerror(errno));
+  if (fs::is_regular_file(status)) fs::permissions(part_, status.permissions(), error);
 }
 
 OutputFile::~OutputFile() {
@@ -41,6 +78,7 @@ void OutputFile::commit() {
   if (!direct_ && std::rename(part_.c_str(), target_.c_str()) != 0)
     throw InputError(fmt::format("{}: the finished file cannot take its name ({})", file_, std::strerror(errno)));
   done_ = true;
+  unfinished_.reset();
 }
 
 TextOutput::TextOutput(const std::string& file) {
@@ -83,7 +121,10 @@ void write_text(const std::string& file, const std::string& text) {
 
 std::string read_text(const std::string& file) {
   std::error_code error;
-  if (fs::is_directory(file, error)) throw InputError(fmt::format("{}: this is a folder, not a file", file));
+  const fs::file_status status = fs::status(file, error);
+  if (fs::is_directory(status)) throw InputError(fmt::format("{}: this is a folder, not a file", file));
+  if (fs::is_character_file(status) || fs::is_block_file(status))
+    throw InputError(fmt::format("{}: this is a device, not a file", file));
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> stream(std::fopen(file.c_str(), "rb"), std::fclose);
   if (!stream) throw InputError(fmt::format("{}: the file cannot be read ({})", file, std::strerror(errno)));
   std::string text;

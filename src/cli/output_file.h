@@ -1,10 +1,14 @@
-// A file that is there whole or not at all: it is written as NAME.part and renamed by commit(); without commit() the part is
-// removed. What exists and is no regular file (a device, a pipe) is written directly. Errors are InputErrors that name the file.
+// A file that is there whole or not at all: it is written beside its place under a name of its own (NAME.RANDOM.part), which no other
+// run and no other file has, and renamed by commit(); without commit(), and when the program is interrupted, the part is removed. A
+// link stays a link. What exists and is no regular file (a device, a pipe) is written directly. Errors are InputErrors that name the
+// file.
 #pragma once
 
 #include <cstdio>
 #include <memory>
 #include <string>
+
+#include "cli/interrupt.h"
 
 namespace faultline {
 
@@ -21,6 +25,7 @@ class OutputFile {
 
  private:
   std::string file_, target_, part_;
+  std::unique_ptr<Unfinished> unfinished_;
   bool direct_ = false;
   bool done_ = false;
 };
@@ -43,6 +48,9 @@ void write_text(const std::string& file, const std::string& text);
 
 // The whole of a file; InputError if it cannot be read.
 std::string read_text(const std::string& file);
+
+// The absolute path of a file that need not exist, through all links.
+std::string resolved(const std::string& file);
 
 bool ends_with(const std::string& text, const std::string& end);
 

@@ -5,9 +5,10 @@
 #include <memory>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
+#include "cli/json_text.h"
 #include "cli/load_recording.h"
+#include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/share_folder.h"
 #include "cli/subcommand.h"
@@ -159,7 +160,7 @@ void run(const Options& options) {
   if (!options.json.empty()) {
     Json all = Json::array();
     for (const Datasheet& sheet : sheets) all.push_back(rig_json(sheet));
-    write_text(options.json, Json({{"rigs", all}}).dump(2) + "\n");
+    write_text(options.json, json_text(Json({{"rigs", all}})));
     if (options.json == "-") return;
   }
   if (!options.rig.empty() || !options.config.empty())
@@ -168,12 +169,12 @@ void run(const Options& options) {
     print_list(sheets);
 }
 
-void add(CLI::App& app) {
+std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   app.add_option("RIG", options->rig, "show this rig only, in full");
-  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
-  app.add_option("--json", options->json, "write everything as JSON to this file; - is standard output");
-  app.callback([options] { run(*options); });
+  add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
+  add_text_output(app, "--json", options->json, "write everything as JSON to this file; - is standard output");
+  return [options] { run(*options); };
 }
 
 FAULTLINE_SUBCOMMAND(rigs, {"rigs", "list the rigs: channels, states, parameters, ports and fitting effects",

@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
-#include "cli/interrupt.h"
 #include "cli/load_recording.h"
+#include "cli/options.h"
 #include "cli/sample_writer.h"
 #include "cli/subcommand.h"
 #include "faultline/rig/effect_chain.h"
@@ -125,7 +125,6 @@ void run(const Options& options) {
   const bool progress = !options.quiet && isatty(fileno(stderr)) != 0;
   for (std::uint64_t row = 0; row < rows; ++row) {
     if (row % kEvery == 0) {
-      check_interrupt();
       if (progress)
         std::fprintf(stderr, "\rsimulated %.0f of %.0f s", static_cast<double>(row) * sheet.sample_period, duration);
     }
@@ -143,14 +142,15 @@ void run(const Options& options) {
     fmt::print("{}: {} samples, {:g} s of {}, profile {}\n", options.output, rows, duration, sheet.rig, profile.name);
 }
 
-void add(CLI::App& app) {
+std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   app.add_option("RIG", options->rig, "the rig, as `faultline rigs` lists it")->required();
-  app.add_option("-o,--output", options->output, "NAME.bag or NAME.csv")->required();
+  add_output(app, "-o,--output", options->output, "NAME.bag or NAME.csv")->required();
   app.add_option("--profile", options->profile,
                  "set points of the run, as in the datasheet; default: the fault's, else the first");
-  app.add_option("--duration", options->duration, "s; default: the profile's")->check(CLI::Range(1e-6, kLongest));
-  app.add_option("--seed", options->seed, "of noise, random set points and --off-nominal; default 1");
+  app.add_option("--duration", options->duration, "s; default: the profile's")->check(number_between(1e-6, kLongest));
+  app.add_option("--seed", options->seed, "of noise, random set points and --off-nominal; default 1")
+      ->check(whole_number(0, UINT64_MAX));
   app.add_option("--effect", options->effects,
                  "EFFECT@PORT:name=value,...[,from=S][,to=S][,swells=N]; may be given often")
       ->allow_extra_args(false);
@@ -161,11 +161,11 @@ void add(CLI::App& app) {
   app.add_flag("--off-nominal", options->off_nominal, "draw the rig's parameters within their tolerances");
   app.add_flag("--nuisance", options->nuisance, "add the small effects that every recording of the rig carries");
   app.add_option("--substep", options->substep, "s, largest step of the integration; default: the rig's own")
-      ->check(CLI::Range(1e-7, 1.0));
-  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
+      ->check(number_between(1e-7, 1.0));
+  add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
   app.add_option("--compression", options->compression, "of a bag: bz2 (default, smallest), lz4 or none");
   app.add_flag("--quiet", options->quiet, "say nothing but errors");
-  app.callback([options] { run(*options); });
+  return [options] { run(*options); };
 }
 
 FAULTLINE_SUBCOMMAND(simulate, {"simulate", "run a rig's model with effects and write a recording",

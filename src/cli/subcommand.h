@@ -1,8 +1,9 @@
 // A subcommand of the program `faultline`: one file each, which adds itself with FAULTLINE_SUBCOMMAND. Its function adds options to
-// the CLI11 app it gets and sets the callback that does the job. The callback throws InputError for bad input; main.cpp turns
-// that into one line on stderr and exit status 2.
+// the CLI11 app it gets and returns the job, which runs when they are read and its files are checked (options.h). The job throws
+// InputError for bad input; main.cpp turns that into one line on stderr and exit status 2.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -14,7 +15,7 @@ struct Subcommand {
   std::string name;
   std::string meaning;  // one line
   std::string example;  // shown below the options by --help
-  void (*add)(CLI::App& app);
+  std::function<void()> (*add)(CLI::App& app);
 };
 
 const std::vector<Subcommand>& subcommands();  // sorted by name

@@ -5,11 +5,11 @@
 #include <memory>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "cli/datasheet_text.h"
-#include "cli/interrupt.h"
+#include "cli/json_text.h"
 #include "cli/load_recording.h"
+#include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
 #include "faultline/estimators/process_model.h"
@@ -174,10 +174,7 @@ void write_patch(const Datasheet& sheet, const StageSpec& stage, const Options& 
     if (t.setting == "high")
       set_stage_setting(sheet, text, t.detector, "low", fmt::format("{:.4e}", t.offset - t.chosen));
   }
-  OutputFile output(options.patch);
-  write_text(output.written(), text);
-  read_datasheet(output.written());
-  output.commit();
+  write_datasheet(text, options.patch);
 }
 
 void run(const Options& options) {
@@ -195,7 +192,6 @@ void run(const Options& options) {
     stage.settings.set("process_noise", answer.noise.process_noise);
     stage.settings.set("measurement_noise", answer.noise.measurement_noise);
   }
-  check_interrupt();
   answer.thresholds = tune_thresholds(sheet, stage, healthy, options.rate, options.block);
   if (!options.fault.empty()) {
     answer.fault = options.fault;
@@ -214,31 +210,31 @@ void run(const Options& options) {
                              faulty_runs(sheet, sheet.fault(options.fault), options), options.block);
   }
   if (!options.patch.empty()) write_patch(sheet, stage, options, answer);
-  if (!options.json.empty()) write_text(options.json, answer_json(sheet, stage, options, answer).dump(2) + "\n");
+  if (!options.json.empty()) write_text(options.json, json_text(answer_json(sheet, stage, options, answer)));
   if (options.json != "-") print_answer(stage, options, answer);
 }
 
-void add(CLI::App& app) {
+std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   app.add_option("RIG", options->rig, "the rig")->required();
-  app.add_option("HEALTHY", options->healthy,
-                 "recordings, .bag or .csv, of the healthy rig in the motion it is watched in")
+  add_input(app, "HEALTHY", options->healthy,
+            "recordings, .bag or .csv, of the healthy rig in the motion it is watched in")
       ->required();
   app.add_option("--stage", options->stage, "the estimator stage; the rig's first without it");
   app.add_option("--rate", options->rate, "false alarms per hour that each threshold is chosen for [0.01]")
-      ->check(CLI::Range(1e-6, 1e3));
+      ->check(number_between(1e-6, 1e3));
   app.add_option("--block", options->block,
                  "s, of the blocks whose maxima are taken [10]: longer than a detector's memory")
-      ->check(CLI::Range(1e-3, 1e6));
+      ->check(number_between(1e-3, 1e6));
   app.add_option("--fault", options->fault, "a fault of the datasheet: simulated, to show delay against false alarms");
   app.add_option("--detector", options->detector, "whose delay; the first of kind fault without it");
   app.add_option("--profile", options->profile, "of the simulated runs; the fault's own without it");
-  app.add_option("--faulty-runs", options->faulty_runs, "how many are simulated [3]")->check(CLI::Range(1, 100));
+  app.add_option("--faulty-runs", options->faulty_runs, "how many are simulated [3]")->check(whole_number(1, 100));
   app.add_flag("--keep-noise", options->keep_noise, "leave process_noise and measurement_noise as they are");
-  app.add_option("--config", options->config, "a datasheet to read instead of the rig's own");
-  app.add_option("--json", options->json, "write the answer as JSON to this file; - is standard output");
-  app.add_option("--patch", options->patch, "write the datasheet with what was chosen to this file, for --config");
-  app.callback([options] { run(*options); });
+  add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
+  add_text_output(app, "--json", options->json, "write the answer as JSON to this file; - is standard output");
+  add_output(app, "--patch", options->patch, "write the datasheet with what was chosen to this file, for --config");
+  return [options] { run(*options); };
 }
 
 FAULTLINE_SUBCOMMAND(tune, {"tune", "choose a stage's noise settings and thresholds from recordings of a healthy rig",

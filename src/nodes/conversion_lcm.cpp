@@ -9,6 +9,60 @@
 #include "faultline/signal/error.h"
 
 namespace faultline {
+namespace {
+
+constexpr int kHash = 8;  // bytes of the type's hash, first in every message
+
+// Lengths in a message: 32 bits with a sign, the highest byte first.
+class Walk {
+ public:
+  Walk(const void* data, int size) : at_(static_cast<const std::uint8_t*>(data)), left_(size) { skip(kHash); }
+
+  bool good() const { return left_ >= 0; }
+  void skip(std::int64_t bytes) {
+    if (left_ < 0 || bytes < 0 || bytes > left_) {
+      left_ = -1;
+      return;
+    }
+    at_ += bytes;
+    left_ -= bytes;
+  }
+  std::int32_t number() {
+    const std::uint8_t* from = at_;
+    skip(4);
+    if (!good()) return 0;
+    return static_cast<std::int32_t>(static_cast<std::uint32_t>(from[0]) << 24 |
+                                     static_cast<std::uint32_t>(from[1]) << 16 |
+                                     static_cast<std::uint32_t>(from[2]) << 8 | from[3]);
+  }
+  void skip_text() {
+    const std::int32_t length = number();  // with the zero at its end
+    skip(length > 0 ? length : -1);
+  }
+
+ private:
+  const std::uint8_t* at_;
+  std::int64_t left_;
+};
+
+}  // namespace
+
+bool decode(const void* data, int size, faultline_lcm::sample_t& message) {
+  Walk walk(data, size);
+  walk.skip(16);  // timestamp_us, sequence
+  walk.skip(INT64_C(8) * walk.number());
+  return walk.good() && message.decode(data, 0, size) >= 0;
+}
+
+bool decode(const void* data, int size, faultline_lcm::rig_description_t& message) {
+  Walk walk(data, size);
+  walk.skip_text();  // rig
+  walk.skip(8);      // sample_period
+  const std::int64_t texts = INT64_C(2) * walk.number();
+  if (texts < 0) return false;
+  for (std::int64_t i = 0; i < texts && walk.good(); ++i) walk.skip_text();  // names, units
+  return walk.good() && message.decode(data, 0, size) >= 0;
+}
 
 faultline_lcm::sample_t to_lcm(const Sample& sample) {
   faultline_lcm::sample_t message;

@@ -33,7 +33,7 @@ void RigDriver::take(const std::string& channel, const void* data, int size, dou
   const std::lock_guard<std::mutex> lock(mutex_);
   if (channel == sample_channel_) {
     faultline_lcm::sample_t message;
-    if (message.decode(data, 0, size) < 0) {
+    if (!decode(data, size, message)) {
       ++undecodable_;
       return;
     }
@@ -45,7 +45,7 @@ void RigDriver::take(const std::string& channel, const void* data, int size, dou
     }
   } else if (channel == description_channel_) {
     faultline_lcm::rig_description_t message;
-    if (message.decode(data, 0, size) < 0) {
+    if (!decode(data, size, message)) {
       ++undecodable_;
       return;
     }

@@ -1,15 +1,15 @@
-"""Every bad input ends with exit status 2 and one line that says what is wrong and where; Ctrl-C and full disks leave nothing."""
+"""Every bad input ends with exit status 2 and one line that says what is wrong and where."""
+import json
 import os
 import pathlib
-import signal
+import re
 import struct
 import subprocess
 import sys
-import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from program import ProgramTest, program  # noqa: E402
+from program import ROOT, ProgramTest, program  # noqa: E402
 
 RIG = "servo_actuator"
 
@@ -30,13 +30,37 @@ class Usage(ProgramTest):
             (good + ["--fault", "nope"], "fault 'nope'", "internal_leak_steps"),
             (good + ["--duration", "-1"], "--duration"),
             (good + ["--duration", "soon"], "--duration"),
+            (good + ["--duration", "nan"], "--duration", "'nan'"),
+            (good + ["--duration", "inf"], "--duration", "'inf'"),
+            (good + ["--duration", ""], "--duration", "''"),
+            (good + ["--substep", "nan"], "--substep", "'nan'"),
             (good + ["--seed", "x"], "--seed"),
+            (good + ["--seed", "-1"], "--seed", "'-1'"),
+            (good + ["--seed", "1.5"], "--seed", "'1.5'"),
+            (good + ["--seed", "18446744073709551616"], "--seed", "18446744073709551615"),
+            (good + ["--seed", "9" * 40], "--seed", "9" * 40),
+            (["gap", "a.bag", "--seed", "-1"], "--seed", "'-1'"),
+            (["gap", "a.bag", "--jobs", "0"], "--jobs", "1 to 256"),
+            (["tune", RIG, "a.bag", "--rate", "nan"], "--rate", "'nan'"),
+            (["tune", RIG, "a.bag", "--block", "nan"], "--block", "'nan'"),
+            (["tune", RIG, "a.bag", "--faulty-runs", "nan"], "--faulty-runs", "'nan'"),
+            (["isolability", "a.bag", "--alike", "nan"], "--alike", "'nan'"),
+            (["rigs", ""], "RIG", "empty"),
+            (["diagnose", "a.bag", "--json", ""], "--json", "empty"),
             (good + ["--effect", "nonsense"], "effect@port"),
             (good + ["--effect", "nonsense@force.piston:force=1"], "no effect 'nonsense'"),
             (good + ["--effect", "coulomb_friction@force.nowhere:force=1"], "no port 'force.nowhere'", "force.piston"),
             (good + ["--effect", "coulomb_friction@sensor.position:force=1"], "does not fit"),
             (good + ["--effect", "clogging@restriction.valve:fraction=1.5"], "fraction=1.5", "outside"),
             (good + ["--effect", "coulomb_friction@force.piston:force=ten"], "force=ten is not a number"),
+            (good + ["--effect", "coulomb_friction@force.piston:force=nan"], "force=nan is not a number"),
+            (good + ["--effect", "coulomb_friction@force.piston:force=9,force=8"], "force is given twice"),
+            (good + ["--effect", "coulomb_friction@force.piston:force=9,from=1,from=2"], "from is given twice"),
+            (good + ["--effect", "coulomb_friction@force.piston:force=9,from=2,to=1"], "to=1 is before from=2"),
+            (good + ["--effect", "coulomb_friction@force.piston:force=9,to=-1"], "to=-1 is before from=0"),
+            (good + ["--effect", "coulomb_friction@force.piston:force=9,from=inf"], "from=inf is not a time"),
+            (good + ["--effect", "coulomb_friction@force.piston:force=9,from=nan"], "from=nan is not a number"),
+            (good + ["--command", "leak_valve_command:0=nan"], "'nan' is not a number"),
             (good + ["--command", "valve_command"], "CHANNEL:time=value"),
             (good + ["--command", "position:1=2"], "position is no command"),
             (good + ["--command", "nowhere:1=2"], "'nowhere'", "valve_command"),
@@ -46,7 +70,7 @@ class Usage(ProgramTest):
             (good + ["--command", "leak_valve_command:1=1", "--fault", "internal_leak_ramp"], "already"),
             (good + ["--compression", "zip"], "'zip'", "lz4"),
             (good + ["--config", "nowhere.yaml"], "nowhere.yaml"),
-            (["import", "a.csv", "--rig", RIG, "-o", "a.csv"], ".bag"),
+            (["import", "a.csv", "--rig", RIG, "-o", "b.csv"], ".bag"),
             (["import", "nowhere.csv", "--rig", RIG, "-o", "a.bag"], "nowhere.csv", "cannot be read"),
             (["export", "nowhere.bag", "-o", "a.csv"], "nowhere.bag", "cannot be read"),
             (["diagnose", "nowhere.bag"], "nowhere.bag"),
@@ -194,64 +218,112 @@ class Bag(ProgramTest):
         self.refused(content.replace(name + b"Pa", name + b"kP"), "load_pressure", "'kP'", "'Pa'")
 
 
-class Output(ProgramTest):
-    def test_full_disk(self):
-        for ending in ("csv", "bag"):
-            link = self.folder / f"full.{ending}"
-            link.symlink_to("/dev/full")
-            self.complains(["simulate", RIG, "--duration", "20", "-o", link], f"full.{ending}", "writing failed")
-        self.simulate("a.bag")
-        (self.folder / "full.json").symlink_to("/dev/full")
-        self.complains(["diagnose", "a.bag", "--json", "full.json"], "full.json")
-        self.assertEqual(self.files(), ["a.bag", "full.bag", "full.csv", "full.json"])
-        with open("/dev/full", "w") as full:
-            done = subprocess.run([program(), "rigs", "--json", "-"], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
-        self.assertEqual(done.returncode, 2)
-        self.assertEqual(len(done.stderr.splitlines()), 1)
+class BagLengths(ProgramTest):
+    """Lengths that a bag tells are not believed before the bytes are there."""
 
-    def test_device_is_not_replaced(self):
-        link = self.folder / "null.csv"
-        link.symlink_to("/dev/null")
-        self.run_program("simulate", RIG, "--duration", "1", "-o", link)
-        self.assertTrue(link.is_symlink())
-        self.assertFalse(pathlib.Path("/dev/null").is_file())
+    def refused(self, content, *says):
+        (self.folder / "bad.bag").write_bytes(content)
+        with open(self.folder / "said", "w") as said:
+            process = subprocess.Popen([program(), "diagnose", "bad.bag"], cwd=self.folder, stdout=subprocess.DEVNULL, stderr=said)
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.WEXITSTATUS(status)
+        self.assertEqual((os.WIFEXITED(status), process.returncode), (True, 2))
+        self.assertLess(usage.ru_maxrss, 200000, "kB")
+        lines = (self.folder / "said").read_text().splitlines()
+        self.assertEqual(len(lines), 1, lines)
+        for text in ("bad.bag", *says):
+            self.assertIn(text, lines[0])
 
-    def test_unwritable_place(self):
-        self.complains(["simulate", RIG, "-o", "no/such/folder/a.bag"], "no/such/folder/a.bag", "cannot be written")
-        self.complains(["simulate", RIG, "-o", "/proc/a.csv"], "/proc/a.csv", "cannot be written")
-        (self.folder / "folder.bag").mkdir()
-        self.complains(["simulate", RIG, "-o", "folder.bag"], "folder.bag", "folder")
-        self.assertEqual(self.files(), ["folder.bag"])
+    def test_arrays_and_strings(self):
+        content = self.simulate("good.bag", "--compression", "none", duration=0.05).read_bytes()
+        values = struct.pack("<I", len(RIG)) + RIG.encode() + struct.pack("<QI", 0, 12)  # frame_id, sequence, length of the values
+        self.assertIn(values, content)
+        for length in (13, 1 << 28, (1 << 29) + 12, 0xffffffff):  # the third is 12 values if counted in 32 bits of bytes
+            self.refused(content.replace(values, values[:-4] + struct.pack("<I", length)), "longer than its", "damaged")
+        channels = content.index(struct.pack("<d", 0.001) + struct.pack("<I", 12)) + 8
+        for length in (1 << 24, 0xffffffff):
+            self.refused(content[:channels] + struct.pack("<I", length) + content[channels + 4:], "longer than its")
 
-    def test_failure_keeps_the_old_file(self):
-        (self.folder / "bad.csv").write_text("t\n")
-        old = self.simulate("old.bag").read_bytes()
-        self.complains(["import", "bad.csv", "--rig", RIG, "-o", "old.bag"], "bad.csv")
-        self.assertEqual((self.folder / "old.bag").read_bytes(), old)
+    def test_chunks(self):
+        for kind in ("lz4", "bz2"):
+            content = self.simulate(f"{kind}.bag", "--compression", kind, duration=0.05).read_bytes()
+            at = content.index(b"size=") + 5
+            for size in (0, 1 << 27, (1 << 28) + 1, 0xffffffff):
+                self.refused(content[:at] + struct.pack("<I", size) + content[at + 4:], "damaged")
+
+    def test_receive_time(self):
+        content = self.simulate("good.bag", "--compression", "none", duration=0.05).read_bytes()
+        at = content.rindex(b"time=", 0, content.rindex(RIG.encode() + struct.pack("<Q", 50))) + 5
+        self.refused(content[:at] + b"\xff" * 8 + content[at + 8:], "damaged")
 
 
-class Interrupt(ProgramTest):
-    def interrupted(self, arguments, number, wait_for):
-        process = subprocess.Popen([program(), *arguments], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.addCleanup(process.wait)
-        self.addCleanup(process.kill)
-        end = time.monotonic() + 20
-        while wait_for and not (self.folder / wait_for).exists() and time.monotonic() < end:
-            time.sleep(0.01)
-        time.sleep(0.2)
-        self.assertIsNone(process.poll(), "it ended by itself")
-        process.send_signal(number)
-        begin = time.monotonic()
-        _, errors = process.communicate(timeout=20)
-        self.assertLess(time.monotonic() - begin, 3)
-        self.assertEqual(process.returncode, 128 + number)
-        self.assertEqual(len(errors.splitlines()), 1, errors)
-        self.assertIn("interrupted", errors)
+class Bytes(ProgramTest):
+    """Bytes that are not UTF-8 are refused or shown as what they are; no answer and no message is lost by them."""
 
-    def test_simulate(self):
-        for name, number in (("a.bag", signal.SIGINT), ("a.csv", signal.SIGINT), ("b.bag", signal.SIGTERM)):
-            self.interrupted(["simulate", RIG, "--duration", "100000", "-o", name], number, name + ".part")
-        self.assertEqual(self.files(), [])
+    NAME = os.fsdecode(b"a\xff\x1b.bag")
+
+    def test_in_a_bag(self):
+        content = self.simulate("good.bag", "--compression", "none", duration=0.5).read_bytes()
+        made_by = b"faultline simulate"
+        self.assertEqual(content.count(made_by), 1)
+        (self.folder / "a.bag").write_bytes(content.replace(made_by, b"fault\xff\xfene simulate"))
+        answer = json.loads(self.run_program("diagnose", "a.bag", "--json", "-").stdout)
+        self.assertTrue(answer["made_by"].startswith("fault\ufffd\ufffdne simulate"), answer["made_by"])
+        (self.folder / "b.bag").write_bytes(content.replace(b"velocity", b"\xff\x1b[31mty"))
+        self.complains(["diagnose", "b.bag"], "b.bag", "'velocity' [m/s] is missing")
+        (self.folder / "c.bag").write_bytes(content.replace(RIG.encode(), RIG.encode()[:-2] + b"\xff\n"))
+        self.complains(["diagnose", "c.bag"], "no rig 'servo_actuat??'")
+
+    def test_in_a_csv_header(self):
+        (self.folder / "a.csv").write_bytes(b"t,speed\xff\x1b[31m\n0,1\n")
+        self.complains(["diagnose", "a.csv", "--rig", RIG], "a.csv:1:", "'speed??[31m'")
+
+    def test_in_a_datasheet(self):
+        (self.folder / "a.yaml").write_bytes(b"rig: toy\ntitle: caf\xe9\n")
+        self.complains(["rigs", "--config", "a.yaml", "--json", "-"], "a.yaml:2:", "UTF-8")
+
+    def test_in_a_file_name(self):
+        os.rename(self.simulate("a.bag", duration=1), self.folder / self.NAME)
+        self.run_program("diagnose", self.NAME)
+        answer = json.loads(self.run_program("isolability", self.NAME, "--json", "-").stdout)
+        self.assertEqual(answer["run"], "a\ufffd\x1b.bag")
+        self.complains(["diagnose", self.NAME, "--rig", "nowhere"], "a??.bag")
+
+
+class Yaml(ProgramTest):
+    def refused(self, content, *says):
+        (self.folder / "x.yaml").write_text(content)
+        self.complains(["rigs", "--config", "x.yaml"], "x.yaml", *says)
+
+    def test_what_begins_no_document(self):
+        """yaml-cpp stays in front of a comma for ever when asked for all documents."""
+        self.refused(",", "x.yaml:1:", "not valid YAML")
+        self.refused('"t","position"\n0,1\n', "x.yaml:1:", "not valid YAML")
+        self.refused(",t,position\n0,0.1,2\n", "x.yaml:1:", "not valid YAML")  # the index of a pandas table
+        self.refused("rig: toy\n--- {a: b}\n,\n", "x.yaml:2:", "second document")
+
+    def test_what_is_no_datasheet_at_all(self):
+        self.refused("t,position\n0,1\n", "mapping of keys")
+        self.refused("a: b\n" * 1000000, "larger than 4 MB")
+
+    def test_sample_period(self):
+        text = (ROOT / "config" / f"{RIG}.yaml").read_text()
+        self.assertIn("\nsample_period: 0.001", text)
+        for period in ("1e-300", "0", "-1", "101", "1e300"):
+            (self.folder / "x.yaml").write_text(text.replace("\nsample_period: 0.001", f"\nsample_period: {period}"))
+            self.complains(["simulate", RIG, "--config", "x.yaml", "-o", "a.csv"], "x.yaml:", "sample_period", "0.0001 to 100")
+
+    def test_types_of_stages(self):
+        """Whatever names a stage's kind: file and line of the stage."""
+        lines = (ROOT / "config" / f"{RIG}.yaml").read_text().splitlines(keepends=True)
+        recording = self.simulate("a.bag")
+        places = [i for i, line in enumerate(lines) if re.match(r"( +|  - name: .*, )type: ", line)]
+        self.assertGreater(len(places), 3)
+        for i in places:
+            changed = re.sub(r"type: \w+", "type: nonsense", lines[i])
+            (self.folder / "x.yaml").write_text("".join(lines[:i] + [changed] + lines[i + 1:]))
+            said = self.complains(["diagnose", recording, "--config", "x.yaml"], "x.yaml:", "'nonsense'")
+            self.assertLessEqual(abs(int(re.search(r"x\.yaml:(\d+):", said).group(1)) - i - 1), 1, said)
 
 
 if __name__ == "__main__":

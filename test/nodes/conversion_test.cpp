@@ -251,6 +251,41 @@ TEST(ConversionLcm, RefusesWhatCannotBeASample) {
   EXPECT_THROW(from_lcm(message), InputError);
 }
 
+// A packet of 40 bytes must not make room for 2^31 values, and a negative length must not end the program.
+TEST(ConversionLcm, LengthsAreCheckedBeforeTheyAreBelieved) {
+  Sample sample;
+  sample.time = 1;
+  sample.values = {1};
+  const faultline_lcm::sample_t sent = to_lcm(sample);
+  std::vector<unsigned char> bytes(static_cast<std::size_t>(sent.getEncodedSize()));
+  const int size = static_cast<int>(bytes.size());
+  ASSERT_EQ(sent.encode(bytes.data(), 0, size), size);
+  faultline_lcm::sample_t received;
+  EXPECT_TRUE(decode(bytes.data(), size, received));
+  for (int cut = 0; cut < size; ++cut) EXPECT_FALSE(decode(bytes.data(), cut, received)) << cut;
+  for (const unsigned char high : {0x7f, 0x80, 0xff}) {
+    std::vector<unsigned char> lying = bytes;
+    lying[24] = high;  // of the count
+    EXPECT_FALSE(decode(lying.data(), size, received)) << int{high};
+  }
+  EXPECT_LT(received.values.capacity(), 100u);
+
+  const faultline_lcm::rig_description_t described = to_lcm(small_sheet());
+  std::vector<unsigned char> text(static_cast<std::size_t>(described.getEncodedSize()));
+  const int length = static_cast<int>(text.size());
+  ASSERT_EQ(described.encode(text.data(), 0, length), length);
+  faultline_lcm::rig_description_t read;
+  EXPECT_TRUE(decode(text.data(), length, read));
+  for (int cut = 0; cut < length; ++cut) EXPECT_FALSE(decode(text.data(), cut, read)) << cut;
+  for (int at = 8; at < length; ++at)
+    for (const unsigned char value : {0x7f, 0x80, 0xff}) {
+      std::vector<unsigned char> lying = text;
+      lying[static_cast<std::size_t>(at)] = value;
+      decode(lying.data(), length, read);  // whatever it says, it comes back
+      EXPECT_LT(read.names.capacity(), 100u);
+    }
+}
+
 TEST(ConversionLcm, DescriptionFits) {
   const Datasheet sheet = small_sheet();
   const Description description = from_lcm(to_lcm(sheet));

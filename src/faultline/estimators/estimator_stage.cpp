@@ -5,17 +5,34 @@
 
 #include <fmt/format.h>
 
+#include "faultline/estimators/state_estimator.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
+
+namespace {
+
+// What an estimator refuses it may say without knowing where its settings stand.
+std::unique_ptr<StageCore> make_core(const Datasheet& sheet, const StageSpec& spec) {
+  try {
+    if (!is_least_squares(spec.type) && !is_fault_response(spec.type)) check_state_estimator(spec.type);
+    return is_least_squares(spec.type)    ? make_relation_core(sheet, spec)
+           : is_fault_response(spec.type) ? make_response_core(sheet, spec)
+                                          : make_filter_core(sheet, spec);
+  } catch (const InputError& error) {
+    const std::string text = error.what();
+    if (text.compare(0, sheet.file.size(), sheet.file) == 0) throw;
+    throw InputError(spec.settings.where() + ": " + text);
+  }
+}
+
+}  // namespace
 
 EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
     : name_(spec.name), channels_(sheet.channels), period_(sheet.sample_period) {
   gap_ = spec.settings.number_or("gap", 0.1, period_, 1e6);
   jump_ = spec.settings.number_or("jump", 0.1, 0, 1e6);
-  core_ = is_least_squares(spec.type)    ? make_relation_core(sheet, spec)
-          : is_fault_response(spec.type) ? make_response_core(sheet, spec)
-                                         : make_filter_core(sheet, spec);
+  core_ = make_core(sheet, spec);
   spec.settings.check_used();
   held_.assign(channels_.size(), 0);
 }

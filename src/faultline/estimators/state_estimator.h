@@ -30,6 +30,8 @@ class StateEstimator {
 
 // type: divided_difference_1, divided_difference_2, extended_kalman, unscented_kalman. InputError that lists the known ones
 // otherwise. `model` must outlive it.
+// InputError where there is no such type, without a look at what else the stage asks for.
+void check_state_estimator(const std::string& type);
 std::unique_ptr<StateEstimator> make_state_estimator(const std::string& type, const ProcessModel& model);
 
 }  // namespace faultline

@@ -224,8 +224,7 @@ Datasheet read_datasheet(const std::string& path) {
   sheet.rig = root.at("rig").name();
   sheet.title = root.at("title").text();
   sheet.source = root.at("source").text();
-  sheet.sample_period = root.at("sample_period").number();
-  if (sheet.sample_period <= 0) root.at("sample_period").fail("must be above 0 s");
+  sheet.sample_period = root.at("sample_period").number(1e-4, 100);  // s: 10 kHz to 0.01 Hz
   Names names;
   for (const YamlValue& branch : list_at(root, "branches")) {
     sheet.branches.push_back(branch.name());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <set>
 
 #include <fmt/format.h>
 
@@ -102,7 +103,7 @@ EffectSpec parse_effect(const std::string& text) {
 
   std::vector<bool> given(type->parameters.size(), false);
   for (const auto& p : type->parameters) spec.parameters.push_back(p.none);
-  bool to_given = false;
+  std::set<std::string> keys;
   std::size_t begin = colon == std::string::npos ? text.size() : colon + 1;
   while (begin < text.size()) {
     const auto comma = std::min(text.find(',', begin), text.size());
@@ -112,6 +113,7 @@ EffectSpec parse_effect(const std::string& text) {
     const std::string key = item.substr(0, equals);
     const double value = parse_number(equals == std::string::npos ? "" : item.substr(equals + 1), key, text);
     const int index = type->parameter_index(key);
+    if (!keys.insert(key).second) throw InputError(fmt::format("effect '{}': {} is given twice; keep one", text, key));
     if (index >= 0) {
       const auto& p = type->parameters[static_cast<std::size_t>(index)];
       if (value != p.none && (value < p.minimum || value > p.maximum))
@@ -119,14 +121,13 @@ EffectSpec parse_effect(const std::string& text) {
             fmt::format("effect '{}': {}={} is outside {}..{} {}", text, key, value, p.minimum, p.maximum, p.unit));
       spec.parameters[static_cast<std::size_t>(index)] = value;
       given[static_cast<std::size_t>(index)] = true;
-    } else if ((key == "from" || key == "to") && value == -kInfinity) {
+    } else if ((key == "from" || key == "to") && std::isinf(value)) {
       throw InputError(fmt::format("effect '{}': {}={} is not a time; give seconds from the start", text, key, value));
     } else if (key == "from") {
       spec.from = value;
       spec.from_given = true;
     } else if (key == "to") {
       spec.to = value;
-      to_given = true;
     } else if (key == "swells") {
       if (!(value >= 1 && value <= kMostSwells) || value != std::floor(value))
         throw InputError(
@@ -143,7 +144,10 @@ EffectSpec parse_effect(const std::string& text) {
                                    type->parameters[i].unit));
   if (std::none_of(given.begin(), given.end(), [](bool b) { return b; }))
     throw InputError(fmt::format("effect '{}': give a size: {}", text, parameter_names(*type)));
-  if (!to_given || spec.to < spec.from) spec.to = spec.from;
+  if (keys.count("to") == 0) spec.to = spec.from;
+  if (spec.to < spec.from)
+    throw InputError(fmt::format("effect '{}': to={} is before from={}; give to after from, or leave it out for a step",
+                                 text, spec.to, spec.from));
   if (spec.swells > 0 && (!spec.from_given || spec.to <= spec.from))
     throw InputError(fmt::format("effect '{}': swells need a time to fill; give from=S,to=S with to above from", text));
   return spec;

@@ -2,7 +2,8 @@
 // diagnosing and closing the gap.
 //
 // Every effect has bounded parameters with units and a value at which it changes nothing. It may start at a time and grow:
-// from `from` to `to` its size rises linearly from nothing to the full parameters (a step where `to` is not after `from`).
+// from `from` to `to` its size rises linearly from nothing to the full parameters (a step where `to` is `from` or not
+// given; `to` before `from` is refused).
 // With `swells` it comes and goes that many times between `from` and `to`, as (1 - cos)/2, and is gone before and after.
 // A parameter whose no-effect value is infinite grows as 1/size; one without a no-effect value (a shape) keeps its value.
 #pragma once

@@ -1,18 +1,25 @@
 #include "faultline/rig/yaml_reader.h"
 
 #include <fmt/format.h>
+#include <yaml-cpp/eventhandler.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <set>
+#include <sstream>
 
 #include "faultline/signal/error.h"
+#include "faultline/signal/text.h"
 
 namespace faultline {
 namespace {
 
 constexpr const char* kBranch = "{b}";
+constexpr std::uintmax_t kLargestFile = 4u << 20;  // bytes; a datasheet of many hundred channels has 0.2 MB
 
 std::string kind_of(const YAML::Node& node) {
   if (node.IsMap()) return "a mapping";
@@ -25,6 +32,55 @@ std::string one_line(std::string text) {
   for (char& c : text)
     if (c == '\n' || c == '\r' || c == '\t') c = ' ';
   return text;
+}
+
+std::string read_file(const std::string& file) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error))
+    throw InputError(fmt::format("{}: there is no such file; give the path of a readable YAML file", file));
+  if (std::filesystem::file_size(file, error) > kLargestFile)
+    throw InputError(fmt::format("{}: the file is larger than {} MB: that is no datasheet; give one that is", file,
+                                 kLargestFile >> 20));
+  std::ifstream stream(file, std::ios::binary);
+  std::string text(std::istreambuf_iterator<char>(stream), {});
+  if (!stream) throw InputError(fmt::format("{}: the file cannot be read; check its permissions", file));
+  const std::size_t bad = invalid_utf8(text);
+  if (bad != std::string::npos)
+    throw InputError(fmt::format("{}:{}: the line holds bytes that are not UTF-8; save the file as UTF-8 text", file,
+                                 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n')));
+  return text;
+}
+
+struct DocumentStart : YAML::EventHandler {
+  YAML::Mark mark;
+  void OnDocumentStart(const YAML::Mark& at) override { mark = at; }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+};
+
+// The parser takes what cannot begin a document, as a comma, for an empty document and stays in front of it: asked for all
+// documents (YAML::LoadAll) it never ends. It is asked for two.
+void refuse_what_follows(const std::string& file, const std::string& text) {
+  std::istringstream stream(text);
+  YAML::Parser parser(stream);
+  DocumentStart start;
+  if (!parser.HandleNextDocument(start) || !parser.HandleNextDocument(start)) return;
+  std::size_t begin = 0;
+  for (int line = 0; line < start.mark.line; ++line) begin = text.find('\n', begin) + 1;
+  if (text.compare(begin, 3, "---") == 0)
+    throw InputError(
+        fmt::format("{}:{}: a second document starts here; one file is one datasheet, remove the line '---'", file,
+                    start.mark.line + 1));
+  throw InputError(
+      fmt::format("{}:{}: this is not valid YAML: what stands here belongs to no key; a datasheet is a mapping of keys "
+                  "to values, as in 'rig: NAME'",
+                  file, start.mark.line + 1));
 }
 
 std::string range_text(double minimum, double maximum) {
@@ -56,26 +112,19 @@ YamlValue::YamlValue(std::shared_ptr<File> file, const YAML::Node& node, std::st
       line_(node.Mark().line + 1) {}
 
 YamlValue YamlValue::load(const std::string& file) {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error))
-    throw InputError(fmt::format("{}: there is no such file; give the path of a readable YAML file", file));
-  std::vector<YAML::Node> documents;
+  const std::string text = read_file(file);
+  YAML::Node document;
   try {
-    documents = YAML::LoadAllFromFile(file);
-  } catch (const YAML::BadFile&) {
-    throw InputError(fmt::format("{}: the file cannot be read; check its permissions", file));
+    document = YAML::Load(text);
+    refuse_what_follows(file, text);
   } catch (const YAML::Exception& e) {
     throw InputError(fmt::format("{}:{}: this is not valid YAML: {}; correct the syntax there", file, e.mark.line + 1,
                                  one_line(e.msg)));
   }
-  if (documents.empty() || documents.front().IsNull())
+  if (document.IsNull())
     throw InputError(fmt::format("{}: the file is empty; a datasheet starts with 'rig: NAME'", file));
-  if (documents.size() > 1)
-    throw InputError(
-        fmt::format("{}:{}: a second document starts here; one file is one datasheet, remove the line '---'", file,
-                    documents[1].Mark().line + 1));
-  YamlValue root(std::make_shared<File>(File{file, {}}), documents.front(), "", "", "");
-  if (!documents.front().IsMap()) root.fail("must be a mapping of keys to values, as in 'rig: NAME'");
+  YamlValue root(std::make_shared<File>(File{file, {}}), document, "", "", "");
+  if (!document.IsMap()) root.fail("must be a mapping of keys to values, as in 'rig: NAME'");
   return root;
 }
 

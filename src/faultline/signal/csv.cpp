@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "faultline/signal/error.h"
+#include "faultline/signal/text.h"
 #include "faultline/signal/units.h"
 
 namespace faultline {
@@ -44,12 +45,7 @@ void split(const char* begin, const char* end, std::vector<Span>& cells) {
 }
 
 // What a message can show of a cell: one line, not too long, nothing that a terminal would act on.
-std::string shown(const Span& cell) {
-  std::string text = cell.text().substr(0, kShownText);
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-  return text;
-}
+std::string shown(const Span& cell) { return printable(cell.text().substr(0, kShownText)); }
 
 // False where the cell is not a number. An empty cell is NaN. Text behind the cell ends strtod: a comma or a line's end.
 bool read_number(const Span& cell, double& value) {
@@ -114,7 +110,7 @@ class Reader {
   void read_header() {
     bool time_seen = false, sequence_seen = false;
     std::vector<bool> seen(channels_.size(), false);
-    if (cells_.size() == 1 && shown(cells_[0]).find_first_of(";\t") != std::string::npos)
+    if (cells_.size() == 1 && cells_[0].text().find_first_of(";\t") != std::string::npos)
       fail("columns must be separated by commas");
     for (const Span& cell : cells_) {
       Column column;

@@ -1,0 +1,141 @@
+#include "cli/options.h"
+
+#include <cerrno>
+#include <cstdlib>
+#include <filesystem>
+#include <system_error>
+
+#include <fmt/format.h>
+
+#include "cli/output_file.h"
+#include "cli/share_folder.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Shown by --help, and what check_files() knows them by.
+constexpr char kInput[] = "INPUT";
+constexpr char kOutput[] = "OUTPUT";
+constexpr char kTextOutput[] = "OUTPUT|-";
+constexpr char kStandardOutput[] = "/dev/fd/1";
+
+struct NamedFile {
+  std::string option, file, path;  // `path`: resolved
+};
+
+bool is_file(const std::string& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+
+// Two names of one file: links, and hard links. What is no regular file (a terminal, /dev/null) takes and gives at once.
+bool same_file(const std::string& a, const std::string& b) {
+  std::error_code error;
+  if (fs::exists(a, error) && !is_file(a)) return false;
+  return a == b || (fs::exists(a, error) && fs::equivalent(a, b, error));
+}
+
+std::vector<NamedFile> files_of(const CLI::App& app, std::initializer_list<const char*> types) {
+  std::vector<NamedFile> files;
+  for (const CLI::Option* option : app.get_options())
+    for (const char* type : types)
+      if (option->get_type_name() == type)
+        for (const std::string& file : option->results()) files.push_back({option->get_name(), file, resolved(file)});
+  return files;
+}
+
+// The folder of the program's own datasheets, with a / behind it; empty where there is none.
+std::string own_datasheets() {
+  try {
+    return resolved(share_folder() + "/config") + "/";
+  } catch (const InputError&) {
+    return "";  // whoever needs one will say so
+  }
+}
+
+void check_output(const NamedFile& output, const std::vector<NamedFile>& inputs) {
+  const auto refuse = [&](const std::string& why) {
+    throw InputError(fmt::format("{} {}: {}; choose another name", output.option, output.file, why));
+  };
+  for (const NamedFile& input : inputs)
+    if (same_file(output.path, input.path)) refuse(fmt::format("this file is read, as {}", input.option));
+  const std::string own = own_datasheets();
+  if (is_file(output.path) && !own.empty() && output.path.compare(0, own.size(), own) == 0)
+    refuse("this is one of the program's own datasheets");
+}
+
+}  // namespace
+
+CLI::Option* add_input(CLI::App& app, const std::string& name, std::string& file, const std::string& meaning) {
+  return app.add_option(name, file, meaning)->type_name(kInput);
+}
+
+CLI::Option* add_input(CLI::App& app, const std::string& name, std::vector<std::string>& files,
+                       const std::string& meaning) {
+  return app.add_option(name, files, meaning)->type_name(kInput);
+}
+
+CLI::Option* add_output(CLI::App& app, const std::string& name, std::string& file, const std::string& meaning) {
+  return app.add_option(name, file, meaning)->type_name(kOutput);
+}
+
+CLI::Option* add_text_output(CLI::App& app, const std::string& name, std::string& file, const std::string& meaning) {
+  return app.add_option(name, file, meaning)->type_name(kTextOutput);
+}
+
+void check_files(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options())
+    for (const std::string& value : option->results())
+      if (value.empty())
+        throw InputError(
+            fmt::format("{}: the value is empty; give one, or leave {} out", option->get_name(), option->get_name()));
+
+  const std::vector<NamedFile> inputs = files_of(app, {kInput});
+  std::vector<NamedFile> outputs = files_of(app, {kOutput});
+  for (const NamedFile& output : outputs)
+    if (output.file == "-")
+      throw InputError(fmt::format("{} -: this is written to a file, not to standard output; name one", output.option));
+  for (const NamedFile& output : files_of(app, {kTextOutput})) outputs.push_back(output);
+
+  for (const NamedFile& input : inputs)
+    if (same_file(resolved(kStandardOutput), input.path))
+      throw InputError(
+          fmt::format("{}: standard output goes into this file, which is read; choose another", input.file));
+  for (auto output = outputs.begin(); output != outputs.end(); ++output) {
+    for (auto other = outputs.begin(); other != output; ++other)
+      if (output->file == "-" ? other->file == "-" : other->file != "-" && same_file(output->path, other->path))
+        throw InputError(fmt::format("{} {}: {} is written to the same place; choose another name", output->option,
+                                     output->file, other->option));
+    if (output->file == "-") continue;
+    check_output(*output, inputs);
+    OutputFile probe(output->file);
+  }
+}
+
+CLI::Validator number_between(double low, double high) {
+  return CLI::Validator(
+      [low, high](std::string& text) {
+        char* end = nullptr;
+        const double value = std::strtod(text.c_str(), &end);
+        const bool good = !text.empty() && end == text.c_str() + text.size() && value >= low && value <= high;
+        return good ? std::string() : fmt::format("'{}' is no number of {:g} to {:g}", text, low, high);
+      },
+      fmt::format("{:g} to {:g}", low, high));
+}
+
+CLI::Validator whole_number(std::uint64_t low, std::uint64_t high) {
+  return CLI::Validator(
+      [low, high](std::string& text) {
+        bool good = !text.empty() && text.size() <= 20 && text.find_first_not_of("0123456789") == std::string::npos;
+        errno = 0;
+        const std::uint64_t value = good ? std::strtoull(text.c_str(), nullptr, 10) : 0;
+        good = good && errno == 0 && value >= low && value <= high;
+        return good ? std::string() : fmt::format("'{}' is no whole number of {} to {}", text, low, high);
+      },
+      fmt::format("{} to {}", low, high));
+}
+
+}  // namespace faultline
