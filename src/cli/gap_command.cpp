@@ -194,7 +194,7 @@ void run(const Options& options) {
       sheet = loaded.sheet;
       have_sheet = true;
       print_remarks("gap", loaded.remarks);
-      list.push_back(prepare_run(sheet, file, std::move(loaded.recording), gap_segment(sheet)));
+      list.push_back(prepare_run(sheet, file, std::move(loaded.recording), GapOptions().residuals.segment_samples));
     }
   };
   load(options.runs, runs);

@@ -30,18 +30,8 @@ struct Options {
 ResponseSettings settings_of(const Datasheet& sheet) {
   ResponseSettings settings;
   for (const StageSpec& stage : sheet.estimators)
-    if (stage.type == "fault_response") {
-      settings.segment =
-          static_cast<std::size_t>(stage.settings.number_or("segment", static_cast<double>(settings.segment), 20, 1e5));
-      settings.segments = static_cast<std::size_t>(
-          stage.settings.number_or("segments", static_cast<double>(settings.segments), 1, 1000));
-      settings.inflation = stage.settings.number_or("inflation", settings.inflation, 1, 1e6);
-      settings.threshold = stage.settings.number_or("threshold", settings.threshold, 1e-6, 1e9);
-      settings.recent =
-          static_cast<std::size_t>(stage.settings.number_or("recent", static_cast<double>(settings.recent), 1, 1000));
-      settings.every = stage.settings.number_or("every", settings.every, 1e-6, 1e6);
-    }
-  settings.memory = kAllStretches;
+    if (stage.type == "fault_response") settings = read_response_settings(stage.settings, sheet.sample_period);
+  settings.memory_stretches = kAllStretches;
   settings.jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   return settings;
 }
@@ -70,9 +60,8 @@ void run(const Options& options) {
   }
   if (options.trace) return;
   if (stretches == 0)
-    throw InputError(
-        fmt::format("{}: too short; at least {:g} s are needed", options.run,
-                    static_cast<double>((settings.segments + 1) * settings.segment + 8) * loaded.sheet.sample_period));
+    throw InputError(fmt::format("{}: too short; at least {:g} s are needed", options.run,
+                                 static_cast<double>(settings.stretch_samples()) * loaded.sheet.sample_period));
   const std::vector<FaultHypothesis>& hypotheses = responses.hypotheses();
   const Eigen::MatrixXd cosines = responses.cosines();
   const std::vector<double> errors = responses.amplitude_errors();
@@ -80,7 +69,7 @@ void run(const Options& options) {
   std::string table = fmt::format("{:<52} {:>12} {:<18} {}\n", "fault", "least size", "unit", "like (cosine)");
   for (std::size_t h = 0; h < hypotheses.size(); ++h) {
     const FaultHypothesis& f = hypotheses[h];
-    const double least = std::sqrt(settings.threshold) * errors[h];
+    const double least = std::sqrt(settings.threshold_evidence) * errors[h];
     const bool seen = least <= std::max(std::abs(f.lowest), f.highest);
     std::vector<std::pair<double, std::size_t>> alike;
     Json row = Json::array();

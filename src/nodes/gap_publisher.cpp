@@ -28,7 +28,7 @@ constexpr int kNiceness = 10;  // of the worker: the diagnosis beside it comes f
 LiveGapSettings settings_of(const Datasheet& sheet) {
   LiveGapSettings settings;
   // A segment of missing time is a restart; at 10 Hz that is longer than at 1 kHz.
-  settings.jump = static_cast<double>(settings.segment) * sheet.sample_period;
+  settings.jump_s = static_cast<double>(settings.segment_samples) * sheet.sample_period;
   return settings;
 }
 

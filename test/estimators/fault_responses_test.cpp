@@ -28,7 +28,7 @@ Found look(const std::string& profile, std::uint64_t seed, double onset, double 
     setup.effects.push_back(parse_effect(effect + ",from=" + std::to_string(onset)));
   const Recording run = simulate(servo(), setup, duration);
   ResponseSettings settings;
-  settings.threshold = 20;
+  settings.threshold_evidence = 20;
   settings.jobs = 2;
   FaultResponses responses(servo(), settings);
   Found found;

@@ -162,7 +162,7 @@ TEST(Linearisation, ProjectedLossIsNoMoreThanTheLoss) {
   const Eigen::VectorXd z = deviations(servo(), linear.free_parameters(), nominal().parameters);
   EXPECT_EQ(z.norm(), 0);
   double loss = 0;
-  for (const double segment : linear.segment_losses(r)) loss += robust(segment, linear.segment_values());
+  for (const double segment : linear.segment_losses(r)) loss += linear.robust(segment);
   const double projected = projected_loss(linear, linear.products(r), z);
   EXPECT_LT(projected, 0.5 * loss);  // the run is off by its parameters alone
   EXPECT_NEAR(total(linear.subset({0}).segment_losses(r)), total(linear.segment_losses(r)), 1e-6 * loss);
@@ -177,23 +177,23 @@ TEST(Linearisation, ProjectedParametersStayWithinTheirBound) {
   const Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(linear.free_parameters().size()));
   const SegmentProducts products = linear.products(residuals_of(residuals, nominal()));
   Eigen::VectorXd move;
+  const double bound = residuals.options().linearisation.parameter_bound_tolerances;
   const double loss = projected_loss(linear, products, z, &move);
-  EXPECT_LE(move.cwiseAbs().maxCoeff(), kParameterBound * (1 + 1e-12));
+  EXPECT_LE(move.cwiseAbs().maxCoeff(), bound * (1 + 1e-12));
   const auto& free = linear.free_parameters();
   const auto at = std::find(free.begin(), free.end(), parameter("viscous_damping")) - free.begin();
-  EXPECT_NEAR(move[at], kParameterBound, 1e-9);
+  EXPECT_NEAR(move[at], bound, 1e-9);
   // The loss belongs to the move: nothing along a parameter that is not held is better.
   const auto loss_at = [&](const Eigen::VectorXd& to) {
     double sum = 0.5 * (z + to).squaredNorm();
     for (std::size_t g = 0; g < products.squares.size(); ++g)
-      sum += robust(0.5 * (products.squares[g] + 2 * products.against_parameters[g].dot(to) +
-                           to.dot(linear.parameter_grams()[g] * to)),
-                    linear.segment_values());
+      sum += linear.robust(0.5 * (products.squares[g] + 2 * products.against_parameters[g].dot(to) +
+                                  to.dot(linear.parameter_grams()[g] * to)));
     return sum;
   };
   EXPECT_NEAR(loss_at(move), loss, 1e-6 * std::abs(loss));
   for (Eigen::Index i = 0; i < z.size(); ++i) {
-    if (std::abs(move[i]) > kParameterBound - 1e-6) continue;
+    if (std::abs(move[i]) > bound - 1e-6) continue;
     for (const double h : {-0.3, 0.3}) {
       Eigen::VectorXd other = move;
       other[i] += h;
@@ -204,13 +204,15 @@ TEST(Linearisation, ProjectedParametersStayWithinTheirBound) {
 }
 
 TEST(Linearisation, RobustLossIsTheLossNearTheNoiseAndGrowsSlowlyBeyond) {
-  const double values = 1000;
-  EXPECT_EQ(robust(0.5 * values, values), 0);
-  EXPECT_NEAR(robust(0.51 * values, values), 0.01 * values, 0.02 * 0.01 * values);
-  EXPECT_NEAR(robust(50 * values, values), 0.5 * values * std::log(100), 1e-9 * values);
-  const double h = 1e-4 * values;  // the weight is its slope
+  const double values = 1000, least = 0.2;
+  EXPECT_EQ(robust(0.5 * values, values, least), 0);
+  EXPECT_NEAR(robust(0.51 * values, values, least), 0.01 * values, 0.02 * 0.01 * values);
+  EXPECT_NEAR(robust(50 * values, values, least), 0.5 * values * std::log(100), 1e-9 * values);
+  EXPECT_EQ(robust(0.01 * values, values, least), 0.5 * values * std::log(least));  // no better than the least variance
+  const double h = 1e-4 * values;                                                   // the weight is its slope
   for (const double loss : {300.0, 500.0, 5000.0})
-    EXPECT_NEAR(robust_weight(loss, values), (robust(loss + h, values) - robust(loss - h, values)) / (2 * h), 1e-5);
+    EXPECT_NEAR(robust_weight(loss, values, least),
+                (robust(loss + h, values, least) - robust(loss - h, values, least)) / (2 * h), 1e-5);
 }
 
 TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {

@@ -138,7 +138,7 @@ TEST(LiveGap, SaysThatNothingIsNormalWhereTheDatasheetIsSilent) {
 
 TEST(LiveGap, RefusesSettingsThatMakeNoSense) {
   LiveGapSettings settings;
-  settings.least = 20;
+  settings.least_segments = 20;
   EXPECT_THROW(LiveGap(servo(), settings), InputError);
 }
 

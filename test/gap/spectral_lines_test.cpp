@@ -25,7 +25,7 @@ std::vector<Eigen::MatrixXf> runs_with(const std::vector<double>& frequencies, d
 }
 
 TEST(SpectralLines, AreFoundToAFractionOfOneOverTheRun) {
-  const auto lines = spectral_lines(runs_with({17.31, 41.07}, 0.5), kPeriod, 1, 60, 3);
+  const auto lines = spectral_lines(runs_with({17.31, 41.07}, 0.5), kPeriod, 1, 60);
   ASSERT_GE(lines.size(), 2u);
   const double first = std::min(lines[0], lines[1]), second = std::max(lines[0], lines[1]);
   EXPECT_NEAR(first, 17.31, 0.25 / 8);
@@ -33,13 +33,13 @@ TEST(SpectralLines, AreFoundToAFractionOfOneOverTheRun) {
 }
 
 TEST(SpectralLines, OutOfRangeAndSideLobesDoNotCount) {
-  EXPECT_EQ(spectral_lines(runs_with({17.31}, 2), kPeriod, 1, 60, 3).size(), 1u);
-  for (const double line : spectral_lines(runs_with({17.31}, 2), kPeriod, 20, 60, 3)) EXPECT_GT(line, 20);
+  EXPECT_EQ(spectral_lines(runs_with({17.31}, 2), kPeriod, 1, 60).size(), 1u);
+  for (const double line : spectral_lines(runs_with({17.31}, 2), kPeriod, 20, 60)) EXPECT_GT(line, 20);
 }
 
 TEST(SpectralLines, NoiseAndSilenceHaveNone) {
-  EXPECT_TRUE(spectral_lines(runs_with({}, 0), kPeriod, 1, 60, 3).empty());
-  EXPECT_TRUE(spectral_lines({Eigen::MatrixXf::Zero(8000, 2)}, kPeriod, 1, 60, 3).empty());
+  EXPECT_TRUE(spectral_lines(runs_with({}, 0), kPeriod, 1, 60).empty());
+  EXPECT_TRUE(spectral_lines({Eigen::MatrixXf::Zero(8000, 2)}, kPeriod, 1, 60).empty());
 }
 
 TEST(SpectralLines, NarrowOnlyCandidatesWithAFrequency) {

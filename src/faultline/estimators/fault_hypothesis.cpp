@@ -8,15 +8,11 @@
 namespace faultline {
 namespace {
 
-constexpr double kDecades = 5;       // a range wider than this factor is walked in logarithms
-constexpr double kSmallShare = 0.1;  // of a range that lies around the no-effect value: its small amplitude
-constexpr double kLeast = 1e-3;      // amplitude of the least change that is looked for, over the largest
-
 bool is_shape(const EffectParameter& p) { return std::isnan(p.none); }
 
-double middle(const Bounds& b) {
-  return b.minimum > 0 && b.maximum > kDecades * b.minimum ? std::sqrt(b.minimum * b.maximum)
-                                                           : 0.5 * (b.minimum + b.maximum);
+double middle(const Bounds& b, const HypothesisOptions& options) {
+  return b.minimum > 0 && b.maximum > options.logarithmic_ratio * b.minimum ? std::sqrt(b.minimum * b.maximum)
+                                                                            : 0.5 * (b.minimum + b.maximum);
 }
 
 bool has_size(const EffectType& type) {
@@ -24,13 +20,13 @@ bool has_size(const EffectType& type) {
 }
 
 // False where the bounds leave nothing to look for.
-bool set_range(FaultHypothesis& h, const Bounds& b) {
+bool set_range(FaultHypothesis& h, const Bounds& b, const HypothesisOptions& options) {
   if (std::isinf(h.none)) {
     if (!(b.minimum > 0) || !std::isfinite(b.minimum)) return false;
-    const double full = std::isfinite(b.maximum) ? std::sqrt(b.minimum * b.maximum) : 10 * b.minimum;
+    const double full = std::isfinite(b.maximum) ? std::sqrt(b.minimum * b.maximum) : options.open_ratio * b.minimum;
     h.full.parameters[h.parameter] = full;
     h.highest = full / b.minimum;
-    h.lowest = kLeast * h.highest;
+    h.lowest = options.least_amplitude_ratio * h.highest;
     h.probe = 1;
     return true;
   }
@@ -41,13 +37,13 @@ bool set_range(FaultHypothesis& h, const Bounds& b) {
     h.full.parameters[h.parameter] = h.none + (above >= below ? reach : -reach);
     h.lowest = above >= below ? -below / reach : -above / reach;
     h.highest = 1;
-    h.probe = kSmallShare;
+    h.probe = options.small_amplitude;
     return true;
   }
   const double near = above > 0 ? std::max(b.minimum - h.none, 0.0) : std::max(h.none - b.maximum, 0.0);
   const double far = above > 0 ? above : below;
   if (!(far > 0)) return false;
-  const double reach = near > 0 && far > kDecades * near ? std::sqrt(near * far) : 0.5 * far;
+  const double reach = near > 0 && far > options.logarithmic_ratio * near ? std::sqrt(near * far) : 0.5 * far;
   h.full.parameters[h.parameter] = h.none + (above > 0 ? reach : -reach);
   h.lowest = 0;
   h.highest = far / reach;
@@ -69,7 +65,7 @@ double FaultHypothesis::size(double amplitude) const {
   return none + amplitude * (value - none);
 }
 
-std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet) {
+std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet, const HypothesisOptions& options) {
   std::vector<FaultHypothesis> result;
   for (const Port& port : sheet.ports)
     for (const FittingEffect& fitting : port.effects) {
@@ -92,10 +88,10 @@ std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet) {
         for (const EffectParameter& other : type->parameters) {
           const auto range = fitting.bounds.find(other.name);
           h.full.parameters.push_back(!is_shape(other)                ? other.none
-                                      : range != fitting.bounds.end() ? middle(range->second)
+                                      : range != fitting.bounds.end() ? middle(range->second, options)
                                                                       : other.minimum);
         }
-        if (set_range(h, bounds->second)) result.push_back(h);
+        if (set_range(h, bounds->second, options)) result.push_back(h);
       }
     }
   return result;

@@ -28,6 +28,16 @@ struct FaultHypothesis {
   double size(double amplitude) const;  // in size_unit
 };
 
-std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet);
+// Amplitudes; units as in gap/gap_options.h.
+struct HypothesisOptions {
+  double logarithmic_ratio = 5;  // of a range's bounds, from which its middle is the geometric one
+  double small_amplitude =
+      0.1;  // of a size with a range on both sides of no effect, for differences: within the linear part
+  double least_amplitude_ratio =
+      1e-3;                // of the least change to the largest, of a size whose no-effect value is infinite
+  double open_ratio = 10;  // to its least value, of the full size of such a range that has no end
+};
+
+std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet, const HypothesisOptions& options = {});
 
 }  // namespace faultline

@@ -10,92 +10,27 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kMargin = 8;      // samples after a stretch: the last start state is smoothed over them
-constexpr double kToleranceStep = 0.5;  // tolerances, of differences
-constexpr int kRefinements = 3;
-constexpr double kRefineStep = 0.1;  // of an amplitude, for its difference
-constexpr double kCoarse = 0.4;      // of the largest amplitude: tried beside that and what the linear answer says
-constexpr double kRelease = 0.3;     // of the threshold, below which a fault is over
-constexpr unsigned kEarly = 4;       // stretches, after which what is done again is done ever more rarely
-constexpr double kMoved = 0.3;       // tolerances, from which the model is made linear anew
-constexpr double kSuspicion = 0.3;   // of the threshold, from which the linear model is doubted first
-constexpr int kTries = 5;            // steps of the parameters at once
-constexpr double kReaches[] = {-1.5, -0.75, 0.75, 1.5};  // tolerances that are tried
-constexpr double kWorthMoving = 3;                       // gain in loss
-constexpr double kFarthest = 3;                          // tolerances that parameters may be off the datasheet
-constexpr double kGrown = 1.5;                           // times the evidence at the last refinement: refined anew
-constexpr double kSecondShare = 0.3;  // of the first fault's evidence that a second must have, beyond the threshold
-constexpr double kAlternative = 0.5;  // of the first fault's evidence: an alternative to it, not a second
-constexpr double kOver = 5;           // evidence by which the latest stretch speaks against a fault that was there
-constexpr std::size_t kLooked = 6, kCandidates = 12;  // hypotheses that are looked at closely while a fault lasts
-constexpr double kInsensitive = 1e-6;                 // response below which nothing is said
+bool by_evidence(const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; }
+
+bool power_of_two(unsigned count) { return (count & (count - 1)) == 0; }
 
 }  // namespace
 
-// T'T, T'D, D'D, T'r, D'r, r'r, with parameters and nuisance effects in T.
-struct FaultResponses::Sums {
-  Eigen::MatrixXd tt, td, dd;
-  Eigen::VectorXd tr, dr;
-  double rr = 0;
-  Sums(Eigen::Index t, Eigen::Index d)
-      : tt(Eigen::MatrixXd::Zero(t, t)),
-        td(Eigen::MatrixXd::Zero(t, d)),
-        dd(Eigen::MatrixXd::Zero(d, d)),
-        tr(Eigen::VectorXd::Zero(t)),
-        dr(Eigen::VectorXd::Zero(d)) {}
-  void scale(double factor) {
-    tt *= factor;
-    td *= factor;
-    dd *= factor;
-    tr *= factor;
-    dr *= factor;
-    rr *= factor;
-  }
-  void add(const Sums& o) {
-    tt += o.tt;
-    td += o.td;
-    dd += o.dd;
-    tr += o.tr;
-    dr += o.dr;
-    rr += o.rr;
-  }
-};
-
-struct FaultResponses::Stretch {
-  Stretch(Eigen::Index t, Eigen::Index d) : sums(t, d) {}
-  SegmentedRun run;
-  double begin = 0;
-  std::vector<Eigen::MatrixXd> starts;  // per counted segment
-  std::vector<Eigen::MatrixXd> tolerances;
-  std::vector<double> weights;  // of squares, inflation in it
-  Sums sums;
-};
-
-// Lambda, and what the stretches before say of theta.
-struct FaultResponses::Prior {
-  Eigen::MatrixXd before;  // 1 + T_ref'T_ref, or 1
-  Eigen::VectorXd pull;    // T_ref'r_ref, or 0
-  double constant = 0;     // r_ref'r_ref, or 0
-};
-
 FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& settings)
-    : sheet_(sheet), settings_(settings), model_(sheet, settings.segment), hypotheses_(fault_hypotheses(sheet)) {
-  rows_ = (settings_.segments + 1) * settings_.segment + kMargin;
-  for (std::size_t i = 0; i < sheet_.parameters.size(); ++i)
-    if (sheet_.parameters[i].tolerance > 0 && sheet_.parameters[i].nominal != 0) free_.push_back(i);
-  for (const std::string& text : sheet_.nuisance) nuisance_.push_back(parse_effect(text));
+    : sheet_(sheet),
+      settings_(settings),
+      model_(sheet, settings),
+      point_(model_.nominal()),
+      reference_(model_.no_sums()) {
   reset();
 }
-
-FaultResponses::~FaultResponses() = default;
 
 void FaultResponses::reset() {
   collecting_.reset();
   started_ = event_ = false;
   recent_.clear();
-  base_ = sheet_.nominal();
-  shift_ = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(free_.size() + nuisance_.size()));
-  reference_ = std::make_unique<Sums>(shift_.size(), static_cast<Eigen::Index>(hypotheses_.size()));
+  point_ = model_.nominal();
+  reference_ = model_.no_sums();
   stretches_ = age_ = 0;
   first_.clear();
   second_.clear();
@@ -109,6 +44,7 @@ bool FaultResponses::add(double time, const double* channels, bool good) {
 }
 
 bool FaultResponses::collect(double time, const double* channels, bool good) {
+  const std::size_t rows = settings_.stretch_samples();
   if (!started_) {
     started_ = true;
     next_ = time;
@@ -123,191 +59,63 @@ bool FaultResponses::collect(double time, const double* channels, bool good) {
     collecting_ = std::make_unique<Recording>();
     collecting_->rig = sheet_.rig;
     collecting_->channels = sheet_.channels;
-    collecting_->time.reserve(rows_);
-    collecting_->sequence.reserve(rows_);
-    collecting_->values.reserve(rows_ * sheet_.channels.size());
-    next_ = time + settings_.every;
+    collecting_->time.reserve(rows);
+    collecting_->sequence.reserve(rows);
+    collecting_->values.reserve(rows * sheet_.channels.size());
+    next_ = time + settings_.every_s;
   }
-  if (!collecting_->time.empty() &&
-      std::abs(time - collecting_->time.back() - sheet_.sample_period) > 0.2 * sheet_.sample_period) {
+  if (!collecting_->time.empty() && std::abs(time - collecting_->time.back() - sheet_.sample_period) >
+                                        settings_.segment.period_error_fraction * sheet_.sample_period) {
     collecting_.reset();
     return false;
   }
   collecting_->time.push_back(time);
   collecting_->sequence.push_back(collecting_->sequence.size());
   collecting_->values.insert(collecting_->values.end(), channels, channels + sheet_.channels.size());
-  return collecting_->rows() >= rows_;
+  return collecting_->rows() >= rows;
 }
 
-std::unique_ptr<FaultResponses::Stretch> FaultResponses::respond(const Recording& recording) const {
-  const Eigen::Index t = shift_.size(), d = static_cast<Eigen::Index>(hypotheses_.size());
-  auto stretch = std::make_unique<Stretch>(t, d);
-  stretch->begin = recording.time.front();
-  stretch->run = model_.prepare("", recording);
-  const std::vector<double>& sigma = model_.noise();
-  const ModelChange base{base_, there_};
-  const auto with = [&](const EffectSpec& effect) {
-    ModelChange change = base;
-    change.effects.push_back(effect);
-    return change;
-  };
-  std::vector<ModelChange> changes = {base};
-  std::vector<double> steps = {1};
-  for (const std::size_t i : free_) {
-    changes.push_back(base);
-    changes.back().parameters[i] += kToleranceStep * sheet_.parameters[i].tolerance * sheet_.parameters[i].nominal;
-    steps.push_back(kToleranceStep);
+Stretches FaultResponses::latest(std::size_t count) const {
+  Stretches stretches;
+  for (std::size_t i = recent_.size() - count; i < recent_.size(); ++i) stretches.push_back(recent_[i].get());
+  return stretches;
+}
+
+// ---- parameters
+
+void FaultResponses::learn_parameters() {
+  const bool calm = evidence_ < settings_.suspicion_fraction * settings_.threshold_evidence;
+  if (event_ || (stretches_ > settings_.early_stretches && !(calm && power_of_two(stretches_)))) return;
+  for (std::size_t i = 0; i < settings_.parameter_moves && relinearise(); ++i) {
   }
-  for (const EffectSpec& effect : nuisance_) {
-    changes.push_back(with(effect));
-    steps.push_back(1);
-  }
-  for (const FaultHypothesis& h : hypotheses_) {
-    changes.push_back(with(h.at(h.probe)));
-    steps.push_back(h.probe);
-  }
-  std::vector<Eigen::MatrixXf> residuals(changes.size());
-  in_parallel(changes.size(), settings_.jobs,
-              [&](std::size_t i) { residuals[i] = model_.residuals(changes[i], stretch->run, sigma); });
-  for (std::size_t i = 1; i < residuals.size(); ++i)
-    residuals[i] = (residuals[i] - residuals[0]) * static_cast<float>(1 / steps[i]);
-  const std::vector<Eigen::MatrixXf> starts = model_.start_columns(base, stretch->run, sigma);
-  for (std::size_t s = 1; s < stretch->run.restarts.size(); ++s) {
-    const std::size_t row = stretch->run.restarts[s];
-    Eigen::MatrixXd start;
-    for (std::size_t i = 0; i < starts.size(); ++i) {
-      const Eigen::VectorXd column = model_.stacked(starts[i], row);
-      if (i == 0) start.resize(column.size(), static_cast<Eigen::Index>(starts.size()));
-      start.col(static_cast<Eigen::Index>(i)) = column;
-    }
-    Eigen::MatrixXd all;
-    for (std::size_t i = 0; i < residuals.size(); ++i) {
-      const Eigen::VectorXd column = model_.stacked(residuals[i], row);
-      if (i == 0) all.resize(column.size(), static_cast<Eigen::Index>(residuals.size()));
-      all.col(static_cast<Eigen::Index>(i)) = column;
-    }
-    SegmentModel::project(start, all);
-    const double mean_square = all.col(0).squaredNorm() / static_cast<double>(all.rows());
-    const double weight = 1 / (settings_.inflation * std::max(1.0, mean_square));
-    const auto tolerances = all.middleCols(1, t), responses = all.rightCols(d);
-    const auto r = all.col(0);
-    Sums& sums = stretch->sums;
-    sums.tt.noalias() += weight * tolerances.transpose() * tolerances;
-    sums.td.noalias() += weight * tolerances.transpose() * responses;
-    sums.dd.noalias() += weight * responses.transpose() * responses;
-    sums.tr.noalias() += weight * tolerances.transpose() * r;
-    sums.dr.noalias() += weight * responses.transpose() * r;
-    sums.rr += weight * r.squaredNorm();
-    stretch->starts.push_back(std::move(start));
-    stretch->tolerances.push_back(tolerances);
-    stretch->weights.push_back(weight);
-  }
-  return stretch;
 }
 
 // Moves the parameters to what all stretches say of them.
-bool FaultResponses::over() {
-  const RankedFault& first = first_.front();
-  Prior before{Eigen::MatrixXd::Identity(shift_.size(), shift_.size()), shift_, shift_.squaredNorm()};
-  if (change_) {
-    before.before += reference_->tt;
-    before.pull += reference_->tr;
-    before.constant += reference_->rr;
-  }
-  const std::size_t kept = window_;
-  window_ = 1;
-  const double with = loss(before, {hypotheses_[first.hypothesis].at(first.amplitude)}), without = loss(before, {});
-  window_ = kept;
-  return with > without + kOver;
-}
-
-// The model with the first fault in it, and all looked for anew around that: segments count by what is left of them.
-void FaultResponses::look_beside(const Prior& before) {
-  second_.clear();
-  const RankedFault first = first_.front();
-  there_ = {hypotheses_[first.hypothesis].at(first.amplitude)};
-  std::vector<std::unique_ptr<Stretch>> kept;
-  for (std::size_t i = recent_.size() - window_; i < recent_.size(); ++i) {
-    kept.push_back(std::move(recent_[i]));
-    recent_[i] = respond(kept.back()->run.recording);
-  }
-  std::vector<RankedFault> beside = screen(before);
-  beside.erase(std::remove_if(
-                   beside.begin(), beside.end(),
-                   // What the first leaves at its own place, and what explains it nearly as well, is no second fault.
-                   [&](const RankedFault& f) {
-                     return hypotheses_[f.hypothesis].port == hypotheses_[first.hypothesis].port ||
-                            std::any_of(first_.begin(), first_.end(), [&](const RankedFault& other) {
-                              return other.hypothesis == f.hypothesis && other.evidence > kAlternative * first.evidence;
-                            });
-                   }),
-               beside.end());
-  const double limit = std::max(settings_.threshold, kSecondShare * first.evidence);
-  if (!beside.empty() && beside.front().evidence > limit) {
-    beside.resize(std::min(beside.size(), kCandidates));
-    beside = best_of(before, loss(before, {}), beside);
-    if (beside.front().evidence > limit) second_ = beside;
-  }
-  for (std::size_t i = 0; i < kept.size(); ++i) recent_[recent_.size() - window_ + i] = std::move(kept[i]);
-  there_.clear();
-}
-
-void FaultResponses::best_window() {
-  // Once there is a fault, the way it was found stays: what follows belongs to it.
-  if (event_) {
-    window_ = std::min(window_ + 1, recent_.size());
-    screened_ = screen(prior());
-    return;
-  }
-  screened_.clear();
-  bool best_change = false;
-  std::size_t best = recent_.size();
-  const auto try_it = [&] {
-    std::vector<RankedFault> screened = screen(prior());
-    if (screened.empty() || (!screened_.empty() && screened.front().evidence <= screened_.front().evidence)) return;
-    screened_ = std::move(screened);
-    best_change = change_;
-    best = window_;
-  };
-  change_ = false;
-  window_ = recent_.size();
-  try_it();
-  change_ = true;
-  for (window_ = 1; window_ <= recent_.size(); ++window_)
-    if (stretches_ > window_) try_it();
-  change_ = best_change;
-  window_ = best;
-}
-
 bool FaultResponses::relinearise() {
-  Sums sums = *reference_;
+  ResponseSums sums = reference_;
   for (const auto& stretch : recent_) sums.add(stretch->sums);
-  const Eigen::MatrixXd lambda = Eigen::MatrixXd::Identity(shift_.size(), shift_.size()) + sums.tt;
-  Eigen::VectorXd step = -Eigen::LDLT<Eigen::MatrixXd>(lambda).solve(shift_ + sums.tr);
-  step.tail(static_cast<Eigen::Index>(nuisance_.size())).setZero();
-  step = (shift_ + step).cwiseMax(-kFarthest).cwiseMin(kFarthest) - shift_;
-  if (step.cwiseAbs().maxCoeff() < kMoved) return false;
+  const Eigen::VectorXd& shift = point_.shift;
+  const Eigen::MatrixXd lambda = Eigen::MatrixXd::Identity(shift.size(), shift.size()) + sums.tt;
+  Eigen::VectorXd step = -Eigen::LDLT<Eigen::MatrixXd>(lambda).solve(shift + sums.tr);
+  step.tail(shift.size() - static_cast<Eigen::Index>(model_.free_parameters())).setZero();
+  const double farthest = settings_.farthest_tolerances;
+  step = (shift + step).cwiseMax(-farthest).cwiseMin(farthest) - shift;
+  if (step.cwiseAbs().maxCoeff() < settings_.relinearise_tolerances) return false;
   move(step);
   return true;
 }
 
 // One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model.
 bool FaultResponses::search_parameters() {
-  change_ = false;
-  window_ = recent_.size();
-  double least = loss(prior(), {}) - kWorthMoving;
-  Eigen::VectorXd best = Eigen::VectorXd::Zero(shift_.size());
-  for (std::size_t i = 0; i < free_.size(); ++i)
-    for (const double reach : kReaches) {
-      const Eigen::VectorXd kept = shift_;
-      const std::vector<double> base = base_;
-      Eigen::VectorXd step = Eigen::VectorXd::Zero(shift_.size());
+  const Stretches all = latest(recent_.size());
+  double least = model_.loss(model_.tolerances(point_), all, point_, {}) - settings_.worthwhile_evidence;
+  Eigen::VectorXd best = Eigen::VectorXd::Zero(point_.shift.size());
+  for (std::size_t i = 0; i < model_.free_parameters(); ++i)
+    for (const double reach : settings_.reach_tolerances) {
+      Eigen::VectorXd step = Eigen::VectorXd::Zero(point_.shift.size());
       step[static_cast<Eigen::Index>(i)] = reach;
-      shift_ += step;
-      set_base();
-      const double found = loss(prior(), {});
-      shift_ = kept;
-      base_ = base;
+      const ModelPoint tried = model_.at(point_.shift + step);
+      const double found = model_.loss(model_.tolerances(tried), all, tried, {});
       if (found >= least) continue;
       least = found;
       best = step;
@@ -317,94 +125,106 @@ bool FaultResponses::search_parameters() {
   return true;
 }
 
-void FaultResponses::set_base() {
-  base_ = sheet_.nominal();
-  for (std::size_t i = 0; i < free_.size(); ++i)
-    base_[free_[i]] *= 1 + shift_[static_cast<Eigen::Index>(i)] * sheet_.parameters[free_[i]].tolerance;
-}
-
 void FaultResponses::move(const Eigen::VectorXd& step) {
-  shift_ = (shift_ + step).cwiseMax(-kFarthest).cwiseMin(kFarthest);
-  set_base();
+  const double farthest = settings_.farthest_tolerances;
+  point_ = model_.at((point_.shift + step).cwiseMax(-farthest).cwiseMin(farthest));
   // What was summed around other parameters would pull towards them: it is learnt anew.
-  *reference_ = Sums(shift_.size(), static_cast<Eigen::Index>(hypotheses_.size()));
-  for (auto& stretch : recent_) stretch = respond(stretch->run.recording);
+  reference_ = model_.no_sums();
+  for (auto& stretch : recent_) stretch = model_.respond(stretch->run.recording, point_);
 }
 
-FaultResponses::Prior FaultResponses::prior() const {
-  Prior prior{Eigen::MatrixXd::Identity(shift_.size(), shift_.size()), shift_, shift_.squaredNorm()};
-  if (!change_) return prior;
-  const auto take = [&](const Sums& sums) {
-    prior.before += sums.tt;
-    prior.pull += sums.tr;
-    prior.constant += sums.rr;
-  };
-  take(*reference_);
-  for (std::size_t i = 0; i + window_ < recent_.size(); ++i) take(recent_[i]->sums);
+void FaultResponses::forget_oldest() {
+  if (recent_.size() <= settings_.recent_stretches) return;
+  if (!event_) {
+    reference_.scale(1 - 1 / settings_.memory_stretches);
+    reference_.add(recent_.front()->sums);
+  }
+  recent_.erase(recent_.begin());
+}
+
+// ---- hypotheses
+
+ResponsePrior FaultResponses::prior(const Window& window) const {
+  ResponsePrior prior = model_.tolerances(point_);
+  if (!window.change) return prior;
+  prior.add(reference_);
+  for (std::size_t i = 0; i + window.stretches < recent_.size(); ++i) prior.add(recent_[i]->sums);
   return prior;
 }
 
-std::vector<RankedFault> FaultResponses::screen(const Prior& prior) const {
-  Sums sums(shift_.size(), static_cast<Eigen::Index>(hypotheses_.size()));
-  for (std::size_t i = recent_.size() - window_; i < recent_.size(); ++i) sums.add(recent_[i]->sums);
-  if (!change_ && there_.empty()) sums.add(*reference_);
-  const Eigen::LDLT<Eigen::MatrixXd> lambda(prior.before + sums.tt);
+std::vector<RankedFault> FaultResponses::screen(const ResponsePrior& prior, const Stretches& stretches,
+                                                bool with_reference) const {
+  const std::vector<FaultHypothesis>& all = hypotheses();
+  ResponseSums sums = model_.no_sums();
+  for (const Stretch* stretch : stretches) sums.add(stretch->sums);
+  if (with_reference) sums.add(reference_);
+  const Eigen::LDLT<Eigen::MatrixXd> lambda(prior.information + sums.tt);
   const Eigen::VectorXd theta = lambda.solve(prior.pull + sums.tr);
   const Eigen::MatrixXd known = lambda.solve(sums.td);
   std::vector<RankedFault> result;
-  for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
+  for (std::size_t h = 0; h < all.size(); ++h) {
     const auto at = static_cast<Eigen::Index>(h);
     const double left = sums.dd(at, at) - sums.td.col(at).dot(known.col(at));
     RankedFault ranked;
     ranked.hypothesis = h;
-    if (!(left > kInsensitive)) {  // standstill: nothing is said
+    if (!(left > settings_.least_response)) {  // standstill: nothing is said
       ranked.std = kInfinity;
       result.push_back(ranked);
       continue;
     }
-    ranked.amplitude =
-        std::clamp(-(sums.dr[at] - sums.td.col(at).dot(theta)) / left, hypotheses_[h].lowest, hypotheses_[h].highest);
+    ranked.amplitude = std::clamp(-(sums.dr[at] - sums.td.col(at).dot(theta)) / left, all[h].lowest, all[h].highest);
     ranked.std = 1 / std::sqrt(left);
     // Evidence of the clamped amplitude: L(0) - L(a).
     ranked.evidence = -ranked.amplitude * (2 * (sums.dr[at] - sums.td.col(at).dot(theta)) + ranked.amplitude * left);
     result.push_back(ranked);
   }
-  std::sort(result.begin(), result.end(),
-            [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
+  std::sort(result.begin(), result.end(), by_evidence);
   return result;
 }
 
-// Over the recent stretches, parameters adjusted to first order.
-double FaultResponses::loss(const Prior& prior, const std::vector<EffectSpec>& effects) const {
-  Eigen::MatrixXd tt = prior.before;
-  Eigen::VectorXd tr = prior.pull;
-  double rr = prior.constant;
-  ModelChange change{base_, there_};
-  change.effects.insert(change.effects.end(), effects.begin(), effects.end());
-  for (std::size_t i = recent_.size() - window_; i < recent_.size(); ++i) {
-    const std::unique_ptr<Stretch>& stretch = recent_[i];
-    const Eigen::MatrixXf residuals = model_.residuals(change, stretch->run, model_.noise());
-    for (std::size_t s = 0; s < stretch->starts.size(); ++s) {
-      Eigen::MatrixXd r = model_.stacked(residuals, stretch->run.restarts[s + 1]);
-      SegmentModel::project(stretch->starts[s], r);
-      tr.noalias() += stretch->weights[s] * stretch->tolerances[s].transpose() * r.col(0);
-      rr += stretch->weights[s] * r.squaredNorm();
-    }
-    tt += stretch->sums.tt;
+std::vector<RankedFault> FaultResponses::screen(const Window& window) const {
+  return screen(prior(window), latest(window.stretches), !window.change);
+}
+
+std::vector<RankedFault> FaultResponses::find_window() {
+  // Once there is a fault, the way it was found stays: what follows belongs to it.
+  if (event_) {
+    window_.stretches = std::min(window_.stretches + 1, recent_.size());
+    return screen(window_);
   }
-  return rr - tr.dot(Eigen::LDLT<Eigen::MatrixXd>(tt).solve(tr));
+  std::vector<RankedFault> best;
+  Window best_window{false, recent_.size()};
+  const auto attempt = [&](const Window& window) {
+    std::vector<RankedFault> screened = screen(window);
+    if (screened.empty() || (!best.empty() && screened.front().evidence <= best.front().evidence)) return;
+    best = std::move(screened);
+    best_window = window;
+  };
+  attempt(best_window);
+  for (std::size_t n = 1; n <= recent_.size(); ++n)
+    if (stretches_ > n) attempt({true, n});
+  window_ = best_window;
+  return best;
+}
+
+FaultResponses::Scene FaultResponses::scene() const {
+  Scene scene{prior(window_), latest(window_.stretches), point_, 0};
+  scene.healthy_loss = model_.loss(scene.prior, scene.stretches, scene.point, {});
+  return scene;
 }
 
 // Parabolas through three losses: robust where the response bends.
-RankedFault FaultResponses::refine(const Prior& prior, double base_loss, RankedFault start) const {
-  const FaultHypothesis& h = hypotheses_[start.hypothesis];
+RankedFault FaultResponses::refine(const Scene& scene, RankedFault start) const {
+  const FaultHypothesis& h = hypotheses()[start.hypothesis];
   if (!std::isfinite(start.std)) return start;
   const double least = std::isinf(h.none) ? h.lowest : -kInfinity;
-  const auto at = [&](double amplitude) { return loss(prior, {h.at(amplitude)}); };
+  const auto at = [&](double amplitude) {
+    return model_.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitude)});
+  };
   double a = std::max(start.amplitude, least), here = at(a);
   double curvature = 1 / (start.std * start.std);
-  for (int i = 0; i < kRefinements; ++i) {
-    const double step = std::max(kRefineStep * std::abs(a), 0.2 * start.std);
+  for (std::size_t i = 0; i < settings_.refinements; ++i) {
+    const double step = std::max(settings_.refine_step_fraction * std::abs(a), settings_.refine_step_sigma * start.std);
     const double up = std::min(a + step, h.highest), down = std::max({a - step, h.lowest, least});
     const double l_up = up > a ? at(up) : here, l_down = down < a ? at(down) : here;
     double slope, bend = curvature;
@@ -422,7 +242,7 @@ RankedFault FaultResponses::refine(const Prior& prior, double base_loss, RankedF
         best = amplitude;
         least_loss = l;
       }
-    const double wide = std::max(std::abs(a), 3 * start.std);
+    const double wide = std::max(std::abs(a), settings_.refine_reach_sigma * start.std);
     const double newton =
         std::clamp(a - std::clamp(slope / (2 * curvature), -wide, wide), std::max(h.lowest, least), h.highest);
     const double l_newton = at(newton);
@@ -430,160 +250,200 @@ RankedFault FaultResponses::refine(const Prior& prior, double base_loss, RankedF
       best = newton;
       least_loss = l_newton;
     }
-    const bool done = here - least_loss < 0.01 * (base_loss - least_loss);
+    const bool done = here - least_loss < settings_.refine_settled_fraction * (scene.healthy_loss - least_loss);
     a = best;
     here = least_loss;
     if (done) break;
   }
   start.amplitude = a;
-  start.evidence = base_loss - here;
+  start.evidence = scene.healthy_loss - here;
   start.std = 1 / std::sqrt(std::max(curvature, 1e-300));
   return start;
 }
 
-std::vector<RankedFault> FaultResponses::best_of(const Prior& prior, double base_loss,
-                                                 std::vector<RankedFault> screened,
-                                                 std::map<std::size_t, double>* candidates) const {
+std::vector<RankedFault> FaultResponses::best_of(const Scene& scene, std::vector<RankedFault> screened,
+                                                 std::map<std::size_t, double>* closely) const {
   // The linear answer misses what only a large fault does (a piston that no longer breaks away): a few sizes of each are tried. While a
   // fault lasts, those that explained it best when it was found start from what they were then.
   const bool known = event_ && !candidates_.empty();
-  if (known)
-    screened.erase(
-        std::remove_if(screened.begin() + static_cast<std::ptrdiff_t>(std::min(screened.size(), kLooked)),
-                       screened.end(), [&](const RankedFault& f) { return candidates_.count(f.hypothesis) == 0; }),
-        screened.end());
+  if (known) {
+    const std::size_t looked = std::min(screened.size(), settings_.looked_hypotheses);
+    screened.erase(std::remove_if(screened.begin() + static_cast<std::ptrdiff_t>(looked), screened.end(),
+                                  [&](const RankedFault& f) { return candidates_.count(f.hypothesis) == 0; }),
+                   screened.end());
+  }
   in_parallel(screened.size(), settings_.jobs, [&](std::size_t i) {
-    const FaultHypothesis& h = hypotheses_[screened[i].hypothesis];
+    const FaultHypothesis& h = hypotheses()[screened[i].hypothesis];
     double least = kInfinity;
     std::vector<double> sizes = {screened[i].amplitude};
     const auto before = candidates_.find(screened[i].hypothesis);
+    const double coarse = settings_.coarse_fraction;
     if (known && before != candidates_.end()) sizes.push_back(before->second);
-    if (!known) sizes.insert(sizes.end(), {kCoarse * h.highest, h.highest, kCoarse * h.lowest, h.lowest});
+    if (!known) sizes.insert(sizes.end(), {coarse * h.highest, h.highest, coarse * h.lowest, h.lowest});
     for (const double a : sizes) {
       if (a == 0 || (std::isinf(h.none) && a < h.lowest)) continue;
-      const double found = loss(prior, {h.at(a)});
+      const double found = model_.loss(scene.prior, scene.stretches, scene.point, {h.at(a)});
       if (found >= least) continue;
       least = found;
       screened[i].amplitude = a;
     }
-    screened[i].evidence = base_loss - least;
+    screened[i].evidence = scene.healthy_loss - least;
   });
-  std::sort(screened.begin(), screened.end(),
-            [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
-  if (candidates != nullptr) {
-    candidates->clear();
-    for (std::size_t i = 0; i < std::min(kCandidates, screened.size()); ++i)
-      (*candidates)[screened[i].hypothesis] = screened[i].amplitude;
+  std::sort(screened.begin(), screened.end(), by_evidence);
+  if (closely != nullptr) {
+    closely->clear();
+    for (std::size_t i = 0; i < std::min(settings_.kept_hypotheses, screened.size()); ++i)
+      (*closely)[screened[i].hypothesis] = screened[i].amplitude;
   }
-  screened.resize(std::min(screened.size(), settings_.refined));
-  in_parallel(screened.size(), settings_.jobs,
-              [&](std::size_t i) { screened[i] = refine(prior, base_loss, screened[i]); });
-  std::sort(screened.begin(), screened.end(),
-            [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
+  screened.resize(std::min(screened.size(), settings_.refined_hypotheses));
+  in_parallel(screened.size(), settings_.jobs, [&](std::size_t i) { screened[i] = refine(scene, screened[i]); });
+  std::sort(screened.begin(), screened.end(), by_evidence);
   return screened;
 }
 
-void FaultResponses::judge(const Recording& recording) {
-  recent_.push_back(respond(recording));
-  ++stretches_;
-  const bool calm = evidence_ < kSuspicion * settings_.threshold;
-  if (!event_ && (stretches_ <= kEarly || (calm && (stretches_ & (stretches_ - 1)) == 0)))
-    for (int i = 0; i < kTries && relinearise(); ++i) {
-    }
-  if (recent_.size() > settings_.recent) {
-    if (!event_) {
-      reference_->scale(1 - 1 / settings_.memory);
-      reference_->add(recent_.front()->sums);
-    }
-    recent_.erase(recent_.begin());
+// ---- the event
+
+bool FaultResponses::over() const {
+  const RankedFault& first = first_.front();
+  ResponsePrior before = model_.tolerances(point_);
+  if (window_.change) before.add(reference_);
+  const Stretches last = latest(1);
+  const double with = model_.loss(before, last, point_, {hypotheses()[first.hypothesis].at(first.amplitude)});
+  return with > model_.loss(before, last, point_, {}) + settings_.over_evidence;
+}
+
+// The model with the first fault in it, and all looked for anew around that: segments count by what is left of them.
+void FaultResponses::look_beside(const ResponsePrior& before) {
+  second_.clear();
+  const std::vector<FaultHypothesis>& all = hypotheses();
+  const RankedFault first = first_.front();
+  Scene scene{before, {}, point_, 0};
+  scene.point.effects = {all[first.hypothesis].at(first.amplitude)};
+  std::vector<std::unique_ptr<Stretch>> stretches;
+  for (const Stretch* stretch : latest(window_.stretches)) {
+    stretches.push_back(model_.respond(stretch->run.recording, scene.point));
+    scene.stretches.push_back(stretches.back().get());
   }
+  std::vector<RankedFault> beside = screen(before, scene.stretches, false);
+  const double alternative = settings_.alternative_evidence_fraction * first.evidence;
+  beside.erase(
+      std::remove_if(beside.begin(), beside.end(),
+                     // What the first leaves at its own place, and what explains it nearly as well, is no second fault.
+                     [&](const RankedFault& f) {
+                       return all[f.hypothesis].port == all[first.hypothesis].port ||
+                              std::any_of(first_.begin(), first_.end(), [&](const RankedFault& other) {
+                                return other.hypothesis == f.hypothesis && other.evidence > alternative;
+                              });
+                     }),
+      beside.end());
+  const double limit = std::max(settings_.threshold_evidence, settings_.second_evidence_fraction * first.evidence);
+  if (beside.empty() || beside.front().evidence <= limit) return;
+  beside.resize(std::min(beside.size(), settings_.kept_hypotheses));
+  scene.healthy_loss = model_.loss(before, scene.stretches, scene.point, {});
+  beside = best_of(scene, beside);
+  if (beside.front().evidence > limit) second_ = beside;
+}
+
+// Between refinements the size is followed; how the other hypotheses stand to it stays.
+void FaultResponses::follow_size() {
+  if (first_.empty()) return;
+  const RankedFault followed = refine(scene(), first_.front());
+  const double ratio = followed.evidence / first_.front().evidence;
+  for (RankedFault& f : first_) f.evidence *= ratio;
+  first_.front() = followed;
+  evidence_ = followed.evidence;
+}
+
+void FaultResponses::end_event() {
+  event_ = false;
+  age_ = 0;
+  first_.clear();
+  second_.clear();
+}
+
+void FaultResponses::judge(const Recording& recording) {
+  const auto early = [&](unsigned count) { return count <= settings_.early_stretches; };
+  recent_.push_back(model_.respond(recording, point_));
+  ++stretches_;
+  learn_parameters();
+  forget_oldest();
   if (event_ && !first_.empty() && over()) {
     // What the recent stretches hold belongs to neither state.
     recent_.erase(recent_.begin(), recent_.end() - 1);
     event_ = false;
     age_ = 0;
   }
-  best_window();
+  std::vector<RankedFault> screened = find_window();
   // Before anything is blamed on the first stretches: are the parameters further off than the linear model can tell?
-  for (int i = 0; i < kTries && stretches_ <= kEarly && !event_ && !screened_.empty() &&
-                  screened_.front().evidence > kSuspicion * settings_.threshold && search_parameters();
+  const double suspicion = settings_.suspicion_fraction * settings_.threshold_evidence;
+  for (std::size_t i = 0; i < settings_.parameter_moves && early(stretches_) && !event_ && !screened.empty() &&
+                          screened.front().evidence > suspicion && search_parameters();
        ++i) {
     relinearise();
-    best_window();
+    screened = find_window();
   }
-  if (!event_) best_window();
   // Screening takes the model's answer for linear and so finds too much, never too little by far.
-  const double screened_evidence = screened_.empty() ? 0 : screened_.front().evidence;
-  const double limit = (event_ ? kRelease : 1.0) * settings_.threshold;
-  if (screened_evidence >= limit) {
-    // While a fault lasts, ever more rarely, unless it grows.
-    ++age_;
-    const bool due = !event_ || age_ <= kEarly || (age_ & (age_ - 1)) == 0 ||
-                     screened_evidence > kGrown * refined_at_ || screened_evidence * kGrown < refined_at_;
-    if (!due) {
-      // Its size is followed all the same; how the others stand to it stays.
-      if (first_.empty()) return;
-      const Prior now = prior();
-      const RankedFault followed = refine(now, loss(now, {}), first_.front());
-      const double share = followed.evidence / first_.front().evidence;
-      for (RankedFault& f : first_) f.evidence *= share;
-      first_.front() = followed;
-      evidence_ = followed.evidence;
-      return;
-    }
-    refined_at_ = screened_evidence;
+  const double screened_evidence = screened.empty() ? 0 : screened.front().evidence;
+  const double limit = (event_ ? settings_.release_fraction : 1.0) * settings_.threshold_evidence;
+  if (screened_evidence < limit) {
+    evidence_ = screened_evidence;
+    end_event();
+    return;
   }
-  const Prior before = prior();
-  double base_loss = 0;
-  std::vector<RankedFault> ranked;
-  if (screened_evidence >= limit) {
-    base_loss = loss(before, {});
-    std::map<std::size_t, double> candidates;
-    ranked = best_of(before, base_loss, screened_, &candidates);
-    candidates_ = candidates;
-    for (const RankedFault& f : ranked) candidates_[f.hypothesis] = f.amplitude;
+  // While a fault lasts, ever more rarely, unless it grows.
+  ++age_;
+  const bool due = !event_ || early(age_) || power_of_two(age_) ||
+                   screened_evidence > settings_.grown_ratio * refined_at_ ||
+                   screened_evidence * settings_.grown_ratio < refined_at_;
+  if (!due) {
+    follow_size();
+    return;
   }
+  refined_at_ = screened_evidence;
+  const Scene now = scene();
+  std::map<std::size_t, double> closely;
+  const std::vector<RankedFault> ranked = best_of(now, screened, &closely);
+  candidates_ = closely;
+  for (const RankedFault& f : ranked) candidates_[f.hypothesis] = f.amplitude;
   evidence_ = ranked.empty() ? screened_evidence : ranked.front().evidence;
   if (ranked.empty() || evidence_ < limit) {
-    event_ = false;
-    age_ = 0;
-    first_.clear();
-    second_.clear();
+    end_event();
     return;
   }
   first_ = ranked;
-  look_beside(before);
-  if (age_ == 1) since_ = recent_[recent_.size() - window_]->begin;
+  look_beside(now.prior);
+  if (age_ == 1) since_ = recent_[recent_.size() - window_.stretches]->begin;
   event_ = true;
 }
 
+// ---- what could be seen
+
 // Parameters are known to their tolerance and from as much healthy motion as there is with the fault.
 Eigen::MatrixXd FaultResponses::information() const {
-  Sums sums = *reference_;
+  ResponseSums sums = reference_;
   for (const auto& stretch : recent_) sums.add(stretch->sums);
-  const Eigen::Index t = shift_.size();
+  const Eigen::Index t = point_.shift.size();
   return sums.dd - sums.td.transpose() *
                        Eigen::LDLT<Eigen::MatrixXd>(Eigen::MatrixXd::Identity(t, t) + 2 * sums.tt).solve(sums.td);
 }
 
 std::vector<double> FaultResponses::amplitude_errors() const {
   const Eigen::VectorXd left = information().diagonal();
-  std::vector<double> result(hypotheses_.size(), kInfinity);
+  std::vector<double> result(hypotheses().size(), kInfinity);
   for (std::size_t h = 0; h < result.size(); ++h) {
     const double information = left[static_cast<Eigen::Index>(h)];
-    if (information > kInsensitive) result[h] = 1 / std::sqrt(information);
+    if (information > settings_.least_response) result[h] = 1 / std::sqrt(information);
   }
   return result;
 }
 
 Eigen::MatrixXd FaultResponses::cosines() const {
   Eigen::MatrixXd left = information();
-  const Eigen::VectorXd length = left.diagonal().cwiseMax(kInsensitive).cwiseSqrt();
+  const Eigen::VectorXd length = left.diagonal().cwiseMax(settings_.least_response).cwiseSqrt();
+  const double least = 1.01 * std::sqrt(settings_.least_response);
   for (Eigen::Index i = 0; i < left.rows(); ++i)
     for (Eigen::Index j = 0; j < left.cols(); ++j)
-      left(i, j) = length[i] > 1.01 * std::sqrt(kInsensitive) && length[j] > 1.01 * std::sqrt(kInsensitive)
-                       ? left(i, j) / (length[i] * length[j])
-                       : 0;
+      left(i, j) = length[i] > least && length[j] > least ? left(i, j) / (length[i] * length[j]) : 0;
   return left;
 }
 

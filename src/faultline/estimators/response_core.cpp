@@ -1,7 +1,7 @@
 // The responses of a rig's model to faults (fault_responses.h) inside a stage: every sample is taken, and what was found last is told
 // until the next judgement. That comes `latency` s after a stretch ended, whenever it is ready: a thread of its own works it out, so that
 // samples are not held up, and live and offline say the same at the same sample. Its estimates have no state: quantities only (response_core.h).
-// Settings: segment, segments, every, recent, memory, inflation, threshold (fault_responses.h); latency [half of every].
+// Settings: segment, segments, every, recent, memory, inflation, threshold (response_settings.h); latency [half of every].
 #include "faultline/estimators/response_core.h"
 
 #include <algorithm>
@@ -15,15 +15,8 @@ namespace faultline {
 namespace {
 
 ResponseSettings settings_of(const StageSpec& spec, double period) {
-  ResponseSettings s;
-  s.segment = static_cast<std::size_t>(spec.settings.number_or("segment", static_cast<double>(s.segment), 20, 1e5));
-  s.segments = static_cast<std::size_t>(spec.settings.number_or("segments", static_cast<double>(s.segments), 1, 1000));
-  s.every = spec.settings.number_or("every", s.every, period, 1e6);
-  s.recent = static_cast<std::size_t>(spec.settings.number_or("recent", static_cast<double>(s.recent), 1, 1000));
-  s.memory = spec.settings.number_or("memory", s.memory, 1, 1e6);
-  s.inflation = spec.settings.number_or("inflation", s.inflation, 1, 1e6);
-  s.threshold = spec.settings.number_or("threshold", s.threshold, 1e-6, 1e9);
-  s.refined = kRankedFirst;
+  ResponseSettings s = read_response_settings(spec.settings, period);
+  s.refined_hypotheses = kRankedFirst;
   s.jobs = 2;
   return s;
 }
@@ -32,7 +25,7 @@ class ResponseCore : public StageCore {
  public:
   ResponseCore(const Datasheet& sheet, const StageSpec& spec)
       : responses_(sheet, settings_of(spec, sheet.sample_period)) {
-    const double every = spec.settings.number_or("every", ResponseSettings().every, sheet.sample_period, 1e6);
+    const double every = spec.settings.number_or("every", ResponseSettings().every_s, sheet.sample_period, 1e6);
     latency_ = spec.settings.number_or("latency", 0.5 * every, 0, 1e6);
     for (const Channel& channel : sheet.channels)
       needed_.push_back(channel.role != Role::setpoint && !channel.ground_truth);

@@ -12,16 +12,12 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kSegment = 250;  // samples
-constexpr int kIterations = 10;        // of the first round
-constexpr int kNextIterations = 3;     // of those that follow a better scatter, or one parameter less
 constexpr double kNinetyPercent = 1.645;
-constexpr double kUnmarkedTolerance =
-    0.1;                         // relative, where the datasheet says 0 and yet wants the parameter identified
-constexpr double kLittle = 0.5;  // tolerances: a conditional error below this means that the run does see the parameter
-constexpr double kStrong = 0.8;  // correlation that is worth a name
+constexpr double kRidge = 1e-9;  // added to the Hessian's diagonal: a guard against what no run shows
 
-double scale_of(const Parameter& p) { return p.tolerance > 0 ? p.tolerance : kUnmarkedTolerance; }
+double scale_of(const Parameter& p, const FitOptions& options) {
+  return p.tolerance > 0 ? p.tolerance : options.unmarked_tolerance_fraction;
+}
 
 struct Marked {
   std::size_t index;
@@ -40,7 +36,7 @@ Errors errors_of(const SegmentSolver& solver, const Datasheet& sheet, const std:
   Errors e;
   const SegmentSolver::Information info = solver.information(values, free);
   const Eigen::Index n = info.hessian.rows();
-  const Eigen::LDLT<Eigen::MatrixXd> factor(info.hessian + 1e-9 * Eigen::MatrixXd::Identity(n, n));
+  const Eigen::LDLT<Eigen::MatrixXd> factor(info.hessian + kRidge * Eigen::MatrixXd::Identity(n, n));
   const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(n, n));
   e.statistical = inverse * info.scatter * inverse;
   e.conditional.resize(n);
@@ -61,16 +57,16 @@ Errors errors_of(const SegmentSolver& solver, const Datasheet& sheet, const std:
 }
 
 std::string reason_for(const Datasheet& sheet, const std::vector<std::size_t>& free, const Errors& e,
-                       Eigen::Index worst) {
+                       Eigen::Index worst, const FitOptions& options) {
   const Eigen::MatrixXd total = e.statistical + e.systematic;
-  if (e.conditional[worst] > kLittle)
+  if (e.conditional[worst] > options.seen_error_tolerances)
     return fmt::format("these runs hardly respond to it: alone it would be known to {:.2g} tolerances",
                        e.conditional[worst]);
   std::string with;
   for (Eigen::Index j = 0; j < total.rows(); ++j) {
     if (j == worst) continue;
     const double correlation = e.statistical(worst, j) / std::sqrt(e.statistical(worst, worst) * e.statistical(j, j));
-    if (std::abs(correlation) < kStrong) continue;
+    if (std::abs(correlation) < options.named_correlation) continue;
     with += (with.empty() ? "" : ", ") +
             fmt::format("{} ({:+.2f})", sheet.parameters[free[static_cast<std::size_t>(j)]].name, correlation);
   }
@@ -83,7 +79,7 @@ std::string reason_for(const Datasheet& sheet, const std::vector<std::size_t>& f
 }  // namespace
 
 ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::string, Recording>> runs, int jobs,
-                            const FitProgress& progress) {
+                            const FitProgress& progress, const FitOptions& options) {
   if (runs.empty()) throw InputError("fit: no run was given");
   std::vector<Marked> marked;
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
@@ -96,13 +92,13 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   if (marked.empty())
     throw InputError(
         fmt::format("{}: no parameter is marked 'identify: true'; mark those that `fit` shall estimate", sheet.file));
-  const SegmentModel model(sheet, kSegment);
+  const SegmentModel model(sheet, options.segment_samples, options.segments);
   std::vector<SegmentedRun> prepared;
   for (auto& [name, recording] : runs) prepared.push_back(model.prepare(name, std::move(recording)));
   const std::vector<double> noise = model.noise(prepared);
   std::vector<double> scales;
-  for (const Parameter& p : sheet.parameters) scales.push_back(scale_of(p));
-  SegmentSolver solver(model, std::move(prepared), noise, scales, jobs);
+  for (const Parameter& p : sheet.parameters) scales.push_back(scale_of(p, options));
+  SegmentSolver solver(model, std::move(prepared), noise, scales, options, jobs);
   const auto tell = [&](const std::string& text) {
     if (progress) progress(text);
   };
@@ -121,9 +117,9 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     tell(fmt::format("{} parameters, {} segments", free.size(), solver.segments()));
     // Scatter and parameters in turn.
     solver.set_scatter(result.values);
-    solver.solve(result.values, free, first ? kIterations : kNextIterations);
+    solver.solve(result.values, free, first ? options.first_iterations : options.next_iterations);
     solver.set_scatter(result.values);
-    solver.solve(result.values, free, kNextIterations);
+    solver.solve(result.values, free, options.next_iterations);
     first = false;
     errors = errors_of(solver, sheet, result.values, free);
     // The worst of those that are not determined goes; the others may be determined without it.
@@ -140,7 +136,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     const std::size_t index = free[static_cast<std::size_t>(worst)];
     const auto place = std::find_if(marked.begin(), marked.end(), [&](const Marked& m) { return m.index == index; });
     place->free = false;
-    place->reason = reason_for(sheet, free, errors, worst);
+    place->reason = reason_for(sheet, free, errors, worst, options);
     tell(fmt::format("{} is not determined", sheet.parameters[index].name));
     result.values[index] = sheet.parameters[index].nominal;
   }
@@ -155,7 +151,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     fitted.determined = m.free;
     fitted.reason = m.reason;
     fitted.estimate = result.values[m.index];
-    double error = scale_of(p) * p.nominal;  // of the estimate, in its unit
+    double error = scale_of(p, options) * p.nominal;  // of the estimate, in its unit
     if (m.free) {
       const Eigen::Index at = std::find(free.begin(), free.end(), m.index) - free.begin();
       fitted.statistical = std::sqrt(errors.statistical(at, at)) * error / fitted.estimate;
@@ -172,7 +168,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     result.channels.push_back({channel.name, channel.unit, noise[i], before[i], after[i]});
   }
   result.segments = solver.segments();
-  result.segment_duration = static_cast<double>(kSegment) * sheet.sample_period;
+  result.segment_duration = static_cast<double>(options.segment_samples) * sheet.sample_period;
   return result;
 }
 

@@ -47,6 +47,6 @@ using FitProgress = std::function<void(const std::string&)>;
 
 // InputError where the datasheet marks nothing or a run cannot be used. Uses `jobs` threads; the answer does not depend on how many.
 ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::string, Recording>> runs, int jobs,
-                            const FitProgress& progress = {});
+                            const FitProgress& progress = {}, const FitOptions& options = {});
 
 }  // namespace faultline

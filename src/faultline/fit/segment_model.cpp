@@ -11,15 +11,14 @@
 namespace faultline {
 namespace {
 
-constexpr std::ptrdiff_t kReach = 6;             // samples on each side of a smoothed start
-constexpr double kLargest = 1e4;                 // residuals beyond this many sigmas are cut
 constexpr double kThirdDifferenceVariance = 20;  // of unit white noise: 1 + 9 + 9 + 1
 constexpr double kMedianToSigma = 1.4826;
 
-struct Moments {  // of the offsets -kReach..kReach
+struct Moments {  // of the offsets -reach..reach
+  std::ptrdiff_t reach;
   double zeroth = 0, second = 0, fourth = 0;
-  Moments() {
-    for (std::ptrdiff_t i = -kReach; i <= kReach; ++i) {
+  explicit Moments(std::size_t half_width) : reach(static_cast<std::ptrdiff_t>(half_width)) {
+    for (std::ptrdiff_t i = -reach; i <= reach; ++i) {
       const double square = static_cast<double>(i * i);
       zeroth += 1;
       second += square;
@@ -27,40 +26,39 @@ struct Moments {  // of the offsets -kReach..kReach
     }
   }
 };
-const Moments kMoments;
 
 struct Smooth {
   double value = 0;
   double misfit = 0;  // root mean square of what the quadratic leaves
 };
 
-// Centre of the least-squares quadratic over 2 kReach + 1 samples; near the ends, the mean of the nearest.
-Smooth smoothed(const Recording& recording, std::size_t row, std::size_t column) {
+// Centre of the least-squares quadratic over 2 reach + 1 samples; near the ends, the mean of the nearest.
+Smooth smoothed(const Recording& recording, std::size_t row, std::size_t column, const Moments& moments) {
   const auto centre = static_cast<std::ptrdiff_t>(row), rows = static_cast<std::ptrdiff_t>(recording.rows());
   const auto at = [&](std::ptrdiff_t k) { return recording.at(static_cast<std::size_t>(k), column); };
   double sum = 0, first = 0, second = 0, square = 0;
-  if (centre < kReach || centre + kReach >= rows) {
+  if (centre < moments.reach || centre + moments.reach >= rows) {
     const std::ptrdiff_t low = std::max<std::ptrdiff_t>(0, centre - 1), high = std::min(rows - 1, centre + 1);
     for (std::ptrdiff_t k = low; k <= high; ++k) sum += at(k);
     return {sum / static_cast<double>(high - low + 1), 0};
   }
   const double origin = at(centre);  // so that squares lose no digits
-  for (std::ptrdiff_t i = -kReach; i <= kReach; ++i) {
+  for (std::ptrdiff_t i = -moments.reach; i <= moments.reach; ++i) {
     const double y = at(centre + i) - origin, x = static_cast<double>(i);
     sum += y;
     first += x * y;
     second += x * x * y;
     square += y * y;
   }
-  const double determinant = kMoments.zeroth * kMoments.fourth - kMoments.second * kMoments.second;
-  const double value = (kMoments.fourth * sum - kMoments.second * second) / determinant;
-  const double bend = (kMoments.zeroth * second - kMoments.second * sum) / determinant;
-  const double left = square - value * sum - first * first / kMoments.second - bend * second;
-  return {origin + value, std::sqrt(std::max(0.0, left) / (kMoments.zeroth - 3))};
+  const double determinant = moments.zeroth * moments.fourth - moments.second * moments.second;
+  const double value = (moments.fourth * sum - moments.second * second) / determinant;
+  const double bend = (moments.zeroth * second - moments.second * sum) / determinant;
+  const double left = square - value * sum - first * first / moments.second - bend * second;
+  return {origin + value, std::sqrt(std::max(0.0, left) / (moments.zeroth - 3))};
 }
 
-double smoothed_error() {  // per unit noise
-  return std::sqrt(kMoments.fourth / (kMoments.zeroth * kMoments.fourth - kMoments.second * kMoments.second));
+double smoothed_error(const Moments& moments) {  // per unit noise
+  return std::sqrt(moments.fourth / (moments.zeroth * moments.fourth - moments.second * moments.second));
 }
 
 double third_difference_noise(const Recording& r, std::size_t column) {
@@ -74,20 +72,21 @@ double third_difference_noise(const Recording& r, std::size_t column) {
   return *middle * kMedianToSigma / std::sqrt(kThirdDifferenceVariance);
 }
 
-double smallest_noise(const Channel& channel) {
-  return std::max(
-      {0.3 * channel.noise_std, channel.resolution / std::sqrt(12.0), 1e-9 * (channel.maximum - channel.minimum)});
+double smallest_noise(const Channel& channel, const SegmentOptions& options) {
+  return std::max({options.least_noise_fraction * channel.noise_std, channel.resolution / std::sqrt(12.0),
+                   1e-9 * (channel.maximum - channel.minimum)});
 }
 
 }  // namespace
 
-SegmentModel::SegmentModel(const Datasheet& sheet, std::size_t segment) : sheet_(sheet), segment_(segment) {
+SegmentModel::SegmentModel(const Datasheet& sheet, std::size_t segment, const SegmentOptions& options)
+    : sheet_(sheet), segment_(segment), options_(options) {
   for (std::size_t c = 0; c < sheet_.channels.size(); ++c)
     if (sheet_.channels[c].role == Role::output && !sheet_.channels[c].ground_truth)
       outputs_.push_back(static_cast<int>(c));
   for (const int output : outputs_) {
     const Channel& channel = sheet_.channels[static_cast<std::size_t>(output)];
-    noise_.push_back(std::max(channel.noise_std, smallest_noise(channel)));
+    noise_.push_back(std::max(channel.noise_std, smallest_noise(channel, options_)));
   }
   for (const State& state : sheet_.states) {
     const int channel = find_channel(sheet_.channels, state.name);
@@ -103,7 +102,7 @@ SegmentedRun SegmentModel::prepare(const std::string& name, Recording recording)
                                  2 * segment_, static_cast<double>(2 * segment_) * sheet_.sample_period));
   for (std::size_t k = 1; k < recording.rows(); ++k) {
     const double dt = recording.time[k] - recording.time[k - 1];
-    if (std::abs(dt - sheet_.sample_period) > 0.2 * sheet_.sample_period)
+    if (std::abs(dt - sheet_.sample_period) > options_.period_error_fraction * sheet_.sample_period)
       throw InputError(fmt::format(
           "{}: {:g} s between the samples at {:.3f} s, the rig has {:g} s; cut the run there or resample it", name, dt,
           recording.time[k] - recording.time.front(), sheet_.sample_period));
@@ -119,6 +118,7 @@ SegmentedRun SegmentModel::prepare(const std::string& name, Recording recording)
                                      channel.name, recording.time[k] - recording.time.front()));
     }
   }
+  const Moments moments(options_.start_half_width_samples);
   SegmentedRun run;
   run.name = name;
   for (std::size_t k = 0; k + segment_ <= recording.rows(); k += segment_) {
@@ -129,10 +129,11 @@ SegmentedRun SegmentModel::prepare(const std::string& name, Recording recording)
         run.start_errors.push_back(0);
         continue;
       }
-      const Smooth smooth = smoothed(recording, k, static_cast<std::size_t>(shown_by_[s]));
-      const double own = smoothed_error() * noise_[at_[s]];
+      const Smooth smooth = smoothed(recording, k, static_cast<std::size_t>(shown_by_[s]), moments);
+      const double own = smoothed_error(moments) * noise_[at_[s]];
       // What a quadratic cannot follow (a jump nearby) is an error of the start of its own size.
-      const double excess = std::max(0.0, smooth.misfit * smooth.misfit - 2 * noise_[at_[s]] * noise_[at_[s]]);
+      const double excess = std::max(
+          0.0, smooth.misfit * smooth.misfit - options_.start_misfit_variances * noise_[at_[s]] * noise_[at_[s]]);
       run.starts.push_back(smooth.value);
       run.start_errors.push_back(std::sqrt(own * own + excess));
     }
@@ -147,7 +148,7 @@ std::vector<double> SegmentModel::noise(const std::vector<SegmentedRun>& runs) c
     double sum = 0;
     for (const SegmentedRun& run : runs)
       sum += third_difference_noise(run.recording, static_cast<std::size_t>(output)) / static_cast<double>(runs.size());
-    result.push_back(std::max(sum, smallest_noise(sheet_.channels[static_cast<std::size_t>(output)])));
+    result.push_back(std::max(sum, smallest_noise(sheet_.channels[static_cast<std::size_t>(output)], options_)));
   }
   return result;
 }
@@ -160,6 +161,7 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
   setup.noise = false;
   DrivenModel driven(sheet_, setup);
   const std::size_t rows = run.recording.rows();
+  const double largest = options_.largest_residual_sigma;
   Eigen::MatrixXf result(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(outputs_.size()));
   driven.run(run.recording, 0, rows, run.restarts, starts.data(), [&](std::size_t k, const double* channels) {
     const double* measured = run.recording.row(k);
@@ -167,9 +169,9 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
       const auto c = static_cast<std::size_t>(outputs_[i]);
       double r =
           (measured[c] - std::clamp(channels[c], sheet_.channels[c].minimum, sheet_.channels[c].maximum)) / sigma[i];
-      if (!std::isfinite(r)) r = kLargest;
+      if (!std::isfinite(r)) r = largest;
       result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) =
-          static_cast<float>(std::clamp(r, -kLargest, kLargest));
+          static_cast<float>(std::clamp(r, -largest, largest));
     }
   });
   return result;

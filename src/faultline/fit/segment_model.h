@@ -12,6 +12,7 @@
 
 #include <Eigen/Core>
 
+#include "faultline/fit/fit_options.h"
 #include "faultline/rig/simulator.h"
 
 namespace faultline {
@@ -34,7 +35,7 @@ struct ModelChange {
 class SegmentModel {
  public:
   // `segment` in samples, at least 20.
-  SegmentModel(const Datasheet& sheet, std::size_t segment);
+  SegmentModel(const Datasheet& sheet, std::size_t segment, const SegmentOptions& options = {});
 
   // Cuts and checks. InputError: too short, unevenly sampled, not a number.
   SegmentedRun prepare(const std::string& name, Recording recording) const;
@@ -63,6 +64,7 @@ class SegmentModel {
 
   Datasheet sheet_;
   std::size_t segment_;
+  SegmentOptions options_;
   std::vector<int> outputs_;
   std::vector<double> noise_;
   std::vector<int> shown_by_;    // per state: channel that shows it, or -1

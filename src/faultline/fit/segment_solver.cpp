@@ -9,15 +9,6 @@
 #include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
-namespace {
-
-constexpr double kStep = 0.1;      // tolerances, of the differences that give sensitivities
-constexpr double kHuber = 1.5;     // root mean square of a segment, in scatters, beyond which it counts less
-constexpr double kRange = 0.9;     // parameters stay within 1 -+ this times the datasheet's value downwards ...
-constexpr double kRangeUp = 9;     // ... and upwards
-constexpr std::size_t kBlock = 4;  // segments whose gradients are summed before their scatter is taken: what they share
-
-}  // namespace
 
 // Ceres asks for the residual blocks one by one; all are computed at once when it moves.
 class SegmentCosts : public ceres::EvaluationCallback {
@@ -76,8 +67,9 @@ class SegmentCost : public ceres::CostFunction {
 }  // namespace
 
 SegmentSolver::SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun> runs, std::vector<double> noise,
-                             std::vector<double> scales, int jobs)
+                             std::vector<double> scales, const FitOptions& options, int jobs)
     : model_(model),
+      options_(options),
       runs_(std::move(runs)),
       noise_(std::move(noise)),
       sigma_(noise_),
@@ -89,7 +81,7 @@ SegmentSolver::SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun
 
 double SegmentSolver::weight(double square) const {
   const double values = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
-  const double limit = kHuber * std::sqrt(values);
+  const double limit = options_.huber_sigma * std::sqrt(values);
   const double size = std::sqrt(square);
   return size <= limit ? 1 : limit / size;
 }
@@ -125,9 +117,10 @@ void SegmentSolver::set_scatter(const std::vector<double>& values) {
                 .squaredNorm() /
             static_cast<double>(model_.segment() - 1));
   for (std::size_t i = 0; i < noise_.size(); ++i) {
-    // Mean of the lower nine tenths: a few segments in which the model goes astray do not set the scale.
+    // Mean of the best: a few segments in which the model goes astray do not set the scale.
     std::sort(squares[i].begin(), squares[i].end());
-    const std::size_t count = std::max<std::size_t>(1, squares[i].size() * 9 / 10);
+    const std::size_t count = std::max<std::size_t>(
+        1, static_cast<std::size_t>(options_.scatter_fraction * static_cast<double>(squares[i].size()) + 1e-9));
     double mean = 0;
     for (std::size_t k = 0; k < count; ++k) mean += squares[i][k] / static_cast<double>(count);
     sigma_[i] = noise_[i] * std::sqrt(std::max(1.0, mean));
@@ -162,7 +155,7 @@ std::vector<Eigen::MatrixXf> SegmentSolver::columns(const std::vector<double>& v
   std::vector<ModelChange> wanted;
   for (const std::size_t index : free) {
     std::vector<double> moved = values;
-    moved[index] += kStep * scales_[index] * nominal_[index];
+    moved[index] += options_.difference_tolerances * scales_[index] * nominal_[index];
     wanted.push_back({moved, {}});
   }
   wanted.push_back({values, {}});
@@ -173,7 +166,8 @@ std::vector<Eigen::MatrixXf> SegmentSolver::columns(const std::vector<double>& v
   const std::vector<Eigen::MatrixXf> all = simulated(wanted, run);
   std::vector<Eigen::MatrixXf> result;
   const Eigen::MatrixXf& here = all[free.size()];
-  for (std::size_t j = 0; j < free.size(); ++j) result.push_back((all[j] - here) * static_cast<float>(1 / kStep));
+  for (std::size_t j = 0; j < free.size(); ++j)
+    result.push_back((all[j] - here) * static_cast<float>(1 / options_.difference_tolerances));
   result.push_back(here);
   for (std::size_t c = 0; c < changes.size(); ++c)
     result.push_back(all[free.size() + 2 + 2 * c] - all[free.size() + 1 + 2 * c]);
@@ -211,7 +205,8 @@ void SegmentSolver::triangles(const std::vector<double>& values, const std::vect
   }
 }
 
-void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::size_t>& free, int iterations) const {
+void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::size_t>& free,
+                          std::size_t iterations) const {
   SegmentCosts costs(*this, values, free);
   ceres::Problem::Options problem_options;
   problem_options.evaluation_callback = &costs;
@@ -220,18 +215,18 @@ void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::si
   costs.triangles.assign(segments_, Eigen::MatrixXd::Zero(n + 1, n + 1));
   const double rows = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
   for (std::size_t s = 0; s < segments_; ++s)
-    problem.AddResidualBlock(new SegmentCost(costs.triangles, s, n), new ceres::HuberLoss(kHuber * std::sqrt(rows)),
-                             costs.z.data());
+    problem.AddResidualBlock(new SegmentCost(costs.triangles, s, n),
+                             new ceres::HuberLoss(options_.huber_sigma * std::sqrt(rows)), costs.z.data());
   for (int j = 0; j < n; ++j) {
     const double scale = scales_[free[static_cast<std::size_t>(j)]];
-    problem.SetParameterLowerBound(costs.z.data(), j, -kRange / scale);
-    problem.SetParameterUpperBound(costs.z.data(), j, kRangeUp / scale);
+    problem.SetParameterLowerBound(costs.z.data(), j, (options_.lowest_fraction - 1) / scale);
+    problem.SetParameterUpperBound(costs.z.data(), j, (options_.highest_ratio - 1) / scale);
   }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
-  options.max_num_iterations = iterations;
-  options.function_tolerance = 1e-4;
-  options.parameter_tolerance = 1e-3;
+  options.max_num_iterations = static_cast<int>(iterations);
+  options.function_tolerance = options_.cost_tolerance_fraction;
+  options.parameter_tolerance = options_.step_tolerance_fraction;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
   ceres::Solver::Summary summary;
@@ -257,7 +252,7 @@ SegmentSolver::Information SegmentSolver::information(const std::vector<double>&
       const double w = weight(residual.squaredNorm());
       info.hessian += w * jacobian.transpose() * jacobian;
       block += w * jacobian.transpose() * residual;
-      if ((s + 1) % kBlock == 0 || s + 1 == run.restarts.size()) {
+      if ((s + 1) % options_.block_segments == 0 || s + 1 == run.restarts.size()) {
         info.scatter += block * block.transpose();
         block.setZero();
       }

@@ -12,7 +12,7 @@ namespace faultline {
 class SegmentSolver {
  public:
   SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun> runs, std::vector<double> noise,
-                std::vector<double> scales, int jobs);
+                std::vector<double> scales, const FitOptions& options, int jobs);
 
   std::size_t segments() const { return segments_; }
   // Root mean square residual per output, in its unit.
@@ -20,7 +20,7 @@ class SegmentSolver {
   // Takes the scatter of each output from the residuals at `values`: a robust mean over segments, never below the noise.
   void set_scatter(const std::vector<double>& values);
   // Moves the parameters `free` of `values` to the minimum.
-  void solve(std::vector<double>& values, const std::vector<std::size_t>& free, int iterations) const;
+  void solve(std::vector<double>& values, const std::vector<std::size_t>& free, std::size_t iterations) const;
 
   struct Information {
     Eigen::MatrixXd hessian;  // sum of rho' J'J
@@ -52,6 +52,7 @@ class SegmentSolver {
   friend class SegmentCosts;
 
   const SegmentModel& model_;
+  FitOptions options_;
   std::vector<SegmentedRun> runs_;
   std::vector<double> noise_, sigma_, scales_, nominal_;
   int jobs_;

@@ -6,7 +6,7 @@
 namespace faultline {
 
 bool Candidate::logarithmic(std::size_t i) const {
-  return bounds[i].minimum > 0 && bounds[i].maximum / bounds[i].minimum > 20;
+  return bounds[i].minimum > 0 && bounds[i].maximum / bounds[i].minimum > logarithmic_ratio;
 }
 
 double Candidate::to_coordinate(std::size_t i, double value) const {
@@ -26,7 +26,8 @@ bool same_effect(const Candidate& a, const Candidate& b) {
   return a.effect.effect == b.effect.effect && a.effect.port == b.effect.port;
 }
 
-std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without, double duration) {
+std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without, double duration,
+                                  const GapOptions::Candidates& options) {
   std::vector<Candidate> result;
   for (const Port& port : sheet.ports)
     for (const FittingEffect& fitting : port.effects) {
@@ -40,6 +41,7 @@ std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std:
       candidate.effect.effect = fitting.effect;
       candidate.effect.port = port.name;
       candidate.family = type->family;
+      candidate.logarithmic_ratio = options.logarithmic_ratio;
       for (const EffectParameter& parameter : type->parameters) {
         const auto found = fitting.bounds.find(parameter.name);
         // A parameter without a range here keeps its no-effect value.
@@ -53,7 +55,7 @@ std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std:
   return result;
 }
 
-std::vector<std::vector<double>> starting_points(const Candidate& candidate) {
+std::vector<std::vector<double>> starting_points(const Candidate& candidate, const GapOptions::Candidates& options) {
   // Sizes over the range on both sides of no effect; a second parameter is a shape and gets three values.
   const EffectType* type = find_effect_type(candidate.effect.effect);
   std::vector<std::vector<double>> points = {{}};
@@ -64,16 +66,18 @@ std::vector<std::vector<double>> starting_points(const Candidate& candidate) {
     if (b.minimum >= b.maximum) {
       values = {b.minimum};
     } else if (i > 0 || std::isnan(none)) {
-      for (const double c : {0.15, 0.5, 0.85}) values.push_back(candidate.from_coordinate(i, c));
+      for (const double c : options.shape_coordinates) values.push_back(candidate.from_coordinate(i, c));
       if (i > 0 && !std::isnan(none)) values.push_back(std::clamp(none, b.minimum, b.maximum));
     } else if (candidate.family == "stuck") {  // a time: its loss has a narrow valley
-      for (int k = 0; k < kStuckTimes; ++k) values.push_back(candidate.from_coordinate(i, (k + 0.5) / kStuckTimes));
+      const double times = static_cast<double>(options.stuck_times);
+      for (std::size_t k = 0; k < options.stuck_times; ++k)
+        values.push_back(candidate.from_coordinate(i, (static_cast<double>(k) + 0.5) / times));
     } else if (candidate.logarithmic(i) || std::isinf(none)) {
-      for (const double c : {0.1, 0.3, 0.5, 0.7, 0.9}) values.push_back(candidate.from_coordinate(i, c));
+      for (const double c : options.logarithmic_coordinates) values.push_back(candidate.from_coordinate(i, c));
     } else {
-      for (const double share : {0.06, 0.25, 0.7}) {
-        if (b.minimum < none) values.push_back(none + share * (b.minimum - none));
-        if (b.maximum > none) values.push_back(none + share * (b.maximum - none));
+      for (const double fraction : options.size_fractions) {
+        if (b.minimum < none) values.push_back(none + fraction * (b.minimum - none));
+        if (b.maximum > none) values.push_back(none + fraction * (b.maximum - none));
       }
     }
     std::vector<std::vector<double>> grown;

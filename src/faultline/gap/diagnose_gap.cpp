@@ -16,27 +16,13 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kSegment = 250;   // samples
-constexpr double kQuiet = 0.05;         // excess below which there is nothing left to explain, at the datasheet's noise
-constexpr double kNoisy = 0.2;          // share of that which is left where the recording is much noisier
-constexpr double kUnexplained = 3;      // times the quiet excess: something that no effect explains is worth a word
-constexpr double kRefitMatters = 0.05;  // excess that the refit must remove to speak of miscalibration
-constexpr double kLeft = 0.07;          // share of the refit's excess that may be left beyond that floor
-constexpr double kStrain = 70;          // squared tolerances, summed over the parameters, that are as doubtful
-constexpr double kSteepness = 4;        // of the doubt's logistic curve
-constexpr double kEnough = 0.55;        // share of the excess that named effects must close, else "unknown"
-constexpr double kEnoughOfClosure =
-    0.6;  // share of what all effects at the place together win that the named ones must win
-constexpr double kNextDuration = 20;  // s
-constexpr double kRivalErrors = 2;    // standard errors within which a rival cannot be told apart
-constexpr double kRivalShare = 0.02;  // ... or this share of the gain
-constexpr double kInterval =
-    1.645 * 4;  // 90 % in standard errors; they know nothing of what the model lacks, hence four times (development)
-constexpr double kPlaceShare = 0.15;  // of a second place, from which it is told
-constexpr int kBootstraps = 400;
+constexpr double kNinetyPercent = 1.645;
 
 // `apart`: how far fits of single runs lie from each other, in the effect's coordinates.
-NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart) {
+NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart,
+                  const GapOptions::Verdict& options) {
+  // The covariance knows nothing of what the model lacks.
+  const double width = kNinetyPercent * options.interval_ratio;
   const Candidate& candidate = fit.effects[position];
   NamedEffect result;
   result.effect = candidate.effect.effect;
@@ -55,8 +41,8 @@ NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::Vecto
     const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)) + between * between);
     ++at;
     const double c = candidate.to_coordinate(p, value);
-    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, c - kInterval * std),
-                                                  candidate.from_coordinate(p, c + kInterval * std)};
+    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, c - width * std),
+                                                  candidate.from_coordinate(p, c + width * std)};
   }
   return result;
 }
@@ -64,6 +50,7 @@ NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::Vecto
 // Excess that small unmodelled things leave where nothing is missing. They have a size of their own, so the noisier the recording against
 // the datasheet's noise, the less of them is seen.
 double quiet_excess(const ResidualModel& model) {
+  const GapOptions::Verdict& options = model.options().verdict;
   double ratio = 0;
   int count = 0;
   for (std::size_t i = 0; i < model.outputs().size(); ++i) {
@@ -72,14 +59,15 @@ double quiet_excess(const ResidualModel& model) {
     ratio += model.noise()[i] / channel.noise_std;
     ++count;
   }
-  return kQuiet * (kNoisy + (1 - kNoisy) / std::max(1.0, count > 0 ? ratio / count : 1.0));
+  const double noisy = options.quiet_noisy_fraction;
+  return options.quiet_excess_variances * (noisy + (1 - noisy) / std::max(1.0, count > 0 ? ratio / count : 1.0));
 }
 
 std::string kind_of(const Datasheet& sheet, const std::string& port) {
   return sheet.port(port).kind == PortKind::sensor ? "sensor" : "process";
 }
 
-std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run) {
+std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run, const GapOptions::Residuals& options) {
   std::vector<GapRun> parts;
   const std::size_t rows = run.recording.rows();
   const std::size_t middle = rows / 2;
@@ -89,7 +77,7 @@ std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run) {
     part.channels = run.recording.channels;
     for (std::size_t k = half ? middle : 0; k < (half ? rows : middle); ++k) part.append(run.recording.sample(k));
     parts.push_back(prepare_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part),
-                                gap_segment(sheet)));
+                                options.segment_samples, options));
   }
   return parts;
 }
@@ -101,15 +89,16 @@ struct Split {
   std::vector<Fold> folds;
 };
 
-Split split_runs(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout) {
+Split split_runs(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
+                 const GapOptions::Residuals& options) {
   if (runs.empty()) throw InputError("gap: no run was given");
   Split split;
   if (runs.size() == 1 && holdout.empty()) {
-    if (runs.front().recording.rows() < 4 * gap_segment(sheet))
+    const std::size_t least = 4 * options.segment_samples;  // two segments in each half
+    if (runs.front().recording.rows() < least)
       throw InputError(fmt::format("{}: too short to be cut in two; a single run needs at least {:g} s",
-                                   runs.front().name,
-                                   static_cast<double>(4 * gap_segment(sheet)) * sheet.sample_period));
-    runs = cut_in_two(sheet, runs.front());
+                                   runs.front().name, static_cast<double>(least) * sheet.sample_period));
+    runs = cut_in_two(sheet, runs.front(), options);
   }
   for (std::size_t i = 0; i < runs.size(); ++i) split.learn.push_back(i);
   if (!holdout.empty()) {
@@ -132,10 +121,10 @@ Split split_runs(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<G
 
 // 90 % interval of 1 - excess(after)/excess(before), by bootstrap over the segments.
 Interval shrink_interval(const std::vector<double>& before, const std::vector<double>& after, double values,
-                         std::uint64_t seed) {
+                         std::uint64_t seed, std::size_t bootstraps) {
   Random random(seed);
   std::vector<double> shrinks;
-  for (int b = 0; b < kBootstraps; ++b) {
+  for (std::size_t b = 0; b < bootstraps; ++b) {
     double first = 0, second = 0;
     for (std::size_t i = 0; i < before.size(); ++i) {
       const auto k = static_cast<std::size_t>(random.uniform() * static_cast<double>(before.size()));
@@ -152,7 +141,8 @@ Interval shrink_interval(const std::vector<double>& before, const std::vector<do
 
 // The finalists of the first round with their distances and probabilities. Those that were not followed to the end are as far behind as
 // their quick fits.
-std::vector<RankedCause> rank_causes(const EffectSearch& search) {
+std::vector<RankedCause> rank_causes(const GapTrials& work, const EffectSearch& search) {
+  const GapOptions::Verdict& options = work.options().verdict;
   std::vector<RankedCause> result;
   if (search.ranked.empty()) return result;
   const Structure& best = search.ranked.front();
@@ -160,18 +150,18 @@ std::vector<RankedCause> rank_causes(const EffectSearch& search) {
   double weights = 0, last = 0;
   for (const Structure& s : search.ranked) {
     RankedCause cause;
-    cause.effect = named(s.fit, s.fit.effects.size() - 1, s.apart);
+    cause.effect = named(s.fit, s.fit.effects.size() - 1, s.apart, options);
     if (!s.score.empty()) {
       const std::vector<double> behind = minus(s.score, best.score);
       cause.behind = sum(behind);
-      cause.standard_error = standard_error(behind);
+      cause.standard_error = work.standard_error(behind);
       last = cause.behind;
     } else {
       cause.behind = std::max(last, best.quick - s.quick);
-      cause.standard_error = standard_error({cause.behind});
+      cause.standard_error = work.standard_error({cause.behind});
     }
     cause.gain = whole - cause.behind;
-    const double scale = std::max({1.0, cause.standard_error, kRivalShare * whole});
+    const double scale = std::max({1.0, cause.standard_error, options.rival_gain_fraction * whole});
     cause.effect.probability = std::exp(-0.5 * std::pow(cause.behind / scale, 2));
     weights += cause.effect.probability;
     result.push_back(cause);
@@ -184,7 +174,7 @@ std::vector<RankedCause> rank_causes(const EffectSearch& search) {
 
 // Places by the best candidate of each port.
 std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<Structure>& screened,
-                                    const std::vector<RankedCause>& causes) {
+                                    const std::vector<RankedCause>& causes, double inseparable) {
   std::map<std::string, double> gains, shares;
   for (const Structure& s : screened) {
     double& gain = gains[s.fit.effects.back().effect.port];
@@ -205,17 +195,17 @@ std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<St
     return a.share != b.share ? a.share > b.share : a.score > b.score;
   });
   for (std::size_t i = 1; i < result.size(); ++i)
-    if (result[i].share > kPlaceShare) result.front().inseparable.push_back(result[i].port);
+    if (result[i].share > inseparable) result.front().inseparable.push_back(result[i].port);
   return result;
 }
 
 bool same_cause(const NamedEffect& a, const NamedEffect& b) { return a.effect == b.effect && a.port == b.port; }
 
 // The effects that were found, and the rivals of the first.
-void name_effects(const EffectSearch& search, GapResult& result) {
+void name_effects(const EffectSearch& search, const GapOptions::Verdict& options, GapResult& result) {
   for (std::size_t round = 0; round < search.round_of.size(); ++round) {
     const std::size_t e = position_of(search, round);
-    NamedEffect effect = named(search.base, e, search.apart[e]);
+    NamedEffect effect = named(search.base, e, search.apart[e], options);
     effect.probability = 1;
     if (round == 0)
       for (const RankedCause& cause : result.ranked)
@@ -226,12 +216,14 @@ void name_effects(const EffectSearch& search, GapResult& result) {
     if (std::any_of(result.effects.begin(), result.effects.end(),
                     [&](const NamedEffect& e) { return same_cause(e, cause.effect); }))
       continue;
-    if (cause.behind < kRivalErrors * cause.standard_error || cause.behind < kRivalShare * result.ranked.front().gain)
+    if (cause.behind < options.rival_standard_errors * cause.standard_error ||
+        cause.behind < options.rival_gain_fraction * result.ranked.front().gain)
       result.equivalent.push_back(cause.effect);
   }
   if (!result.equivalent.empty())
     result.why_equivalent =
-        fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors", kRivalErrors);
+        fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors",
+                    options.rival_standard_errors);
 }
 
 // Squared tolerances that the parameters had to move, summed.
@@ -246,16 +238,16 @@ double strain_of(const Datasheet& sheet, const std::vector<double>& parameters) 
 
 }  // namespace
 
-std::size_t gap_segment(const Datasheet&) { return kSegment; }
-
 GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
                        const GapSettings& settings, const GapProgress& progress) {
   const auto begin = std::chrono::steady_clock::now();
+  const GapOptions& options = settings.options;
+  const GapOptions::Verdict& verdict = options.verdict;
   GapResult result;
   result.rig = sheet.rig;
   for (const GapRun& run : runs) result.runs.push_back(run.name);
   for (const GapRun& run : holdout) result.holdout.push_back(run.name);
-  Split split = split_runs(sheet, std::move(runs), std::move(holdout));
+  Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.residuals);
 
   GapTrials work(sheet, std::move(split.runs), split.folds, split.learn, settings, progress);
   const double values = work.held_out_values();
@@ -283,30 +275,32 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   if (found && refit_excess > 0) result.shrink_refit = 1 - explained_excess / refit_excess;
   result.shrink_nominal = nominal_excess > 0 ? 1 - explained_excess / nominal_excess : 0;
   if (refit_excess > 0)
-    result.shrink_interval = shrink_interval(search.plain.held_out, search.losses, values, settings.seed);
+    result.shrink_interval =
+        shrink_interval(search.plain.held_out, search.losses, values, settings.seed, verdict.bootstraps);
   result.closable = found && closure_gain > 0 ? std::clamp(named_gain / closure_gain, 0.0, 1.0) : 0;
-  result.ranked = rank_causes(search);
-  result.places = rank_places(sheet, search.screened, result.ranked);
-  if (found) name_effects(search, result);
+  result.ranked = rank_causes(work, search);
+  result.places = rank_places(sheet, search.screened, result.ranked, verdict.place_probability);
+  if (found) name_effects(search, verdict, result);
 
   // Doubt that what was found is the cause, or that nothing need be found: what is left, and how far the parameters had to bend for it.
-  double doubt = there_was / (kUnexplained * quiet);
+  double doubt = there_was / (verdict.unexplained_quiet_ratio * quiet);
   if (found) {
-    doubt = std::max(0.0, left - quiet) / std::max(there_was, 1e-9) / kLeft +
-            strain_of(sheet, search.base.model.parameters) / kStrain;
-    if (result.shrink_refit < kEnough || result.closable < kEnoughOfClosure) doubt += 1;
+    doubt = std::max(0.0, left - quiet) / std::max(there_was, 1e-9) / verdict.left_excess_fraction +
+            strain_of(sheet, search.base.model.parameters) / verdict.strain_squared_tolerances;
+    if (result.shrink_refit < verdict.named_excess_fraction || result.closable < verdict.closure_gain_fraction)
+      doubt += 1;
   }
-  result.unknown_probability = 1 / (1 + std::exp(-kSteepness * (doubt - 1)));
+  result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (doubt - 1)));
   if (doubt > 1)
     result.verdict = "unknown";
   else if (found)
     result.verdict = "named";
   else
-    result.verdict = nominal_excess - refit_excess > kRefitMatters ? "miscalibrated" : "none";
+    result.verdict = nominal_excess - refit_excess > verdict.miscalibrated_excess_variances ? "miscalibrated" : "none";
   if (!found) result.shrink_interval = {};
 
   // Rounding is in the noise, so it is beside all this: a fact of the recording.
-  const std::vector<NamedEffect> rounded = rounded_channels(sheet, work.model().runs(), settings.without);
+  const std::vector<NamedEffect> rounded = rounded_channels(sheet, work.model().runs(), settings.without, options.grid);
   if (!rounded.empty() && result.verdict != "unknown") {
     if (result.effects.empty()) {
       PlaceScore place;
@@ -334,8 +328,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     };
     const NamedEffect& best = result.ranked.front().effect;
     result.next = separating_runs(sheet, model_of(best).model, model_of(rival).model,
-                                  best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port,
-                                  gap_segment(sheet), kNextDuration, settings.jobs);
+                                  best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port, options,
+                                  settings.jobs);
   }
   measure_levels(work.model(), nominal, search.plain.fit.model, search.base, result);
   describe(sheet, result);

@@ -12,6 +12,7 @@
 #include <functional>
 
 #include "faultline/gap/fit_gap.h"
+#include "faultline/gap/gap_options.h"
 #include "faultline/gap/gap_result.h"
 
 namespace faultline {
@@ -21,16 +22,14 @@ struct GapSettings {
   int jobs = 1;
   std::uint64_t seed = 1;
   int most_effects = 3;
+  GapOptions options;  // of the method; no user changes them
 };
 
 // Called from several threads; what it throws ends the diagnosis and is thrown on.
-using GapProgress = std::function<void(double share, const std::string& text)>;
+using GapProgress = std::function<void(double done, const std::string& text)>;
 
 // `runs` to learn from; `holdout` to score on (empty: the runs score each other; one run is cut in two). Throws InputError.
 GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
                        const GapSettings& settings, const GapProgress& progress);
-
-// Samples between restarts of the states.
-std::size_t gap_segment(const Datasheet& sheet);
 
 }  // namespace faultline

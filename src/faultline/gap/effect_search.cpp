@@ -6,26 +6,18 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kFinalists = 10;  // candidates that are fitted after screening ...
-constexpr std::size_t kSurvivors = 3;   // ... and of those followed to the end,
-constexpr double kFollow = 0.75;        // if they win this share of what the best one wins
-constexpr double kSignificance = 3;     // standard errors that a gain must exceed
-constexpr double kMaterial = 0.04;      // share of the typical squared residual that an effect must remove,
-constexpr double kShareOfRest = 0.3;    // ... a further one besides of what the others leave beyond the noise,
-constexpr double kDecisive = 0.4;       // ... or this share of the mean excess
-constexpr double kCloseRival = 0.03;    // share of an effect's gain that a rival may be behind to be tried again
-
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
 
 // The followed structures of one round, best first; `rest` takes the finalists that were not followed.
 std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& base, std::vector<Structure> structures,
                                      double from, double to, std::vector<Structure>& rest) {
-  if (structures.size() > kFinalists) structures.resize(kFinalists);
+  const GapOptions::Search& options = work.options().search;
+  if (structures.size() > options.finalists) structures.resize(options.finalists);
   const double middle = from + 0.3 * (to - from);
   work.shortlist(base, structures, true, from, middle);
   std::size_t kept = 1;
-  while (kept < structures.size() && kept < kSurvivors && structures[kept].quick > kFollow * structures.front().quick)
-    ++kept;
+  const double promising = options.followed_gain_fraction * structures.front().quick;
+  while (kept < structures.size() && kept < options.followed && structures[kept].quick > promising) ++kept;
   rest.assign(structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
   structures.resize(kept);
   work.refine(structures, middle, to);
@@ -36,17 +28,21 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
 
 // Whether a structure is worth its last effect. What others leave is in part that they are not quite what the rig has, and something
 // smooths a part of that always.
-bool pays(const EffectSearch& now, const Structure& best, double values, double quiet) {
+bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best, double quiet) {
+  const GapOptions::Search& options = work.options().search;
+  const double values = work.held_out_values();
   const std::vector<double> gain = minus(now.score, best.score);
-  if (sum(gain) <= kSignificance * standard_error(gain)) return false;
-  // Mean over the segments of the log of their loss: the share by which a typical segment shrinks.
-  const double share = 1 - std::exp(-sum(gain) / (0.5 * values));
+  if (sum(gain) <= options.significance_standard_errors * work.standard_error(gain)) return false;
+  // Mean over the segments of the log of their loss: the fraction by which a typical segment shrinks.
+  const double removed = 1 - std::exp(-sum(gain) / (0.5 * values));
   const double rest = typical_excess(now.score, values);
   const bool first = now.base.effects.empty();
-  if (share >= kMaterial && (first || rest - typical_excess(best.score, values) > kShareOfRest * rest)) return true;
+  if (removed >= options.material_fraction &&
+      (first || rest - typical_excess(best.score, values) > options.material_rest_fraction * rest))
+    return true;
   // Some effects (a breakaway level) show in a few segments only, but there decide the mean.
   const double before = mean_excess(now.losses, values), after = mean_excess(best.held_out, values);
-  return before - after > kDecisive * before && before - after > quiet;
+  return before - after > options.decisive_excess_fraction * before && before - after > quiet;
 }
 
 // An effect that was found alone was found with others missing: the close rivals of each round but the last are tried again beside
@@ -58,7 +54,7 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
     std::vector<double> standing = winner.score;  // of what holds the winner's place, as if it stood alone
     for (std::size_t r = 1; r < followed[round].size(); ++r) {
       const Structure& rival = followed[round][r];
-      if (sum(rival.score) - sum(winner.score) > kCloseRival * whole) continue;
+      if (sum(rival.score) - sum(winner.score) > work.options().search.close_rival_gain_fraction * whole) continue;
       const auto e = static_cast<std::ptrdiff_t>(position_of(search, round));
       std::vector<Structure> swapped(1);
       std::vector<Candidate>& effects = swapped.front().fit.effects;
@@ -104,7 +100,7 @@ double mean_excess(const std::vector<double>& losses, double values) {
   return std::max(0.0, 2 * sum(losses) / values - 1);
 }
 
-EffectSearch search_effects(GapTrials& work, int most_effects, double quiet) {
+EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_variances) {
   const double values = work.held_out_values();
   EffectSearch search;
   GapModel nominal;
@@ -116,7 +112,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet) {
   search.score = search.plain.score;
   std::vector<std::vector<Structure>> followed;  // round by round, best first
   for (int round = 0; round < most_effects; ++round) {
-    if (typical_excess(search.score, values) < quiet) break;
+    if (typical_excess(search.score, values) < quiet_variances) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     const std::vector<Structure> screened = work.screen(search.base, from, from + 0.5 * width);
     if (round == 0) search.screened = screened;
@@ -130,7 +126,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet) {
       search.ranked = structures;
       search.ranked.insert(search.ranked.end(), rest.begin(), rest.end());
     }
-    if (!pays(search, best, values, quiet)) break;
+    if (!pays(work, search, best, quiet_variances)) break;
     followed.push_back(structures);
     search.base = work.refit(best);
     search.base.covariance = best.fit.covariance;

@@ -20,10 +20,10 @@ struct EffectSearch {
 // Where among the effects of `base` the one of a round stands.
 std::size_t position_of(const EffectSearch& search, std::size_t round);
 
-// Looks for at most `most_effects`, until a typical segment's excess is below `quiet`.
-EffectSearch search_effects(GapTrials& work, int most_effects, double quiet);
+// Looks for at most `most_effects`, until a typical segment's excess is below `quiet_variances`.
+EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_variances);
 
-// Excess beyond the noise of a typical segment, in noise variances, from scores on the scale of robust(): a few segments that go astray (a
+// Excess beyond the noise of a typical segment, in noise variances, from scores on the scale of GapTrials::robust(): a few segments that go astray (a
 // breakaway a moment too late) are no evidence that something is missing. `values`: how many residuals there are.
 double typical_excess(const std::vector<double>& scores, double values);
 // The same of all segments, from their losses.

@@ -10,11 +10,6 @@
 namespace faultline {
 namespace {
 
-constexpr double kEffectStep = 2e-3;   // of a coordinate, for differences
-constexpr double kLargestMove = 0.34;  // of a coordinate in one step
-constexpr int kAttempts = 5;
-constexpr double kSettled = 0.5;  // gain in log likelihood that is not worth another step
-
 using Coordinates = std::vector<std::pair<std::size_t, std::size_t>>;  // (effect, parameter)
 
 Coordinates coordinates_of(const std::vector<Candidate>& effects) {
@@ -35,15 +30,18 @@ void set_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std:
 
 // Moves along the tangent in the effect's own unit: an effect that is a parameter's twin then trades with it exactly, whatever the
 // coordinate's scale. Large moves go by the coordinate.
-void move_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std::size_t> at, double step) {
+void move_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std::size_t> at, double step,
+                     const GapOptions::Fit& options) {
   Candidate& candidate = effects[at.first];
   double& value = candidate.effect.parameters[at.second];
   const double c = candidate.to_coordinate(at.second, value);
-  const double tiny = c > 0.5 ? -kEffectStep : kEffectStep;
+  const double tiny = c > 0.5 ? -options.difference_coordinate : options.difference_coordinate;
   const double slope = (candidate.from_coordinate(at.second, c + tiny) - value) / tiny;
   const double tangent = value + slope * step;
   const double along = candidate.from_coordinate(at.second, c + step);
-  const bool near = candidate.logarithmic(at.second) ? tangent > value / 3 && tangent < 3 * value : true;
+  const bool near = candidate.logarithmic(at.second)
+                        ? tangent > value / options.tangent_ratio && tangent < options.tangent_ratio * value
+                        : true;
   const Bounds& b = candidate.bounds[at.second];
   value = near ? std::clamp(tangent, b.minimum, b.maximum) : along;
 }
@@ -56,7 +54,8 @@ std::vector<std::vector<Eigen::MatrixXf>> effect_sensitivity(const ResidualModel
   for (const auto& which : coordinates) {
     std::vector<Candidate> moved = at.effects;
     const double c = coordinate(moved, which);
-    const double step = c > 0.5 ? -kEffectStep : kEffectStep;
+    const double size = residuals.options().fit.difference_coordinate;
+    const double step = c > 0.5 ? -size : size;
     set_coordinate(moved, which, c + step);
     columns.push_back(
         difference(residuals_of(residuals, with_effects(moved, at.model.parameters), runs, jobs), now, step));
@@ -66,13 +65,14 @@ std::vector<std::vector<Eigen::MatrixXf>> effect_sensitivity(const ResidualModel
 
 }  // namespace
 
-void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& free, const Eigen::VectorXd& step,
+void shift_parameters(const ResidualModel& residuals, const std::vector<std::size_t>& free, const Eigen::VectorXd& step,
                       std::vector<double>& parameters) {
+  const double bound = residuals.options().linearisation.parameter_bound_tolerances;
   for (std::size_t i = 0; i < free.size(); ++i) {
-    const Parameter& p = sheet.parameters[free[i]];
+    const Parameter& p = residuals.sheet().parameters[free[i]];
     const double unit = p.nominal * p.tolerance;
-    const double z = std::clamp((parameters[free[i]] - p.nominal) / unit + step[static_cast<Eigen::Index>(i)],
-                                -kParameterBound, kParameterBound);
+    const double z =
+        std::clamp((parameters[free[i]] - p.nominal) / unit + step[static_cast<Eigen::Index>(i)], -bound, bound);
     parameters[free[i]] = p.nominal + z * unit;
   }
 }
@@ -87,7 +87,8 @@ GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<d
 namespace {
 
 FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-              const Linearisation& linear, int iterations, bool parameters_move, int jobs) {
+              const Linearisation& linear, std::size_t iterations, bool parameters_move, int jobs) {
+  const GapOptions::Fit& options = residuals.options().fit;
   const Datasheet& sheet = residuals.sheet();
   const std::vector<std::size_t>& free = linear.free_parameters();
   const auto parameters = static_cast<Eigen::Index>(parameters_move ? free.size() : 0);
@@ -104,7 +105,7 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
   const auto loss_of = [&](const std::vector<Eigen::MatrixXf>& r, const std::vector<Candidate>& list,
                            const std::vector<double>& values) {
     double sum = 0;
-    for (const double loss : linear.segment_losses(r)) sum += robust(loss, linear.segment_values());
+    for (const double loss : linear.segment_losses(r)) sum += linear.robust(loss);
     return sum + 0.5 * deviations(sheet, free, values).squaredNorm() + 0.5 * from_start(list).squaredNorm();
   };
 
@@ -114,15 +115,14 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
   std::vector<Eigen::MatrixXf> now = residuals_of(residuals, result.model, linear.runs(), jobs);
   result.loss = loss_of(now, result.effects, result.model.parameters);
   double damping = 0;
-  for (int iteration = 0; iteration < iterations; ++iteration) {
+  for (std::size_t iteration = 0; iteration < iterations; ++iteration) {
     const auto effect_columns = effect_sensitivity(residuals, result, coordinates, now, linear.runs(), jobs);
     std::vector<const std::vector<Eigen::MatrixXf>*> columns = {&now};
     if (parameters_move)
       for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
     for (const auto& column : effect_columns) columns.push_back(&column);
     std::vector<double> weights;
-    for (const double loss : linear.segment_losses(now))
-      weights.push_back(robust_weight(loss, linear.segment_values()));
+    for (const double loss : linear.segment_losses(now)) weights.push_back(linear.robust_weight(loss));
     const Eigen::MatrixXd gram = linear.gram(columns, weights);
     const Eigen::Index n = parameters + extra;
     Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
@@ -133,17 +133,18 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
     gradient.tail(extra) += from_start(result.effects);
 
     bool better = false;
-    for (int attempt = 0; attempt < kAttempts && !better; ++attempt) {
+    for (std::size_t attempt = 0; attempt < options.attempts && !better; ++attempt) {
       Eigen::MatrixXd damped = hessian;
       damped.diagonal() *= 1 + damping;
-      Eigen::VectorXd move = bounded_move(damped, gradient, z);
+      Eigen::VectorXd move = bounded_move(damped, gradient, z, residuals.options().linearisation);
       for (Eigen::Index i = 0; i < extra; ++i)
-        move[parameters + i] = std::clamp(move[parameters + i], -kLargestMove, kLargestMove);
+        move[parameters + i] =
+            std::clamp(move[parameters + i], -options.largest_step_coordinate, options.largest_step_coordinate);
       std::vector<double> values = result.model.parameters;
-      if (parameters_move) shift_parameters(sheet, free, move.head(parameters), values);
+      if (parameters_move) shift_parameters(residuals, free, move.head(parameters), values);
       std::vector<Candidate> moved = result.effects;
       for (std::size_t i = 0; i < coordinates.size(); ++i)
-        move_coordinate(moved, coordinates[i], move[parameters + static_cast<Eigen::Index>(i)]);
+        move_coordinate(moved, coordinates[i], move[parameters + static_cast<Eigen::Index>(i)], options);
       const GapModel model = with_effects(moved, values);
       std::vector<Eigen::MatrixXf> tried = residuals_of(residuals, model, linear.runs(), jobs);
       const double loss = loss_of(tried, moved, values);
@@ -153,11 +154,11 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
         result.effects = moved;
         result.loss = loss;
         now = std::move(tried);
-        damping *= 0.2;
+        damping *= options.damping_decrease_ratio;
         better = true;
-        if (gain < kSettled && iteration > 0) return result;
+        if (gain < options.settled_log_likelihood && iteration > 0) return result;
       } else {
-        damping = std::max(0.1, damping * 8);
+        damping = std::max(options.damping_first, damping * options.damping_increase_ratio);
       }
     }
     if (!better) break;
@@ -168,12 +169,12 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
 }  // namespace
 
 FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-                  const Linearisation& linear, int iterations, int jobs) {
+                  const Linearisation& linear, std::size_t iterations, int jobs) {
   return fit(residuals, start, effects, linear, iterations, true, jobs);
 }
 
 FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-                      const Linearisation& linear, int iterations, int jobs) {
+                      const Linearisation& linear, std::size_t iterations, int jobs) {
   return fit(residuals, start, effects, linear, iterations, false, jobs);
 }
 

@@ -2,7 +2,7 @@
 //
 //   L(z, c) = sum over segments of n/2 log(r' W r / n) + 1/2 |z|^2 + 1/2 |c - start|^2
 //
-// z: deviation of each parameter in tolerances, bound at 3.5; c: each effect parameter's coordinate (candidates.h), known beforehand to
+// z: deviation of each parameter in tolerances, within its bound; c: each effect parameter's coordinate (candidates.h), known beforehand to
 // about its range. W, n: linearisation.h.
 #pragma once
 
@@ -23,13 +23,13 @@ struct FitResult {
 // steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in each step. Simulates `jobs` runs at once, as
 // all here do.
 FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-                  const Linearisation& linear, int iterations, int jobs = 1);
+                  const Linearisation& linear, std::size_t iterations, int jobs = 1);
 // The same with the free parameters left as they are.
 FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
-                      const Linearisation& linear, int iterations, int jobs = 1);
+                      const Linearisation& linear, std::size_t iterations, int jobs = 1);
 
 // Moves the free parameters by so many tolerances, within their bound.
-void shift_parameters(const Datasheet& sheet, const std::vector<std::size_t>& free, const Eigen::VectorXd& move,
+void shift_parameters(const ResidualModel& residuals, const std::vector<std::size_t>& free, const Eigen::VectorXd& move,
                       std::vector<double>& parameters);
 
 // Information (d r/d c)' W (d r/d c) of each run, in the order of linear.runs(), about each of the effects' coordinates that have a range.

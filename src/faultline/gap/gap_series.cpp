@@ -5,7 +5,7 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kRows = 4000;
+constexpr std::size_t kMostRows = 4000;  // as docs/gap.schema.json promises
 
 }  // namespace
 
@@ -43,7 +43,7 @@ GapSeries gap_series(const ResidualModel& model, std::size_t run, const GapModel
     series.channels.push_back(model.sheet().channels[static_cast<std::size_t>(channel)].name);
   const Eigen::MatrixXf levels[] = {settled_residuals(model, nominal, run), settled_residuals(model, refitted, run),
                                     settled_residuals(model, explained, run)};
-  const std::size_t every = (recording.rows() + kRows - 1) / kRows;
+  const std::size_t every = (recording.rows() + kMostRows - 1) / kMostRows;
   for (std::size_t k = 0; k < recording.rows(); k += every) {
     series.time.push_back(recording.time[k] - start);
     for (std::size_t o = 0; o < model.outputs().size(); ++o) {

@@ -13,28 +13,12 @@
 namespace faultline {
 namespace {
 
-constexpr double kSamplesCorrelate = 20;  // samples of a misfit that say the same
-constexpr int kSteps = 4;                 // Gauss-Newton steps around one linearisation
-constexpr int kQuickSteps = 3;
-constexpr int kMostRounds = 5;       // linearisations of the refit
-constexpr int kRefineRounds = 3;     // ... and of a structure that is followed
-constexpr double kNear = 0.35;       // tolerances, or of an effect's size, that do not change sensitivities
-constexpr double kShows = 0.1;       // share of what all runs show of an effect's size that some must show to fit it
-constexpr double kSettled = 100;     // gain in log likelihood that is not worth another linearisation
-constexpr double kWideSpan = 0.5;    // of an effect's coordinate on both sides, searched where derivatives fail ...
-constexpr int kWidePoints = 15;      // ... and how many values are tried before the best is narrowed down
-constexpr double kCloseSpan = 0.22;  // the same for the few that are followed
-constexpr int kClosePoints = 9;
-constexpr int kSearches = 2;         // searches of a structure that is followed
-constexpr double kEnough = 0.04;     // excess of a typical segment that is not worth a search
-constexpr double kPromising = 0.25;  // share of the best screening that is worth a search
-
 // Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect that is new changes
 // nothing yet.
-bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to) {
+bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to, double fraction) {
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
     const Parameter& p = sheet.parameters[i];
-    if (std::abs(to.parameters[i] - from.parameters[i]) > kNear * std::abs(p.nominal) * p.tolerance) return false;
+    if (std::abs(to.parameters[i] - from.parameters[i]) > fraction * std::abs(p.nominal) * p.tolerance) return false;
   }
   if (to.effects.size() < from.effects.size()) return false;
   for (std::size_t e = 0; e < to.effects.size(); ++e) {
@@ -48,7 +32,7 @@ bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to) {
       if (from.effects[e].effect != to.effects[e].effect || from.effects[e].port != to.effects[e].port) return false;
       const double before = from.effects[e].parameters[i];
       const double size = std::isfinite(none) ? std::abs(before - none) : std::abs(before);
-      if (std::abs(value - before) > kNear * size) return false;
+      if (std::abs(value - before) > fraction * size) return false;
     }
   }
   return true;
@@ -56,8 +40,8 @@ bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to) {
 
 // The effects with what some runs may not decide held where it is: those that were found before, like the parameters, and what these
 // runs hardly show - a rate limit that only steps reach would be fitted to anything. `shown`: information() of all runs.
-std::vector<Candidate> left_to(const std::vector<std::size_t>& runs, std::vector<Candidate> effects,
-                               std::size_t settled, const std::vector<Eigen::VectorXd>& shown) {
+std::vector<Candidate> left_to(const std::vector<std::size_t>& runs, std::vector<Candidate> effects, std::size_t held,
+                               const std::vector<Eigen::VectorXd>& shown, double least_fraction) {
   Eigen::Index at = 0;
   for (std::size_t e = 0; e < effects.size(); ++e)
     for (std::size_t p = 0; p < effects[e].bounds.size(); ++p) {
@@ -67,7 +51,7 @@ std::vector<Candidate> left_to(const std::vector<std::size_t>& runs, std::vector
       for (const Eigen::VectorXd& run : shown) all += run[at];
       for (const std::size_t run : runs) known += shown[run][at];
       ++at;
-      if (e < settled || known < kShows * all) bounds.minimum = bounds.maximum = effects[e].effect.parameters[p];
+      if (e < held || known < least_fraction * all) bounds.minimum = bounds.maximum = effects[e].effect.parameters[p];
     }
   return effects;
 }
@@ -86,32 +70,34 @@ Eigen::VectorXd free_sizes(const Candidate& free, const Candidate& fitted) {
 
 double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
-double standard_error(const std::vector<double>& values) {
-  double size = 0;
-  for (const double v : values) size += std::abs(v);
-  return std::sqrt(2 * kSamplesCorrelate * size);
-}
-
 std::vector<double> minus(const std::vector<double>& a, const std::vector<double>& b) {
   std::vector<double> result(a.size());
   for (std::size_t i = 0; i < a.size(); ++i) result[i] = a[i] - b[i];
   return result;
 }
 
-std::vector<double> robust(const std::vector<double>& losses, double values_per_segment) {
+std::vector<double> GapTrials::robust(const std::vector<double>& losses) const {
   std::vector<double> result;
-  for (const double loss : losses) result.push_back(robust(loss, values_per_segment));
+  const double least = options().linearisation.least_variance_fraction;
+  for (const double loss : losses) result.push_back(faultline::robust(loss, segment_values(), least));
   return result;
+}
+
+double GapTrials::standard_error(const std::vector<double>& differences) const {
+  double size = 0;
+  for (const double d : differences) size += std::abs(d);
+  return std::sqrt(2 * options().trials.correlated_samples * size);
 }
 
 GapTrials::GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds,
                      const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress)
     : sheet_(sheet), settings_(settings), progress_(progress), folds_(folds), learn_(learn) {
-  around_.residuals = std::make_shared<ResidualModel>(sheet, std::move(runs), gap_segment(sheet));
+  around_.residuals =
+      std::make_shared<ResidualModel>(sheet, std::move(runs), options().residuals.segment_samples, options());
   double duration = 0;
   for (const GapRun& run : model().runs())
     duration = std::max(duration, static_cast<double>(run.recording.rows()) * sheet.sample_period);
-  all_ = candidates(sheet, settings.without, duration);
+  all_ = candidates(sheet, settings.without, duration, options().candidates);
   for (std::size_t i = 0; i < model().runs().size(); ++i) every_.push_back(i);
 }
 
@@ -122,7 +108,7 @@ void GapTrials::tell(double share, const std::string& text) const {
 Surroundings GapTrials::settle(const Surroundings& before, const GapModel& at, int jobs) const {
   Surroundings now;
   now.residuals = std::make_shared<ResidualModel>(*before.residuals);
-  const bool known = before.linear && near(sheet_, before.seen_from, at);
+  const bool known = before.linear && near(sheet_, before.seen_from, at, options().trials.same_sensitivity_fraction);
   now.seen_from = known ? before.seen_from : at;
   std::vector<std::vector<Eigen::MatrixXf>> starts(every_.size());
   in_parallel(every_.size(), jobs, [&](std::size_t i) {
@@ -136,7 +122,7 @@ Surroundings GapTrials::settle(const Surroundings& before, const GapModel& at, i
 
 double GapTrials::learned_loss(const Surroundings& around) const {
   const Linearisation learn = around.linear->subset(learn_);
-  return sum(robust(learn.segment_losses(learn.at_model()), segment_values()));
+  return sum(robust(learn.segment_losses(learn.at_model())));
 }
 
 FitResult GapTrials::refit(const GapModel& start, const std::vector<Candidate>& effects) {
@@ -151,16 +137,16 @@ FitResult GapTrials::refit(const Structure& refined) {
   FitResult fit = refined.fit;
   around_ = refined.around;
   double before = learned_loss(around_);
-  for (int round = 0; round < kMostRounds; ++round) {
-    const FitResult better =
-        fit_gap(*around_.residuals, fit.model, fit.effects, around_.linear->subset(learn_), kSteps, settings_.jobs);
+  for (std::size_t round = 0; round < options().trials.refit_rounds; ++round) {
+    const FitResult better = fit_gap(*around_.residuals, fit.model, fit.effects, around_.linear->subset(learn_),
+                                     options().trials.steps, settings_.jobs);
     Surroundings moved = settle(around_, better.model, settings_.jobs);
     const double now = learned_loss(moved);
     if (now >= before) break;
     fit.model = better.model;
     fit.effects = better.effects;
     around_ = std::move(moved);
-    if (before - now < kSettled) break;
+    if (before - now < options().trials.relinearise_log_likelihood) break;
     before = now;
   }
   return fit;
@@ -175,8 +161,9 @@ FitResult GapTrials::stand(const GapModel& model) {
 
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   std::function<void(double)> progress;
-  if (progress_) progress = [&](double share) { progress_(from + (to - from) * share, "trying effects"); };
-  const std::vector<Candidate> all = at_lines(all_, around_.linear->at_model(), sheet_.sample_period);
+  if (progress_) progress = [&](double done) { progress_(from + (to - from) * done, "trying effects"); };
+  const std::vector<Candidate> all =
+      at_lines(all_, around_.linear->at_model(), sheet_.sample_period, options().spectrum);
   std::vector<Structure> result;
   for (Screened& screened : screen_candidates(model(), *around_.linear, all, base, settings_.jobs, progress)) {
     result.emplace_back();
@@ -189,27 +176,29 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
 void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from,
                           double to) const {
   if (structures.empty()) return;
+  const GapOptions::Trials& trials = options().trials;
   const Linearisation learn = around_.linear->subset(learn_);
   const auto weighted = [&](const GapModel& at) {
-    return sum(robust(learn.segment_losses(residuals_of(model(), at, learn_)), segment_values()));
+    return sum(robust(learn.segment_losses(residuals_of(model(), at, learn_))));
   };
   const double before = weighted(base.model);
   // The time from which a signal is stuck has a narrow valley.
   const auto find_time = [&](FitResult& start) {
     double& time = start.effects.back().effect.parameters.front();
     const Bounds& bounds = start.effects.back().bounds.front();
-    const double spacing = (bounds.maximum - bounds.minimum) / kStuckTimes;
+    const double spacing = (bounds.maximum - bounds.minimum) / static_cast<double>(options().candidates.stuck_times);
     time = narrow(
         [&](double value) {
           time = value;
           return weighted(with_effects(start.effects, start.model.parameters));
         },
-        std::max(bounds.minimum, time - spacing), std::min(bounds.maximum, time + spacing), 3, sheet_.sample_period);
+        std::max(bounds.minimum, time - spacing), std::min(bounds.maximum, time + spacing), trials.stuck_points,
+        sheet_.sample_period);
   };
   const std::size_t followed = (structures.size() + 1) / 2;
-  const double promise = kPromising * structures.front().screened;
+  const double promise = trials.promising_gain_fraction * structures.front().screened;
   std::atomic<std::size_t> done{0};
-  const auto fit = [&](Structure& structure, int steps) {
+  const auto fit = [&](Structure& structure, std::size_t steps) {
     structure.fit = fit_gap(model(), structure.fit.model, structure.fit.effects, learn, steps);
     structure.quick = before - weighted(structure.fit.model);
   };
@@ -233,60 +222,62 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
     // A step that wins less than the screening promised is in a valley that its derivatives do not see.
     Structure other = structure;
     other.fit = start;
-    if (search_effect(model(), learn, other.fit, kWideSpan, kWidePoints) < kSettled) return;
+    const double gain = search_effect(model(), learn, other.fit, trials.wide_span_coordinate, trials.wide_points);
+    if (gain < trials.relinearise_log_likelihood) return;
     fit(other, 1);
     if (other.quick > structure.quick) structure = std::move(other);
   });
-  round(followed, [&](Structure& structure) { fit(structure, kQuickSteps - 1); });
+  round(followed, [&](Structure& structure) { fit(structure, trials.quick_steps - 1); });
   std::stable_sort(structures.begin(), structures.end(),
                    [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
 }
 
-double GapTrials::follow(Structure& structure, int jobs, int rounds) const {
+double GapTrials::follow(Structure& structure, int jobs, std::size_t rounds) const {
   structure.around = settle(around_, structure.fit.model, jobs);
   double best = learned_loss(structure.around);
-  for (int round = 0; round < rounds; ++round) {
+  for (std::size_t round = 0; round < rounds; ++round) {
     const Surroundings& own = structure.around;
-    const FitResult fit =
-        fit_gap(*own.residuals, structure.fit.model, structure.fit.effects, own.linear->subset(learn_), kSteps, jobs);
+    const FitResult fit = fit_gap(*own.residuals, structure.fit.model, structure.fit.effects,
+                                  own.linear->subset(learn_), options().trials.steps, jobs);
     Surroundings moved = settle(own, fit.model, jobs);
     const double now = learned_loss(moved);
     if (now >= best) break;
-    const bool settled = best - now < kSettled;
+    const bool converged = best - now < options().trials.relinearise_log_likelihood;
     best = now;
     structure.fit = fit;
     structure.around = std::move(moved);
-    if (settled) break;
+    if (converged) break;
   }
   return best;
 }
 
 void GapTrials::refine(Structure& structure, int jobs) const {
+  const GapOptions::Trials& trials = options().trials;
   // The refit without this effect may have bent parameters into a valley of their own, from which no step leads out: the fit starts at
   // the datasheet's parameters again, and only where that ends worse than the quick fit from there.
   const FitResult quick = structure.fit;
   const Linearisation learn = around_.linear->subset(learn_);
-  const double quick_loss =
-      sum(robust(learn.segment_losses(residuals_of(model(), quick.model, learn_)), segment_values()));
+  const double quick_loss = sum(robust(learn.segment_losses(residuals_of(model(), quick.model, learn_))));
   structure.fit.model.parameters = sheet_.nominal();
-  double best = follow(structure, jobs, kRefineRounds);
+  double best = follow(structure, jobs, trials.refine_rounds);
   if (best > quick_loss) {
     Structure bent = structure;
     bent.fit = quick;
-    const double other = follow(bent, jobs, kRefineRounds);
+    const double other = follow(bent, jobs, trials.refine_rounds);
     if (other < best) {
       structure = std::move(bent);
       best = other;
     }
   }
   const double values = segment_values() * static_cast<double>(learn.weights().size());
-  for (int pass = 0; pass < kSearches && best > kEnough * 0.5 * values; ++pass) {
+  const double enough = trials.search_excess_variances * 0.5 * values;
+  for (std::size_t pass = 0; pass < trials.searches && best > enough; ++pass) {
     Structure searched = structure;
-    if (search_effect(*structure.around.residuals, structure.around.linear->subset(learn_), searched.fit, kCloseSpan,
-                      kClosePoints, jobs) < kSettled)
+    if (search_effect(*structure.around.residuals, structure.around.linear->subset(learn_), searched.fit,
+                      trials.close_span_coordinate, trials.close_points, jobs) < trials.relinearise_log_likelihood)
       break;
     const double other = follow(searched, jobs, 1);
-    if (other > best - kSettled) break;
+    if (other > best - trials.relinearise_log_likelihood) break;
     structure = std::move(searched);
     best = other;
   }
@@ -295,7 +286,7 @@ void GapTrials::refine(Structure& structure, int jobs) const {
   cross_score(structure.around, structure, structure.fit.effects.size() - 1, jobs);
 }
 
-void GapTrials::cross_score(const Surroundings& around, Structure& structure, std::size_t settled, int jobs) const {
+void GapTrials::cross_score(const Surroundings& around, Structure& structure, std::size_t held, int jobs) const {
   const FitResult& fit = structure.fit;
   std::vector<Eigen::VectorXd> shown;
   if (folds_.size() > 1) shown = information(*around.residuals, fit, *around.linear, jobs);
@@ -305,8 +296,10 @@ void GapTrials::cross_score(const Surroundings& around, Structure& structure, st
     const Fold& fold = folds_[f];
     FitResult part = fit;
     if (fold.train != learn_) {
-      const std::vector<Candidate> effects = left_to(fold.train, fit.effects, settled, shown);
-      part = fit_effects(*around.residuals, fit.model, effects, around.linear->subset(fold.train), kSteps);
+      const std::vector<Candidate> effects =
+          left_to(fold.train, fit.effects, held, shown, options().trials.shown_information_fraction);
+      part =
+          fit_effects(*around.residuals, fit.model, effects, around.linear->subset(fold.train), options().trials.steps);
     }
     if (!fit.effects.empty()) sizes[f] = free_sizes(fit.effects.back(), part.effects.back());
     losses[f] = around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test));
@@ -314,7 +307,7 @@ void GapTrials::cross_score(const Surroundings& around, Structure& structure, st
   structure.held_out.clear();
   for (const std::vector<double>& part : losses)
     structure.held_out.insert(structure.held_out.end(), part.begin(), part.end());
-  structure.score = robust(structure.held_out, segment_values());
+  structure.score = robust(structure.held_out);
   structure.apart = 0.5 * (sizes.front() - sizes.back()).cwiseAbs();
   for (Eigen::Index p = 0; p < structure.apart.size(); ++p)
     if (!std::isfinite(structure.apart[p])) structure.apart[p] = 0;
@@ -362,6 +355,7 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
     candidate.effect.effect = type.name;
     candidate.effect.port = port;
     candidate.family = type.family;
+    candidate.logarithmic_ratio = options().candidates.logarithmic_ratio;
     for (const EffectParameter& parameter : type.parameters) {
       candidate.bounds.push_back({parameter.minimum, parameter.maximum});
       candidate.effect.parameters.push_back(parameter.none);

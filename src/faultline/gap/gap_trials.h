@@ -27,23 +27,14 @@ struct Structure {
   double screened = 0;           // gain in the screening
   double quick = 0;              // gain of the quick fit
   std::vector<double> held_out;  // loss per segment of all tests; empty until refined
-  std::vector<double> score;     // the same on the scale of robust()
+  std::vector<double> score;     // the same on the scale of GapTrials::robust()
   Eigen::VectorXd
       apart;  // how far the folds' fits of the last effect's coordinates lie from each other: standard deviation
   Surroundings around;  // its own, once refined
 };
 
 double sum(const std::vector<double>& values);
-
-// Of a sum of differences in log likelihood: the variance of a log likelihood ratio is about twice its size, and neighbouring samples
-// of a residual that is not white count for one. Differences between segments are no uncertainty: an effect may show in a few only.
-double standard_error(const std::vector<double>& values);
-
 std::vector<double> minus(const std::vector<double>& a, const std::vector<double>& b);
-
-// Loss of a segment on a scale where one segment in which the model goes astray does not outweigh all others: the negative log
-// likelihood with that segment's own noise level, n/2 log(2 loss/n). Near the noise it equals the loss but for a constant.
-std::vector<double> robust(const std::vector<double>& losses, double values_per_segment);
 
 class GapTrials {
  public:
@@ -51,6 +42,7 @@ class GapTrials {
             const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress);
 
   const ResidualModel& model() const { return *around_.residuals; }
+  const GapOptions& options() const { return settings_.options; }
 
   void tell(double share, const std::string& text) const;
 
@@ -88,13 +80,20 @@ class GapTrials {
   double segment_values() const { return static_cast<double>(model().segment() * model().outputs().size()); }
   double held_out_values() const;
 
+  // Loss of each segment on a scale where one in which the model goes astray does not outweigh all others: the negative log
+  // likelihood with that segment's own noise level, n/2 log(2 loss/n). Near the noise it equals the loss but for a constant.
+  std::vector<double> robust(const std::vector<double>& losses) const;
+  // Of a sum of differences in log likelihood: the variance of a log-likelihood ratio is about twice its size, and neighbouring samples
+  // of a residual that is not white count for one. Differences between segments are no uncertainty: an effect may show in a few only.
+  double standard_error(const std::vector<double>& differences) const;
+
  private:
   Surroundings settle(const Surroundings& before, const GapModel& at, int jobs) const;
   double learned_loss(const Surroundings& around) const;
   void refine(Structure& structure, int jobs) const;
-  double follow(Structure& structure, int jobs, int rounds) const;
-  // The first `settled` effects stay as they are.
-  void cross_score(const Surroundings& around, Structure& structure, std::size_t settled, int jobs) const;
+  double follow(Structure& structure, int jobs, std::size_t rounds) const;
+  // The first `held` effects stay as they are.
+  void cross_score(const Surroundings& around, Structure& structure, std::size_t held, int jobs) const;
 
   const Datasheet& sheet_;
   const GapSettings& settings_;

@@ -6,23 +6,18 @@
 #include "faultline/gap/candidates.h"
 
 namespace faultline {
-namespace {
 
-constexpr std::size_t kLeastLevels = 8;  // fewer say nothing
-constexpr double kSame = 1e-9;           // of the largest value: equal but for the digits of a file
-constexpr double kHalfWidth = 1e-3;      // half width of the interval of a step, as a share of it
-
-}  // namespace
-
-double grid_step(const Recording& recording, std::size_t column, double resolution) {
+double grid_step(const Recording& recording, std::size_t column, double resolution, const GapOptions::Grid& options) {
   std::vector<double> levels;
   for (std::size_t k = 0; k < recording.rows(); ++k) levels.push_back(recording.at(k, column));
   if (levels.empty()) return 0;
   std::sort(levels.begin(), levels.end());
-  const double close = std::max(1.01 * resolution, kSame * std::max(std::abs(levels.front()), std::abs(levels.back())));
+  // A little more than the resolution, for the rounding of a quotient.
+  const double close =
+      std::max(1.01 * resolution, options.same_fraction * std::max(std::abs(levels.front()), std::abs(levels.back())));
   levels.erase(std::unique(levels.begin(), levels.end(), [&](double a, double b) { return b - a <= close; }),
                levels.end());
-  if (levels.size() < kLeastLevels || 2 * levels.size() > recording.rows()) return 0;
+  if (levels.size() < options.least_levels || 2 * levels.size() > recording.rows()) return 0;
   double smallest = levels[1] - levels[0];
   for (std::size_t i = 2; i < levels.size(); ++i) smallest = std::min(smallest, levels[i] - levels[i - 1]);
   if (smallest <= 2 * close) return 0;
@@ -36,7 +31,7 @@ double grid_step(const Recording& recording, std::size_t column, double resoluti
 }
 
 std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vector<GapRun>& runs,
-                                          const std::vector<std::string>& without) {
+                                          const std::vector<std::string>& without, const GapOptions::Grid& options) {
   std::vector<NamedEffect> result;
   for (const Candidate& candidate : candidates(sheet, without)) {
     if (candidate.effect.effect != "quantisation" || sheet.port(candidate.effect.port).kind != PortKind::sensor)
@@ -50,17 +45,18 @@ std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vec
     if (adopted || channel.role != Role::output || channel.ground_truth) continue;
     double least = 0, most = 0;
     for (const GapRun& run : runs) {
-      const double step = grid_step(run.recording, column, channel.resolution);
+      const double step = grid_step(run.recording, column, channel.resolution, options);
       least = &run == &runs.front() ? step : std::min(least, step);
       most = std::max(most, step);
     }
-    if (least <= std::max(2 * channel.resolution, channel.noise_std) || most > (1 + kHalfWidth) * least) continue;
+    const double half_width = options.half_width_fraction;
+    if (least <= std::max(2 * channel.resolution, channel.noise_std) || most > (1 + half_width) * least) continue;
     NamedEffect effect;
     effect.effect = candidate.effect.effect;
     effect.port = candidate.effect.port;
     effect.family = candidate.family;
     effect.parameters["step"] = least;
-    effect.intervals["step"] = {(1 - kHalfWidth) * least, (1 + kHalfWidth) * least};
+    effect.intervals["step"] = {(1 - half_width) * least, (1 + half_width) * least};
     effect.probability = 1;
     result.push_back(effect);
   }

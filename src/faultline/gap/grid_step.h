@@ -10,11 +10,13 @@
 namespace faultline {
 
 // q of a recorded channel in its unit; 0 where the values lie on no grid coarser than twice `resolution`.
-double grid_step(const Recording& recording, std::size_t column, double resolution);
+double grid_step(const Recording& recording, std::size_t column, double resolution,
+                 const GapOptions::Grid& options = {});
 
 // Channels whose grid in all runs is coarser than the datasheet's resolution and noise, as the effect `quantisation` where the
 // datasheet lets it fit, has not adopted it and `without` does not leave it out.
 std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vector<GapRun>& runs,
-                                          const std::vector<std::string>& without);
+                                          const std::vector<std::string>& without,
+                                          const GapOptions::Grid& options = {});
 
 }  // namespace faultline

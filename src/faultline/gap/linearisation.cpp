@@ -9,18 +9,12 @@
 #include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
-namespace {
 
-constexpr double kStep = 0.1;     // tolerances, for differences
-constexpr double kFloor = 0.2;    // of the noise's variance, below which a segment cannot be better
-constexpr int kHolds = 4;         // times that parameters which leave their bound are held
-constexpr int kReweightings = 4;  // steps of a projected loss
+double robust(double loss, double values, double least) {
+  return 0.5 * values * std::log(std::max(2 * loss / values, least));
+}
 
-}  // namespace
-
-double robust(double loss, double values) { return 0.5 * values * std::log(std::max(2 * loss / values, kFloor)); }
-
-double robust_weight(double loss, double values) { return 1 / std::max(2 * loss / values, kFloor); }
+double robust_weight(double loss, double values, double least) { return 1 / std::max(2 * loss / values, least); }
 
 std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
                                           const std::vector<std::size_t>& runs, int jobs) {
@@ -67,7 +61,8 @@ Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& mod
     GapModel moved = model;
     const double unit = p.nominal * p.tolerance;
     const double z = (model.parameters[free_[i]] - p.nominal) / unit;
-    const double step = z > 0 ? -kStep : kStep;
+    const double size = options().linearisation.difference_tolerances;
+    const double step = z > 0 ? -size : size;
     moved.parameters[free_[i]] = model.parameters[free_[i]] + step * unit;
     columns_[i] = difference(residuals_of(residuals, moved, runs_), at_model_, step);
   });
@@ -104,7 +99,7 @@ void Linearisation::prepare() {
     }
   }
   weights_.clear();
-  for (const double loss : segment_losses(at_model_)) weights_.push_back(robust_weight(loss, segment_values()));
+  for (const double loss : segment_losses(at_model_)) weights_.push_back(robust_weight(loss));
   cross_.assign(runs_.size(), {});
   const auto parameters = static_cast<Eigen::Index>(columns_.size());
   for (std::size_t r = 0; r < runs_.size(); ++r)
@@ -182,6 +177,14 @@ double Linearisation::segment_values() const {
   return static_cast<double>(residuals_.segment() * residuals_.outputs().size());
 }
 
+double Linearisation::robust(double loss) const {
+  return faultline::robust(loss, segment_values(), options().linearisation.least_variance_fraction);
+}
+
+double Linearisation::robust_weight(double loss) const {
+  return faultline::robust_weight(loss, segment_values(), options().linearisation.least_variance_fraction);
+}
+
 double Linearisation::values() const {
   double count = 0;
   for (std::size_t r = 0; r < runs_.size(); ++r)
@@ -242,16 +245,17 @@ Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::M
   return total;
 }
 
-Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient,
-                             const Eigen::VectorXd& z) {
+Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
+                             const GapOptions::Linearisation& options) {
+  const double bound = options.parameter_bound_tolerances;
   Eigen::VectorXd move = -hessian.ldlt().solve(gradient);
   std::vector<bool> held(static_cast<std::size_t>(z.size()), false);
-  for (int pass = 0; pass < kHolds; ++pass) {
+  for (std::size_t pass = 0; pass < options.bound_passes; ++pass) {
     bool left = false;
     for (Eigen::Index i = 0; i < z.size(); ++i) {
-      if (held[static_cast<std::size_t>(i)] || std::abs(z[i] + move[i]) <= kParameterBound) continue;
+      if (held[static_cast<std::size_t>(i)] || std::abs(z[i] + move[i]) <= bound) continue;
       held[static_cast<std::size_t>(i)] = left = true;
-      move[i] = std::copysign(kParameterBound, z[i] + move[i]) - z[i];
+      move[i] = std::copysign(bound, z[i] + move[i]) - z[i];
     }
     if (!left) break;
     Eigen::MatrixXd part = hessian;
@@ -267,26 +271,25 @@ Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::Vector
     }
     move = -part.ldlt().solve(rest);
   }
-  for (Eigen::Index i = 0; i < z.size(); ++i)
-    move[i] = std::clamp(z[i] + move[i], -kParameterBound, kParameterBound) - z[i];
+  for (Eigen::Index i = 0; i < z.size(); ++i) move[i] = std::clamp(z[i] + move[i], -bound, bound) - z[i];
   return move;
 }
 
 double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z,
                       Eigen::VectorXd* best_move) {
-  const double values = linear.segment_values();
+  const GapOptions::Linearisation& options = linear.options().linearisation;
   const std::vector<Eigen::MatrixXd>& grams = linear.parameter_grams();
   Eigen::VectorXd move = Eigen::VectorXd::Zero(z.size());
   double best = 0;
-  for (int step = 0; step <= kReweightings; ++step) {
+  for (std::size_t step = 0; step <= options.reweightings; ++step) {
     Eigen::MatrixXd hessian = Eigen::MatrixXd::Identity(z.size(), z.size());
     Eigen::VectorXd gradient = z;
     double loss = 0.5 * (z + move).squaredNorm();
     for (std::size_t g = 0; g < grams.size(); ++g) {
       const Eigen::VectorXd& against = products.against_parameters[g];
       const double half = 0.5 * (products.squares[g] + 2 * against.dot(move) + move.dot(grams[g] * move));
-      const double weight = robust_weight(half, values);
-      loss += robust(half, values);
+      const double weight = linear.robust_weight(half);
+      loss += linear.robust(half);
       hessian += weight * grams[g];
       gradient += weight * against;
     }
@@ -294,7 +297,7 @@ double projected_loss(const Linearisation& linear, const SegmentProducts& produc
       best = loss;
       if (best_move) *best_move = move;
     }
-    move = bounded_move(hessian, gradient, z);
+    move = bounded_move(hessian, gradient, z, options);
   }
   return best;
 }

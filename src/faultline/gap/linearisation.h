@@ -14,12 +14,11 @@
 
 namespace faultline {
 
-constexpr double kParameterBound = 3.5;  // tolerances a parameter may move
-
-// Loss of a segment of n values with its own noise level, from 1/2 r' W r. Not below a fifth of the recording's noise.
-double robust(double loss, double values);
+// Loss of a segment of n values with its own noise level, from 1/2 r' W r; its variance is not taken below `least` noise variances
+// (GapOptions::Linearisation::least_variance_fraction).
+double robust(double loss, double values, double least);
 // d robust / d loss.
-double robust_weight(double loss, double values);
+double robust_weight(double loss, double values, double least);
 
 // r' W r and r' W J of each segment.
 struct SegmentProducts {
@@ -59,6 +58,9 @@ class Linearisation {
   SegmentProducts products(const std::vector<Eigen::MatrixXf>& residuals) const;
   const std::vector<Eigen::MatrixXd>& parameter_grams() const { return parameter_grams_; }  // J' W J of each segment
   double segment_values() const;                                                            // residuals in a segment
+  double robust(double loss) const;                                                         // of one of its segments
+  double robust_weight(double loss) const;
+  const GapOptions& options() const { return residuals_.options(); }
 
  private:
   explicit Linearisation(const ResidualModel& residuals) : residuals_(residuals) {}
@@ -77,9 +79,10 @@ class Linearisation {
   std::vector<double> weights_;  // per segment, runs one after the other
 };
 
-// Minimum of 1/2 move' hessian move + gradient' move with z + the first z.size() moves within the bound: what leaves it is held there, the
-// rest solved again.
-Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z);
+// Minimum of 1/2 move' hessian move + gradient' move with z + the first z.size() moves within the parameters' bound: what leaves it is
+// held there, the rest solved again.
+Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
+                             const GapOptions::Linearisation& options);
 
 // L with the parameters adjusted to first order within their bound, for residuals of a changed model at the linearisation's parameters z.
 // `move`, if given, takes the adjustment.

@@ -14,15 +14,6 @@
 namespace faultline {
 namespace {
 
-constexpr double kReturn = 0.7;    // of the normal limit, below which a channel is back
-constexpr double kUneven = 0.2;    // of a sample period, that a stamp may be off
-constexpr double kNotable = 1.25;  // enrichment from which a region is told
-constexpr double kRest = 0.02;     // of a channel's largest magnitude in the window: near zero
-constexpr std::size_t kMostRegions = 4;
-constexpr std::size_t kAgain = 8;      // effects that are fitted after screening
-constexpr double kNearly = 0.85;       // of the best gain, from which two places are not told apart
-constexpr double kWorthNaming = 0.05;  // share of the residual that a place must explain
-
 // Velocities and commands: what friction, valves and leaks depend on.
 bool shows_regions(const Channel& channel) {
   if (channel.ground_truth) return false;
@@ -33,8 +24,9 @@ bool shows_regions(const Channel& channel) {
 }  // namespace
 
 LiveGap::LiveGap(const Datasheet& sheet, const LiveGapSettings& settings) : sheet_(sheet), settings_(settings) {
-  if (settings.segment < 20 || settings.smoothing < 2 || settings.least < 1 || settings.least > settings.smoothing ||
-      settings.locate_after < 2 || settings.locate_every < 1 || !(settings.jump > 0))
+  if (settings.segment_samples < 20 || settings.smoothing_segments < 2 || settings.least_segments < 1 ||
+      settings.least_segments > settings.smoothing_segments || settings.locate_after_segments < 2 ||
+      settings.locate_every_segments < 1 || !(settings.jump_s > 0))
     throw InputError(fmt::format(
         "live gap of {}: segments of at least 20 samples, at least 2 of them, of which 1 or more judge, are allowed",
         sheet.rig));
@@ -78,10 +70,10 @@ bool LiveGap::process(const Sample& sample) {
   if (started_) {
     const double step = sample.time - last_time_;
     if (step == 0) return false;  // a duplicate
-    if (step < 0 || step > settings_.jump) {
+    if (step < 0 || step > settings_.jump_s) {
       reset();
       ++counts_.restarts;
-    } else if (std::abs(step - sheet_.sample_period) > kUneven * sheet_.sample_period) {
+    } else if (std::abs(step - sheet_.sample_period) > settings_.period_error_fraction * sheet_.sample_period) {
       cut();
       ++counts_.cuts;
     }
@@ -94,13 +86,13 @@ bool LiveGap::process(const Sample& sample) {
     return false;
   }
   filling_.append(sample);
-  if (filling_.rows() < settings_.segment) return false;
+  if (filling_.rows() < settings_.segment_samples) return false;
   Recording whole = std::move(filling_);
   filling_ = Recording();
   filling_.rig = sheet_.rig;
   filling_.channels = sheet_.channels;
   window_.push_back(std::move(whole));
-  if (window_.size() > settings_.smoothing) window_.pop_front();
+  if (window_.size() > settings_.smoothing_segments) window_.pop_front();
   // The first after a break only gives the next one's start states their past.
   if (window_.size() < 2) return false;
   ++counts_.segments;
@@ -110,9 +102,9 @@ bool LiveGap::process(const Sample& sample) {
   if (state_.left) {
     if (until_locate_ > 0) --until_locate_;
     const std::size_t segments = std::min(window_.size(), ++out_);
-    if (until_locate_ == 0 && segments >= std::min(settings_.locate_after, settings_.smoothing)) {
+    if (until_locate_ == 0 && segments >= std::min(settings_.locate_after_segments, settings_.smoothing_segments)) {
       locate(segments);
-      until_locate_ = settings_.locate_every;
+      until_locate_ = settings_.locate_every_segments;
     }
   }
   state_.text = sentence();
@@ -132,8 +124,10 @@ Recording LiveGap::joined(std::size_t last) const {
 }
 
 void LiveGap::measure() {
-  const ResidualModel model(sheet_, {prepare_run(sheet_, "live", joined(2), settings_.segment)}, settings_.segment);
-  const auto length = static_cast<Eigen::Index>(settings_.segment);
+  const std::size_t samples = settings_.segment_samples;
+  GapRun run = prepare_run(sheet_, "live", joined(2), samples, settings_.gap.residuals);
+  const ResidualModel model(sheet_, {std::move(run)}, samples, settings_.gap);
+  const auto length = static_cast<Eigen::Index>(settings_.segment_samples);
   const Eigen::MatrixXf residuals = settled_residuals(model, nominal_, 0).bottomRows(length);
   Segment segment;
   segment.rows = window_.back();
@@ -152,16 +146,16 @@ void LiveGap::measure() {
     gap.normal = normal_[c];
     segment.excess.push_back(gap.excess);
   }
-  segment.row_square.resize(settings_.segment);
+  segment.row_square.resize(settings_.segment_samples);
   for (Eigen::Index k = 0; k < length; ++k)
     segment.row_square[static_cast<std::size_t>(k)] = residuals.row(k).squaredNorm();
   measured_.push_back(std::move(segment));
-  if (measured_.size() > settings_.smoothing) measured_.pop_front();
+  if (measured_.size() > settings_.smoothing_segments) measured_.pop_front();
 }
 
 void LiveGap::judge() {
   state_.segments = measured_.size();
-  state_.judged = measured_.size() >= settings_.least;
+  state_.judged = measured_.size() >= settings_.least_segments;
   state_.worst = 0;
   bool left = false;
   for (std::size_t o = 0; o < state_.channels.size(); ++o) {
@@ -169,13 +163,13 @@ void LiveGap::judge() {
     gap.smoothed = 0;
     for (const Segment& segment : measured_) gap.smoothed += segment.excess[o] / static_cast<double>(measured_.size());
     if (!state_.judged || std::isnan(gap.normal)) continue;
-    gap.left = gap.smoothed > (gap.left ? kReturn : 1.0) * gap.normal;
+    gap.left = gap.smoothed > (gap.left ? settings_.return_ratio : 1.0) * gap.normal;
     left = left || gap.left;
     state_.worst = std::max(state_.worst, gap.smoothed / std::max(gap.normal, 1e-9));
   }
   if (left && !state_.left) {
     state_.since = state_.time;
-    until_locate_ = settings_.locate_after;
+    until_locate_ = settings_.locate_after_segments;
   }
   if (!left) {
     out_ = 0;
@@ -201,7 +195,8 @@ void LiveGap::find_regions() {
         most = std::max(most, segment.rows.at(k, c));
       }
     const double largest = std::max(std::abs(least), std::abs(most)),
-                 rest = std::max(kRest * largest, 3 * channel.noise_std);
+                 rest =
+                     std::max(settings_.standstill_fraction * largest, settings_.standstill_sigma * channel.noise_std);
     struct Part {
       std::string name;
       double sum = 0, count = 0;
@@ -213,34 +208,38 @@ void LiveGap::find_regions() {
     for (const Segment& segment : measured_)
       for (std::size_t k = 0; k < segment.rows.rows(); ++k) {
         const double v = segment.rows.at(k, c), s = static_cast<double>(segment.row_square[k]);
-        const bool inside[] = {v > rest, v<-rest, std::abs(v) <= rest, std::abs(v)> std::max(rest, 0.5 * largest)};
+        const bool inside[] = {
+            v > rest, v<-rest, std::abs(v) <= rest, std::abs(v)> std::max(rest, settings_.large_fraction * largest)};
         for (std::size_t i = 0; i < 4; ++i)
           if (inside[i]) parts[i].sum += s, parts[i].count += 1;
       }
     for (const Part& part : parts)
-      if (part.count > 0.01 * rows && part.sum / part.count > kNotable * mean)
+      if (part.count > settings_.least_fraction * rows && part.sum / part.count > settings_.notable_ratio * mean)
         state_.regions.push_back({part.name, part.sum / part.count / mean, part.count / rows});
   }
   std::stable_sort(state_.regions.begin(), state_.regions.end(),
                    [](const LiveRegion& a, const LiveRegion& b) { return a.enrichment > b.enrichment; });
-  if (state_.regions.size() > kMostRegions) state_.regions.resize(kMostRegions);
+  if (state_.regions.size() > settings_.most_regions) state_.regions.resize(settings_.most_regions);
 }
 
 void LiveGap::locate(std::size_t segments) {
   ++counts_.located;
   GapSettings settings;
+  settings.options = settings_.gap;
+  const GapOptions::Residuals& options = settings_.gap.residuals;
   const GapProgress quiet;
   const Fold fold = {{0}, {0}};
-  GapTrials trials(sheet_, {prepare_run(sheet_, "live", joined(segments), gap_segment(sheet_))}, {fold}, {0}, settings,
-                   quiet);
+  GapRun window = prepare_run(sheet_, "live", joined(segments), options.segment_samples, options);
+  GapTrials trials(sheet_, {std::move(window)}, {fold}, {0}, settings, quiet);
   const FitResult base = trials.stand(nominal_);  // the rig was normal before: its parameters are hardly off
-  const double beyond = sum(trials.score(base).score) - robust(0.5 * trials.segment_values(), trials.segment_values());
+  const double beyond = sum(trials.score(base).score) - trials.robust({0.5 * trials.segment_values()}).front();
   std::vector<Structure> structures = trials.screen(base, 0, 1);
-  if (structures.size() > kAgain) structures.resize(kAgain);
+  if (structures.size() > settings_.fitted_candidates) structures.resize(settings_.fitted_candidates);
   trials.shortlist(base, structures, false, 0, 1);
   state_.place = LivePlace();
   state_.place.time = state_.time;
-  if (structures.empty() || structures.front().quick < kWorthNaming * std::max(1.0, beyond)) return;
+  if (structures.empty() || structures.front().quick < settings_.least_explained_fraction * std::max(1.0, beyond))
+    return;
   const Structure& best = structures.front();
   state_.place.port = best.fit.effects.back().effect.port;
   state_.place.component = sheet_.port(state_.place.port).component;
@@ -249,14 +248,14 @@ void LiveGap::locate(std::size_t segments) {
   for (const Structure& other : structures) {
     const std::string& port = other.fit.effects.back().effect.port;
     auto& known = state_.place.inseparable;
-    if (other.quick > kNearly * best.quick && port != state_.place.port &&
+    if (other.quick > settings_.inseparable_gain_fraction * best.quick && port != state_.place.port &&
         std::find(known.begin(), known.end(), port) == known.end())
       known.push_back(port);
   }
 }
 
 std::string LiveGap::sentence() const {
-  if (!state_.judged) return fmt::format("{} of {} segments seen", state_.segments, settings_.least);
+  if (!state_.judged) return fmt::format("{} of {} segments seen", state_.segments, settings_.least_segments);
   if (!state_.left) {
     const bool stated = std::any_of(state_.channels.begin(), state_.channels.end(),
                                     [](const LiveChannelGap& c) { return !std::isnan(c.normal); });

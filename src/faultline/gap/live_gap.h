@@ -1,9 +1,9 @@
 // The gap while the rig runs: the nominal model beside the live samples, segment by segment.
 //
 //   excess of a segment = max(0, rms^2 - noise^2)/noise^2      per channel, settled residuals (gap_series.h) of the nominal model
-//   smoothed            = mean excess over the last `smoothing` segments
+//   smoothed            = mean excess over the last `smoothing_segments`
 //
-// A channel leaves normal when its smoothed excess is above what the datasheet calls normal, and is back below kReturn of that.
+// A channel leaves normal when its smoothed excess is above what the datasheet calls normal, and is back below `return_ratio` of that.
 // While some channel is out, the place is sought at times, on the window of the last segments, by the first steps of `faultline gap`
 // (gap_trials.h): every effect screened, the best fitted together with
 // the parameters. The port of the best is the place; ports that gain nearly
@@ -20,18 +20,55 @@
 
 #include <Eigen/Core>
 
+#include "faultline/gap/gap_options.h"
 #include "faultline/gap/residual_model.h"
 
 namespace faultline {
 
+// All that the answers depend on; units in the names, as in gap_options.h.
 struct LiveGapSettings {
-  std::size_t segment = 500;      // samples
-  std::size_t smoothing = 10;     // segments of the means, the regions and the place
-  std::size_t least = 4;          // segments before anything is judged
-  std::size_t locate_after = 5;   // segments after leaving normal, so that the window shows the trouble
-  std::size_t locate_every = 20;  // segments; bounds the effort
-  double jump = 1;                // s of missing time, forwards, from which all begins anew; backwards any
+  std::size_t segment_samples = 500;       // twice the gap's: one segment must show the motion's both directions
+  std::size_t smoothing_segments = 10;     // of the means, the regions and the place: 5 s at 1 kHz
+  std::size_t least_segments = 4;          // before anything is judged: a mean of fewer scatters
+  std::size_t locate_after_segments = 5;   // after leaving normal, so that the window shows the trouble
+  std::size_t locate_every_segments = 20;  // bounds the effort
+  double jump_s = 1;                       // of missing time, forwards, from which all begins anew; backwards any
+  double return_ratio = 0.7;           // to the normal limit, below which a channel is back: hysteresis against flicker
+  double period_error_fraction = 0.2;  // of a sample period, that a stamp may be off
+  double notable_ratio = 1.25;         // enrichment from which a region is told
+  double standstill_fraction = 0.02;   // of a channel's largest magnitude in the window: near zero ...
+  double standstill_sigma = 3;         // ... and within this many standard deviations of its noise
+  double large_fraction = 0.5;         // of the same, from which a value is large
+  double least_fraction = 0.01;        // of the samples, below which a region says nothing
+  std::size_t most_regions = 4;        // told
+  std::size_t fitted_candidates = 8;   // effects that are fitted after screening: bounds the effort
+  double inseparable_gain_fraction = 0.85;  // of the best gain, from which two places are not told apart
+  double least_explained_fraction = 0.05;   // of the residual, that a place must explain to be named
+  GapOptions gap;                           // of the model beside the rig and of the search for the place
 };
+
+template <class Visit>
+void for_each_option(LiveGapSettings& options, Visit&& visit) {
+#define FAULTLINE_OPTION(member) visit(#member, options.member)
+  FAULTLINE_OPTION(segment_samples);
+  FAULTLINE_OPTION(smoothing_segments);
+  FAULTLINE_OPTION(least_segments);
+  FAULTLINE_OPTION(locate_after_segments);
+  FAULTLINE_OPTION(locate_every_segments);
+  FAULTLINE_OPTION(jump_s);
+  FAULTLINE_OPTION(return_ratio);
+  FAULTLINE_OPTION(period_error_fraction);
+  FAULTLINE_OPTION(notable_ratio);
+  FAULTLINE_OPTION(standstill_fraction);
+  FAULTLINE_OPTION(standstill_sigma);
+  FAULTLINE_OPTION(large_fraction);
+  FAULTLINE_OPTION(least_fraction);
+  FAULTLINE_OPTION(most_regions);
+  FAULTLINE_OPTION(fitted_candidates);
+  FAULTLINE_OPTION(inseparable_gain_fraction);
+  FAULTLINE_OPTION(least_explained_fraction);
+#undef FAULTLINE_OPTION
+}
 
 struct LiveChannelGap {
   std::string channel;

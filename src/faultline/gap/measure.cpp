@@ -10,10 +10,6 @@
 namespace faultline {
 namespace {
 
-constexpr double kStandstill = 0.02;  // of a channel's 95 % range: near zero
-constexpr double kNotable = 1.25;     // enrichment from which a region is told
-constexpr std::size_t kMostRegions = 6;
-
 ChannelGap channel_gap(const ResidualModel& model, std::size_t output) {
   const Channel& channel = model.sheet().channels[static_cast<std::size_t>(model.outputs()[output])];
   ChannelGap gap;
@@ -91,6 +87,7 @@ double band_energy(const std::vector<Eigen::MatrixXf>& residuals, Eigen::Index n
 void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>& residuals,
                   const std::vector<Eigen::MatrixXf>& explained, GapResult& result) {
   const Datasheet& sheet = model.sheet();
+  const GapOptions::Regions& options = model.options().regions;
   double total = 0, rows = 0;
   std::vector<Eigen::VectorXf> squares, squares_explained;
   for (const auto& matrix : explained) squares_explained.push_back(matrix.rowwise().squaredNorm());
@@ -106,7 +103,8 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
     if (channel.ground_truth || channel.role == Role::setpoint || channel.role == Role::input) continue;
     std::vector<double> sorted;
     for (const GapRun& run : model.runs())
-      for (std::size_t k = 0; k < run.recording.rows(); k += 7) sorted.push_back(run.recording.at(k, c));
+      for (std::size_t k = 0; k < run.recording.rows(); k += options.quantile_stride)
+        sorted.push_back(run.recording.at(k, c));
     std::sort(sorted.begin(), sorted.end());
     const double low = sorted[sorted.size() / 10], high = sorted[sorted.size() - 1 - sorted.size() / 10];
     const double span =
@@ -131,28 +129,28 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
           parts[i].explained += after;
           parts[i].count += 1;
         };
-        add(0, both_signs && v > kStandstill * span);
-        add(1, both_signs && v < -kStandstill * span);
-        add(2, both_signs && std::abs(v) <= kStandstill * span);
+        add(0, both_signs && v > options.standstill_fraction * span);
+        add(1, both_signs && v < -options.standstill_fraction * span);
+        add(2, both_signs && std::abs(v) <= options.standstill_fraction * span);
         add(3, v >= high);
         add(4, v <= low);
       }
     for (const Part& part : parts)
-      if (part.count > 0.01 * rows && part.sum / part.count > kNotable * mean)
+      if (part.count > options.least_fraction * rows && part.sum / part.count > options.notable_ratio * mean)
         result.regions.push_back({part.name, part.sum / part.count / mean, part.count / rows,
                                   part.sum / part.count / outputs, part.explained / part.count / outputs});
   }
   std::stable_sort(result.regions.begin(), result.regions.end(),
                    [](const Region& a, const Region& b) { return a.enrichment > b.enrichment; });
-  if (result.regions.size() > kMostRegions) result.regions.resize(kMostRegions);
+  if (result.regions.size() > options.most) result.regions.resize(options.most);
 
   // Bands by block means: their energy, against what white noise of the same power has there.
   const double values = rows * outputs;
   for (Eigen::Index b = 1; b <= 64; b *= 4) {
     const double rate = 1 / sheet.sample_period, width = static_cast<double>(b);
-    const double energy = band_energy(residuals, b), share = energy / std::max(total, 1e-300);
+    const double energy = band_energy(residuals, b), fraction = energy / std::max(total, 1e-300);
     result.bands.push_back({fmt::format("{:.3g} to {:.3g} Hz", rate / (8 * width), rate / (2 * width)),
-                            share / (0.75 / width), share, energy / values, band_energy(explained, b) / values});
+                            fraction / (0.75 / width), fraction, energy / values, band_energy(explained, b) / values});
   }
 }
 

@@ -4,15 +4,11 @@
 #include <numeric>
 
 namespace faultline {
-namespace {
-
-constexpr double kWorthwhile = 20;  // log likelihood: odds that leave no doubt
-constexpr std::size_t kMost = 3;
-
-}  // namespace
 
 std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second,
-                                     const std::string& between, std::size_t segment, double duration, int jobs) {
+                                     const std::string& between, const GapOptions& options, int jobs) {
+  const std::size_t segment = options.residuals.segment_samples;
+  const double duration = options.next_runs.duration_s;
   std::vector<NextRun> result;
   for (const Profile& profile : sheet.profiles) {
     SimulationSetup setup;
@@ -20,17 +16,19 @@ std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& fir
     setup.parameters = first.parameters;
     setup.effects = first.effects;
     Recording recording = simulate(sheet, setup, duration);
-    const ResidualModel model(sheet, {prepare_run(sheet, profile.name, std::move(recording), segment)}, segment);
+    GapRun run = prepare_run(sheet, profile.name, std::move(recording), segment, options.residuals);
+    const ResidualModel model(sheet, {std::move(run)}, segment, options);
     const Linearisation linear(model, second, {0}, jobs);
     const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), second.parameters);
     const double rival = projected_loss(linear, linear.products(linear.at_model()), z);
     const std::vector<double> losses = linear.segment_losses({model.residuals(first, 0)});
     double truth = 0.5 * deviations(sheet, linear.free_parameters(), first.parameters).squaredNorm();
-    for (const double loss : losses) truth += robust(loss, linear.segment_values());
-    if (rival - truth > kWorthwhile) result.push_back({profile.name, duration, rival - truth, between});
+    for (const double loss : losses) truth += linear.robust(loss);
+    if (rival - truth > options.next_runs.separating_log_likelihood)
+      result.push_back({profile.name, duration, rival - truth, between});
   }
   std::stable_sort(result.begin(), result.end(), [](const NextRun& a, const NextRun& b) { return a.gain > b.gain; });
-  if (result.size() > kMost) result.resize(kMost);
+  if (result.size() > options.next_runs.most) result.resize(options.next_runs.most);
   return result;
 }
 

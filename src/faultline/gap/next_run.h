@@ -7,8 +7,8 @@
 
 namespace faultline {
 
-// Best first; only profiles that separate the two by more than chance. `duration` s each; `jobs` threads.
+// Best first; only profiles that separate the two by more than chance. `jobs` threads.
 std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second,
-                                     const std::string& between, std::size_t segment, double duration, int jobs);
+                                     const std::string& between, const GapOptions& options, int jobs);
 
 }  // namespace faultline

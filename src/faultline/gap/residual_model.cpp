@@ -11,17 +11,12 @@
 namespace faultline {
 namespace {
 
-constexpr int kSmoothing = 6;            // samples on each side for start states
-constexpr double kBends = 2;             // a quadratic describes what it misses by this many noise variances
-constexpr double kStartPrior = 2;        // deviation of the prior of a start state, in the channel's noise
-constexpr double kStartStep = 0.5;       // of a deviation, for differences
-constexpr double kLargestShift = 20;     // of a start state, in deviations of its prior
-constexpr double kWhite = 1.1;           // smoothing may take away this much of the noise's variance
-constexpr double kLargest = 1e4;         // residuals beyond this many sigmas are cut
-constexpr double kFirstDifference = 20;  // variance of a third difference of unit white noise: 1 + 9 + 9 + 1
+constexpr double kThirdDifferenceVariance = 20;  // of unit white noise: 1 + 9 + 9 + 1
+constexpr double kLeastNoise = 1e-12;            // of a channel's range: a guard where the noise is 0
 
 // Weights that give the value at the centre of a quadratic fitted over 2 width + 1 samples (Savitzky-Golay).
-std::vector<double> quadratic_weights(int width) {
+std::vector<double> quadratic_weights(std::size_t half_width) {
+  const int width = static_cast<int>(half_width);
   double s0 = 0, s2 = 0, s4 = 0;
   for (int i = -width; i <= width; ++i) {
     const double x2 = static_cast<double>(i * i);
@@ -36,11 +31,12 @@ std::vector<double> quadratic_weights(int width) {
 
 // The signal without its noise at a row: a quadratic over as many samples as it describes; where the signal bends too fast (a spool
 // that jumps), the sample itself.
-double smoothed(const Recording& recording, std::size_t row, std::size_t column, double noise) {
-  for (const int width : {6, 3}) {
-    const auto w = static_cast<std::size_t>(width);
+double smoothed(const Recording& recording, std::size_t row, std::size_t column, double noise,
+                const GapOptions::Residuals& options) {
+  for (const std::size_t w : options.start_half_width_samples) {
+    const double width = static_cast<double>(w);
     if (row < w || row + w >= recording.rows()) continue;
-    const std::vector<double> weights = quadratic_weights(width);
+    const std::vector<double> weights = quadratic_weights(w);
     double value = 0, slope = 0, s2 = 0, s4 = 0, against = 0;
     for (std::size_t i = 0; i <= 2 * w; ++i) {
       const double x = static_cast<double>(i) - width, y = recording.at(row - w + i, column);
@@ -60,7 +56,7 @@ double smoothed(const Recording& recording, std::size_t row, std::size_t column,
       const double x = static_cast<double>(i) - width, y = recording.at(row - w + i, column);
       misfit += std::pow(y - value - slope * x - curvature * x * x, 2);
     }
-    if (misfit < kBends * noise * noise * static_cast<double>(2 * w - 2)) return value;
+    if (misfit < options.start_misfit_variances * noise * noise * static_cast<double>(2 * w - 2)) return value;
   }
   return recording.at(row, column);
 }
@@ -76,16 +72,15 @@ double noise_floor(const Recording& recording, std::size_t column) {
   if (sizes.empty()) return 0;
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
   std::nth_element(sizes.begin(), middle, sizes.end());
-  return *middle / 0.67449 / std::sqrt(kFirstDifference);
+  return *middle / 0.67449 / std::sqrt(kThirdDifferenceVariance);
 }
 
-void smooth_inputs(const Datasheet& sheet, Recording& recording) {
+void smooth_inputs(const Datasheet& sheet, Recording& recording, const GapOptions::Residuals& options) {
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     if (sheet.channels[c].role != Role::input || sheet.channels[c].ground_truth) continue;
     const double noise = noise_floor(recording, c);
-    for (const int width : {12, 6, 3, 2}) {  // the widest that takes only noise away
-      const std::vector<double> weights = quadratic_weights(width);
-      const auto w = static_cast<std::size_t>(width);
+    for (const std::size_t w : options.input_half_width_samples) {  // the widest that takes only noise away
+      const std::vector<double> weights = quadratic_weights(w);
       if (noise <= 0 || recording.rows() < 2 * w + 1) break;
       std::vector<double> smooth(recording.rows());
       double taken = 0;
@@ -98,20 +93,21 @@ void smooth_inputs(const Datasheet& sheet, Recording& recording) {
         taken += std::pow(recording.at(k, c) - sum, 2);
       }
       const double expected = (1 - weights[w]) * noise * noise * static_cast<double>(recording.rows() - 2 * w);
-      if (taken > kWhite * expected) continue;
+      if (taken > options.input_removed_variance_ratio * expected) continue;
       for (std::size_t k = 0; k < recording.rows(); ++k) recording.values[k * recording.columns() + c] = smooth[k];
       break;
     }
   }
 }
 
-GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording recording, std::size_t segment) {
+GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording recording, std::size_t segment,
+                   const GapOptions::Residuals& options) {
   if (recording.rows() < 2 * segment)
     throw InputError(fmt::format("{}: {} samples are too few; a gap needs at least {} ({:g} s)", name, recording.rows(),
                                  2 * segment, static_cast<double>(2 * segment) * sheet.sample_period));
   for (std::size_t k = 1; k < recording.rows(); ++k) {
     const double dt = recording.time[k] - recording.time[k - 1];
-    if (std::abs(dt - sheet.sample_period) > 0.2 * sheet.sample_period)
+    if (std::abs(dt - sheet.sample_period) > options.period_error_fraction * sheet.sample_period)
       throw InputError(fmt::format(
           "{}: {:g} s between the samples at {:.3f} s, the rig has {:g} s; cut the run there or resample it", name, dt,
           recording.time[k] - recording.time.front(), sheet.sample_period));
@@ -127,7 +123,7 @@ GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording re
                                      channel.name, recording.time[k] - recording.time.front()));
     }
   }
-  smooth_inputs(sheet, recording);
+  smooth_inputs(sheet, recording, options);
   GapRun run;
   run.name = name;
   for (std::size_t k = 0; k + segment <= recording.rows(); k += segment) run.restarts.push_back(k);
@@ -135,16 +131,18 @@ GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording re
   return run;
 }
 
-ResidualModel::ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, std::size_t segment)
-    : sheet_(sheet), runs_(std::move(runs)), segment_(segment) {
+ResidualModel::ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, std::size_t segment,
+                             const GapOptions& options)
+    : sheet_(sheet), runs_(std::move(runs)), segment_(segment), options_(options) {
   for (std::size_t c = 0; c < sheet_.channels.size(); ++c) {
     const Channel& channel = sheet_.channels[c];
     if (channel.role != Role::output || channel.ground_truth) continue;
     outputs_.push_back(static_cast<int>(c));
     double floor = 0;
     for (const GapRun& run : runs_) floor += noise_floor(run.recording, c) / static_cast<double>(runs_.size());
-    noise_.push_back(std::max({floor, 0.3 * channel.noise_std, channel.resolution / std::sqrt(12.0),
-                               1e-12 * (channel.maximum - channel.minimum)}));
+    noise_.push_back(
+        std::max({floor, options_.residuals.least_noise_fraction * channel.noise_std,
+                  channel.resolution / std::sqrt(12.0), kLeastNoise * (channel.maximum - channel.minimum)}));
   }
   for (const State& state : sheet_.states) {
     const int channel = find_channel(sheet_.channels, state.name);
@@ -156,7 +154,7 @@ ResidualModel::ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, s
     for (std::size_t s = 0; s < state_channel_.size(); ++s)
       if (state_channel_[s] >= 0) {
         const auto output = std::find(outputs_.begin(), outputs_.end(), state_channel_[s]) - outputs_.begin();
-        run.start_std[s] = kStartPrior * noise_[static_cast<std::size_t>(output)];
+        run.start_std[s] = options_.residuals.start_prior_sigma * noise_[static_cast<std::size_t>(output)];
       }
     run.start_states.clear();
     run.start_shift.assign(run.restarts.size() * state_channel_.size(), 0.0);
@@ -168,7 +166,8 @@ ResidualModel::ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, s
 double ResidualModel::start_at(const GapRun& run, std::size_t row, int channel) const {
   if (channel < 0) return std::nan("");
   const auto output = std::find(outputs_.begin(), outputs_.end(), channel) - outputs_.begin();
-  return smoothed(run.recording, row, static_cast<std::size_t>(channel), noise_[static_cast<std::size_t>(output)]);
+  return smoothed(run.recording, row, static_cast<std::size_t>(channel), noise_[static_cast<std::size_t>(output)],
+                  options_.residuals);
 }
 
 Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run,
@@ -179,6 +178,7 @@ Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run
   setup.effects = model.effects;
   setup.noise = false;
   DrivenModel driven(sheet_, setup);
+  const double largest = options_.residuals.largest_residual_sigma;
   const auto rows = run.recording.rows();
   Eigen::MatrixXf result(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(outputs_.size()));
   driven.run(run.recording, 0, rows, restarts, starts.data(), [&](std::size_t k, const double* channels) {
@@ -188,9 +188,9 @@ Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run
       const Channel& channel = sheet_.channels[c];
       const double shown = std::clamp(channels[c], channel.minimum, channel.maximum);
       double r = (measured[c] - shown) / noise_[i];
-      if (!std::isfinite(r)) r = kLargest;
+      if (!std::isfinite(r)) r = largest;
       result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) =
-          static_cast<float>(std::clamp(r, -kLargest, kLargest));
+          static_cast<float>(std::clamp(r, -largest, largest));
     }
   });
   read_held_values(model, run, result);
@@ -232,12 +232,13 @@ Eigen::MatrixXf ResidualModel::residuals(const GapModel& model, std::size_t run,
 std::vector<Eigen::MatrixXf> ResidualModel::start_sensitivity(const GapModel& model, std::size_t index) const {
   const GapRun& run = runs_[index];
   const Eigen::MatrixXf now = simulate(model, run, run.restarts, run.start_states);
+  const double step = options_.residuals.start_difference_sigma;
   std::vector<Eigen::MatrixXf> result;
   for (std::size_t s = 0; s < state_channel_.size(); ++s) {
     if (state_channel_[s] < 0) continue;
     std::vector<double> moved = run.start_states;
-    for (std::size_t i = s; i < moved.size(); i += state_channel_.size()) moved[i] += kStartStep * run.start_std[s];
-    result.push_back((simulate(model, run, run.restarts, moved) - now) / static_cast<float>(kStartStep));
+    for (std::size_t i = s; i < moved.size(); i += state_channel_.size()) moved[i] += step * run.start_std[s];
+    result.push_back((simulate(model, run, run.restarts, moved) - now) / static_cast<float>(step));
     for (std::size_t g = 1; g < run.segments(); ++g)
       result.back().row(static_cast<Eigen::Index>(run.restarts[g])).setZero();
   }
@@ -263,6 +264,7 @@ std::vector<Eigen::MatrixXf> ResidualModel::settle_starts(const GapModel& model,
   const Eigen::MatrixXf before = residuals(model, index);
   std::vector<Eigen::MatrixXf> sensitivity = known.empty() ? start_sensitivity(model, index) : std::move(known);
   const Eigen::MatrixXd shift = start_shift(index);
+  const double largest = options_.residuals.start_shift_limit_sigma;
   const std::vector<double> old_states = run.start_states, old_shift = run.start_shift;
   const auto length = static_cast<Eigen::Index>(segment_);
   const auto n = static_cast<Eigen::Index>(sensitivity.size());
@@ -283,7 +285,7 @@ std::vector<Eigen::MatrixXf> ResidualModel::settle_starts(const GapModel& model,
     for (std::size_t s = 0; s < state_channel_.size(); ++s) {
       if (state_channel_[s] < 0) continue;
       const std::size_t at = g * state_channel_.size() + s;
-      const double to = std::clamp(old_shift[at] + move[column++], -kLargestShift, kLargestShift);
+      const double to = std::clamp(old_shift[at] + move[column++], -largest, largest);
       run.start_states[at] += (to - old_shift[at]) * run.start_std[s];
       run.start_shift[at] = to;
     }

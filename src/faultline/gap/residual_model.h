@@ -13,6 +13,7 @@
 
 #include <Eigen/Core>
 
+#include "faultline/gap/gap_options.h"
 #include "faultline/rig/simulator.h"
 
 namespace faultline {
@@ -36,13 +37,14 @@ struct GapRun {
 class ResidualModel {
  public:
   // InputError where runs are not of this rig, too short, or not evenly sampled. `segment` in samples.
-  ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, std::size_t segment);
+  ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, std::size_t segment, const GapOptions& options = {});
 
   const Datasheet& sheet() const { return sheet_; }
   const std::vector<GapRun>& runs() const { return runs_; }
   const std::vector<int>& outputs() const { return outputs_; }  // channels that count
   const std::vector<double>& noise() const { return noise_; }   // per output, channel's unit
   std::size_t segment() const { return segment_; }
+  const GapOptions& options() const { return options_; }  // of all that works with these residuals
 
   // Normalised residuals of one run, rows x outputs. A model that leaves all bounds gives large but finite numbers.
   Eigen::MatrixXf residuals(const GapModel& model, std::size_t run) const;
@@ -66,16 +68,18 @@ class ResidualModel {
   Datasheet sheet_;
   std::vector<GapRun> runs_;
   std::size_t segment_;
+  GapOptions options_;
   std::vector<int> outputs_;
   std::vector<double> noise_;
   std::vector<int> state_channel_;  // channel that shows a state, or -1
 };
 
 // Reads nothing: prepares a recording whose channels are the datasheet's, in order. `stride`: samples between restarts.
-GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording recording, std::size_t segment);
+GapRun prepare_run(const Datasheet& sheet, const std::string& name, Recording recording, std::size_t segment,
+                   const GapOptions::Residuals& options = {});
 
 // Smooths the recorded inputs (role input) in place; see above.
-void smooth_inputs(const Datasheet& sheet, Recording& recording);
+void smooth_inputs(const Datasheet& sheet, Recording& recording, const GapOptions::Residuals& options = {});
 
 // Standard deviation of the white noise on a signal, from its third differences (robust: median of magnitudes).
 double noise_floor(const Recording& recording, std::size_t column);

@@ -9,14 +9,11 @@
 namespace faultline {
 namespace {
 
-const std::vector<double> kShares = {0.05, 0.15, 0.4, 0.7, 1.5, 2.5};  // of a starting point's size
-constexpr std::size_t kFollowed = 14;  // candidates of which all starting points are tried
-
 struct Point {
   std::size_t candidate;
   std::vector<double> values;
-  double loss = 0;            // at the best share of these values' size, residuals taken to grow with it
-  double share = 1;           // that share
+  double loss = 0;            // at the best fraction of these values' size, residuals taken to grow with it
+  double fraction = 1;        // that fraction
   Eigen::VectorXd move = {};  // of the parameters there
   bool tried = false;
 };
@@ -41,13 +38,13 @@ FitResult beside(const FitResult& base, const Candidate& candidate, const std::v
 
 // Products of residuals on the line from the base's to `full`, whose middle is `half`.
 SegmentProducts on_the_line(const SegmentProducts& none, const SegmentProducts& half, const SegmentProducts& full,
-                            double share) {
+                            double fraction) {
   SegmentProducts part = none;
   for (std::size_t g = 0; g < part.squares.size(); ++g) {
     const double both = 2 * half.squares[g] - 0.5 * (none.squares[g] + full.squares[g]);
-    part.squares[g] = std::max(0.0, (1 - share) * (1 - share) * none.squares[g] + 2 * share * (1 - share) * both +
-                                        share * share * full.squares[g]);
-    part.against_parameters[g] += share * (full.against_parameters[g] - none.against_parameters[g]);
+    part.squares[g] = std::max(0.0, (1 - fraction) * (1 - fraction) * none.squares[g] +
+                                        2 * fraction * (1 - fraction) * both + fraction * fraction * full.squares[g]);
+    part.against_parameters[g] += fraction * (full.against_parameters[g] - none.against_parameters[g]);
   }
   return part;
 }
@@ -61,53 +58,55 @@ void attempt(const Base& base, const Candidate& candidate, Point& point) {
   point.loss = projected_loss(linear, full, base.deviations, &point.move);
   for (std::size_t r = 0; r < residuals.size(); ++r) residuals[r] = 0.5f * (residuals[r] + at_base[r]);
   const SegmentProducts half = linear.products(residuals);
-  for (const double share : kShares) {
+  for (const double fraction : linear.options().screening.size_fractions) {
     Eigen::VectorXd move;
-    const double loss = projected_loss(linear, on_the_line(base.products, half, full, share), base.deviations, &move);
+    const double loss =
+        projected_loss(linear, on_the_line(base.products, half, full, fraction), base.deviations, &move);
     if (loss >= point.loss) continue;
     point.loss = loss;
-    point.share = share;
+    point.fraction = fraction;
     point.move = move;
   }
   point.tried = true;
 }
 
-// One point in three of each candidate, at least one.
-std::vector<std::size_t> first_tries(const std::vector<Point>& points) {
+// One point in `stride` of each candidate, or its only one.
+std::vector<std::size_t> first_tries(const std::vector<Point>& points, std::size_t stride) {
   std::vector<std::size_t> result;
   std::size_t count = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     count = i > 0 && points[i].candidate == points[i - 1].candidate ? count + 1 : 0;
     const bool only = count == 0 && (i + 1 == points.size() || points[i + 1].candidate != points[i].candidate);
-    if (count % 3 == 1 || only) result.push_back(i);
+    if (count % stride == stride / 2 || only) result.push_back(i);
   }
   return result;
 }
 
 // The points not tried yet of those candidates that may reach far.
-std::vector<std::size_t> further_tries(const std::vector<Point>& points, std::size_t candidates, double before) {
+std::vector<std::size_t> further_tries(const std::vector<Point>& points, std::size_t candidates, double before,
+                                       std::size_t followed) {
   std::vector<double> reach(candidates, before);
   for (const Point& point : points)
     if (point.tried) reach[point.candidate] = std::min(reach[point.candidate], point.loss);
   std::vector<double> sorted = reach;
   std::sort(sorted.begin(), sorted.end());
-  const double enough = sorted[std::min(kFollowed, sorted.size() - 1)];
+  const double enough = sorted[std::min(followed, sorted.size() - 1)];
   std::vector<std::size_t> result;
   for (std::size_t i = 0; i < points.size(); ++i)
     if (!points[i].tried && reach[points[i].candidate] <= enough) result.push_back(i);
   return result;
 }
 
-// The effect at a share of its size.
-std::vector<double> resized(const Candidate& candidate, std::vector<double> values, double share) {
+// The effect at a fraction of its size.
+std::vector<double> resized(const Candidate& candidate, std::vector<double> values, double fraction) {
   if (candidate.family == "stuck") return values;  // a time is no size
   const EffectType* type = find_effect_type(candidate.effect.effect);
   for (std::size_t i = 0; i < values.size(); ++i) {
     const double none = type->parameters[i].none;
     if (std::isnan(none)) continue;
     const Bounds& b = candidate.bounds[i];
-    values[i] =
-        std::clamp(std::isinf(none) ? values[i] / share : none + share * (values[i] - none), b.minimum, b.maximum);
+    values[i] = std::clamp(std::isinf(none) ? values[i] / fraction : none + fraction * (values[i] - none), b.minimum,
+                           b.maximum);
   }
   return values;
 }
@@ -122,8 +121,8 @@ std::vector<Screened> best_points(const Base& base, const std::vector<Candidate>
   std::vector<Screened> result;
   for (std::size_t c = 0; c < candidates.size(); ++c) {
     if (!best[c]) continue;
-    FitResult fit = beside(base.fit, candidates[c], resized(candidates[c], best[c]->values, best[c]->share));
-    shift_parameters(base.residuals.sheet(), base.linear.free_parameters(), best[c]->move, fit.model.parameters);
+    FitResult fit = beside(base.fit, candidates[c], resized(candidates[c], best[c]->values, best[c]->fraction));
+    shift_parameters(base.residuals, base.linear.free_parameters(), best[c]->move, fit.model.parameters);
     result.push_back({std::move(fit), before - best[c]->loss});
   }
   std::stable_sort(result.begin(), result.end(), [](const Screened& a, const Screened& b) { return a.gain > b.gain; });
@@ -151,7 +150,7 @@ std::vector<Screened> screen_candidates(const ResidualModel& residuals, const Li
     const bool there = std::any_of(base.effects.begin(), base.effects.end(),
                                    [&](const Candidate& known) { return same_effect(known, candidates[c]); });
     if (there) continue;
-    for (auto& values : starting_points(candidates[c])) points.push_back({c, values});
+    for (auto& values : starting_points(candidates[c], residuals.options().candidates)) points.push_back({c, values});
   }
   if (points.empty()) return {};
   const Base common{residuals, linear, base,
@@ -167,8 +166,9 @@ std::vector<Screened> screen_candidates(const ResidualModel& residuals, const Li
       if (progress) progress(static_cast<double>(now) / static_cast<double>(points.size()));
     });
   };
-  try_all(first_tries(points));
-  try_all(further_tries(points, candidates.size(), before));
+  const GapOptions::Screening& options = residuals.options().screening;
+  try_all(first_tries(points, options.first_stride));
+  try_all(further_tries(points, candidates.size(), before, options.followed_candidates));
   std::vector<Screened> result = best_points(common, candidates, points, before);
   keep_each_once(result);
   return result;

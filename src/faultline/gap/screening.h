@@ -14,7 +14,7 @@ struct Screened {
 };
 
 // Each of `candidates` that the base does not have, best first, at its best point. An effect at a place comes once, whatever its points.
-// `linear` must stand at the base. Simulates with `jobs` threads; `progress`, if given, takes the share that is done, from any of them.
+// `linear` must stand at the base. Simulates with `jobs` threads; `progress`, if given, takes the fraction that is done, from any of them.
 std::vector<Screened> screen_candidates(const ResidualModel& residuals, const Linearisation& linear,
                                         const std::vector<Candidate>& candidates, const FitResult& base, int jobs,
                                         const std::function<void(double)>& progress);

@@ -10,12 +10,12 @@ constexpr double kGolden = 0.6180339887498949;
 
 }  // namespace
 
-double narrow(const std::function<double(double)>& f, double low, double high, int points, double width) {
-  const double spacing = (high - low) / (points - 1);
+double narrow(const std::function<double(double)>& f, double low, double high, std::size_t points, double width) {
+  const double spacing = (high - low) / (static_cast<double>(points) - 1);
   double best = std::numeric_limits<double>::infinity(), at = low;
-  for (int i = 0; i < points; ++i) {
-    const double value = f(low + i * spacing);
-    if (value < best) best = value, at = low + i * spacing;
+  for (std::size_t i = 0; i < points; ++i) {
+    const double tried = low + static_cast<double>(i) * spacing, value = f(tried);
+    if (value < best) best = value, at = tried;
   }
   const double floor = low, ceiling = high;
   low = std::max(floor, at - spacing), high = std::min(ceiling, at + spacing);
@@ -34,8 +34,8 @@ double narrow(const std::function<double(double)>& f, double low, double high, i
   return std::min(of_left, of_right) < best ? middle : at;
 }
 
-double search_effect(const ResidualModel& model, const Linearisation& linear, FitResult& fit, double span, int points,
-                     int jobs) {
+double search_effect(const ResidualModel& model, const Linearisation& linear, FitResult& fit, double span,
+                     std::size_t points, int jobs) {
   const Datasheet& sheet = model.sheet();
   Candidate& effect = fit.effects.back();
   const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), fit.model.parameters);
@@ -55,7 +55,8 @@ double search_effect(const ResidualModel& model, const Linearisation& linear, Fi
       value = effect.from_coordinate(p, coordinate);
       return loss();
     };
-    const double found = narrow(at, std::max(0.0, c - span), std::min(1.0, c + span), points, span / points);
+    const double found =
+        narrow(at, std::max(0.0, c - span), std::min(1.0, c + span), points, span / static_cast<double>(points));
     const double now = at(found);
     if (now < best) {
       best = now;
@@ -65,7 +66,7 @@ double search_effect(const ResidualModel& model, const Linearisation& linear, Fi
     }
   }
   if (best >= before) return 0;
-  shift_parameters(sheet, linear.free_parameters(), best_move, fit.model.parameters);
+  shift_parameters(model, linear.free_parameters(), best_move, fit.model.parameters);
   fit.model = with_effects(fit.effects, fit.model.parameters);
   return before - best;
 }

@@ -10,11 +10,6 @@ namespace faultline {
 namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
-constexpr std::size_t kPadding = 4;
-constexpr std::size_t kNeighbours = 64;  // grid points on each side
-constexpr std::size_t kLines = 5;        // what flips sign with another signal has side bands stronger than itself
-constexpr double kWidth = 0.5;           // of one over the longest run, on both sides of a line
-constexpr double kRare = 11;             // negative log of the share of grid points that noise alone may make lines
 
 std::size_t longest(const std::vector<Eigen::MatrixXf>& residuals) {
   Eigen::Index rows = 0;
@@ -46,23 +41,25 @@ std::vector<double> power_of(const std::vector<Eigen::MatrixXf>& residuals, std:
 }  // namespace
 
 std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals, double period, double low,
-                                   double high, std::size_t count) {
+                                   double high, const GapOptions::Spectrum& options) {
   std::size_t size = 1;
-  while (size < kPadding * longest(residuals)) size *= 2;
+  while (size < options.padding_ratio * longest(residuals)) size *= 2;
   const std::vector<double> power = power_of(residuals, size);
   double spectra = 0;
   for (const Eigen::MatrixXf& run : residuals) spectra += static_cast<double>(run.cols());
-  // A sum of so many exponentials exceeds so many times its mean only with probability exp(-kRare) (Laurent and Massart 2000).
-  const double least = 1 + std::sqrt(2 * kRare / spectra) + kRare / spectra;
+  // A sum of so many exponentials exceeds so many times its mean only with probability exp(-rarity) (Laurent and Massart 2000).
+  const double least =
+      1 + std::sqrt(2 * options.rarity_log_likelihood / spectra) + options.rarity_log_likelihood / spectra;
   const double spacing = 1 / (static_cast<double>(size) * period);
   const auto first = std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(low / spacing)));
   const auto last = std::min(power.size() - 2, static_cast<std::size_t>(high / spacing));
   std::vector<std::pair<double, double>> peaks;  // (how far it stands out, frequency)
   std::vector<double> around;
+  const std::size_t neighbours = options.neighbour_grid_points;
   for (std::size_t k = first; k <= last; ++k) {
     if (power[k] < power[k - 1] || power[k] < power[k + 1]) continue;
-    around.assign(power.begin() + static_cast<std::ptrdiff_t>(k - std::min(k, kNeighbours)),
-                  power.begin() + static_cast<std::ptrdiff_t>(std::min(power.size(), k + kNeighbours + 1)));
+    around.assign(power.begin() + static_cast<std::ptrdiff_t>(k - std::min(k, neighbours)),
+                  power.begin() + static_cast<std::ptrdiff_t>(std::min(power.size(), k + neighbours + 1)));
     const auto middle = around.begin() + static_cast<std::ptrdiff_t>(around.size() / 2);
     std::nth_element(around.begin(), middle, around.end());
     const double contrast = power[k] / std::max(*middle, 1e-300);
@@ -70,9 +67,9 @@ std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals
   }
   std::sort(peaks.rbegin(), peaks.rend());
   std::vector<double> lines;
-  const double apart = 3 / (static_cast<double>(longest(residuals)) * period);  // side lobes are not lines of their own
+  const double apart = options.line_distance_resolutions / (static_cast<double>(longest(residuals)) * period);
   for (const auto& [contrast, frequency] : peaks) {
-    if (lines.size() == count) break;
+    if (lines.size() == options.lines) break;
     if (std::all_of(lines.begin(), lines.end(), [&](double f) { return std::abs(f - frequency) > apart; }))
       lines.push_back(frequency);
   }
@@ -80,8 +77,8 @@ std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals
 }
 
 std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const std::vector<Eigen::MatrixXf>& residuals,
-                                double period) {
-  const double width = kWidth / (static_cast<double>(longest(residuals)) * period);
+                                double period, const GapOptions::Spectrum& options) {
+  const double width = options.line_half_width_resolutions / (static_cast<double>(longest(residuals)) * period);
   std::vector<Candidate> result;
   for (const Candidate& candidate : candidates) {
     const auto& parameters = find_effect_type(candidate.effect.effect)->parameters;
@@ -93,7 +90,7 @@ std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const 
       continue;
     }
     const Bounds range = candidate.bounds[at];
-    for (const double line : spectral_lines(residuals, period, range.minimum, range.maximum, kLines)) {
+    for (const double line : spectral_lines(residuals, period, range.minimum, range.maximum, options)) {
       result.push_back(candidate);
       result.back().bounds[at] = {std::max(range.minimum, line - width), std::min(range.maximum, line + width)};
     }

@@ -10,14 +10,13 @@
 
 namespace faultline {
 
-// Up to `count` frequencies [Hz] between `low` and `high` at which the residuals' power, summed over columns and runs, stands out most
-// from its neighbourhood (+-64 grid points, median), strongest first. `period`: s, between rows. The grid is four times as fine as the
-// longest run resolves.
+// Up to options.lines frequencies [Hz] between `low` and `high` at which the residuals' power, summed over columns and runs, stands out most
+// from its neighbourhood (median), strongest first. `period`: s, between rows.
 std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals, double period, double low,
-                                   double high, std::size_t count);
+                                   double high, const GapOptions::Spectrum& options = {});
 
 // The candidates, those with a frequency once for each line within its range, narrowed to that line's width.
 std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const std::vector<Eigen::MatrixXf>& residuals,
-                                double period);
+                                double period, const GapOptions::Spectrum& options = {});
 
 }  // namespace faultline

@@ -1,0 +1,113 @@
+// Every constant of the fault responses (stretch_model.h, fault_responses.h) on which an answer depends: what it means, its unit (in
+// the name), why it has this value. docs/options.md has how much the answers change when each is halved and doubled.
+//
+// Evidence is twice a log-likelihood ratio, of squares divided by `inflation_variances`. Units else as in gap/gap_options.h; "found on
+// the servo actuator": chosen on simulated healthy and faulty runs of it, no derivation.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "faultline/estimators/fault_hypothesis.h"
+#include "faultline/fit/fit_options.h"
+
+namespace faultline {
+
+struct ResponseSettings {
+  // ---- stretches
+  std::size_t segment_samples =
+      100;  // from one restart of the states to the next: longer shows more, until stick and slip part ways
+  std::size_t segments = 4;        // counted per stretch; one more runs before them, so that effects with memory settle
+  std::size_t margin_samples = 8;  // after a stretch: the last start state is smoothed over them
+  double every_s = 2;              // between the beginnings of stretches: bounds the effort
+  std::size_t recent_stretches = 3;              // in which a fault is looked for
+  double memory_stretches = 10;                  // how long earlier ones speak for the parameters
+  double inflation_variances = 30;               // residuals of a model that is a little wrong are not independent
+  double parameter_difference_tolerances = 0.5;  // step of the differences by a parameter
+  double least_response = 1e-6;  // information about an amplitude below which nothing is said: standstill
+
+  // ---- parameters
+  double relinearise_tolerances = 0.3;  // move of a parameter from which the model is made linear anew
+  double farthest_tolerances = 3;       // that a parameter may be off the datasheet: three standard deviations
+  std::size_t parameter_moves = 5;      // at once, at most
+  std::array<double, 4> reach_tolerances = {-1.5, -0.75, 0.75, 1.5};  // tried where the linear model is doubted
+  double worthwhile_evidence = 3;                                     // that such a move must win
+  double suspicion_fraction =
+      0.3;  // of the threshold, from which the linear model is doubted before anything is blamed
+  std::size_t early_stretches = 4;  // after which what is done again is done ever more rarely
+
+  // ---- the fault
+  double threshold_evidence = 30;  // from which there is a fault: a bound on false alarms, found on the servo actuator
+  double release_fraction = 0.3;   // of the threshold, below which a fault is over: hysteresis against flicker
+  double over_evidence = 5;        // by which the latest stretch speaks against a fault that was there
+  double coarse_fraction = 0.4;    // of the largest amplitude, tried beside that and the linear answer
+  std::size_t refined_hypotheses = 6;     // by Gauss-Newton steps on the model with the effect in it
+  std::size_t refinements = 3;            // steps, at most
+  double refine_step_fraction = 0.1;      // of an amplitude: step of its differences ...
+  double refine_step_sigma = 0.2;         // ... and at least this, in standard errors of the amplitude
+  double refine_reach_sigma = 3;          // move of one step, where that is more than the amplitude itself
+  double refine_settled_fraction = 0.01;  // of the evidence, gained by a step, below which it is the last
+  double grown_ratio = 1.5;           // of the evidence to that at the last refinement, from which it is refined anew
+  std::size_t looked_hypotheses = 6;  // by evidence, looked at closely while a fault lasts ...
+  std::size_t kept_hypotheses = 12;   // ... beside those that explained it best when it was found
+  double second_evidence_fraction = 0.3;  // of the first fault's, that a second must have beyond the threshold
+  double alternative_evidence_fraction =
+      0.5;  // of the first fault's, from which a hypothesis is an alternative, not a second
+
+  HypothesisOptions hypotheses;
+  SegmentOptions segment;
+  int jobs = 1;  // threads; no answer depends on it
+
+  std::size_t stretch_samples() const { return (segments + 1) * segment_samples + margin_samples; }
+};
+
+template <class Visit>
+void for_each_option(ResponseSettings& options, Visit&& visit) {
+#define FAULTLINE_OPTION(member) visit(#member, options.member)
+  FAULTLINE_OPTION(segment_samples);
+  FAULTLINE_OPTION(segments);
+  FAULTLINE_OPTION(margin_samples);
+  FAULTLINE_OPTION(every_s);
+  FAULTLINE_OPTION(recent_stretches);
+  FAULTLINE_OPTION(memory_stretches);
+  FAULTLINE_OPTION(inflation_variances);
+  FAULTLINE_OPTION(parameter_difference_tolerances);
+  FAULTLINE_OPTION(least_response);
+  FAULTLINE_OPTION(relinearise_tolerances);
+  FAULTLINE_OPTION(farthest_tolerances);
+  FAULTLINE_OPTION(parameter_moves);
+  FAULTLINE_OPTION(reach_tolerances);
+  FAULTLINE_OPTION(worthwhile_evidence);
+  FAULTLINE_OPTION(suspicion_fraction);
+  FAULTLINE_OPTION(early_stretches);
+  FAULTLINE_OPTION(threshold_evidence);
+  FAULTLINE_OPTION(release_fraction);
+  FAULTLINE_OPTION(over_evidence);
+  FAULTLINE_OPTION(coarse_fraction);
+  FAULTLINE_OPTION(refined_hypotheses);
+  FAULTLINE_OPTION(refinements);
+  FAULTLINE_OPTION(refine_step_fraction);
+  FAULTLINE_OPTION(refine_step_sigma);
+  FAULTLINE_OPTION(refine_reach_sigma);
+  FAULTLINE_OPTION(refine_settled_fraction);
+  FAULTLINE_OPTION(grown_ratio);
+  FAULTLINE_OPTION(looked_hypotheses);
+  FAULTLINE_OPTION(kept_hypotheses);
+  FAULTLINE_OPTION(second_evidence_fraction);
+  FAULTLINE_OPTION(alternative_evidence_fraction);
+  FAULTLINE_OPTION(hypotheses.logarithmic_ratio);
+  FAULTLINE_OPTION(hypotheses.small_amplitude);
+  FAULTLINE_OPTION(hypotheses.least_amplitude_ratio);
+  FAULTLINE_OPTION(hypotheses.open_ratio);
+  FAULTLINE_OPTION(segment.start_half_width_samples);
+  FAULTLINE_OPTION(segment.start_misfit_variances);
+  FAULTLINE_OPTION(segment.largest_residual_sigma);
+  FAULTLINE_OPTION(segment.least_noise_fraction);
+  FAULTLINE_OPTION(segment.period_error_fraction);
+#undef FAULTLINE_OPTION
+}
+
+// Those that a datasheet may set, by its keys: segment, segments, every, recent, memory, inflation, threshold. `period`: s, of samples.
+ResponseSettings read_response_settings(const Settings& settings, double period);
+
+}  // namespace faultline

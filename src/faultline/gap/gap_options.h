@@ -1,0 +1,284 @@
+// Every constant of the gap diagnosis on which an answer depends: what it means, its unit (in the name), why it has this value.
+// docs/options.md has a table of how much the answers change when each is halved and doubled, and the command that makes it.
+//
+// Units: _samples; _s; _fraction of what the comment names; _tolerances of the datasheet's parameters; _sigma: standard deviations of
+// the noise, or of what the comment names; _variances: noise variances; _log_likelihood: natural logarithm. Numbers without a unit count.
+// "Development" in a comment: chosen on the cases of the development seed of test/withheld, no derivation.
+// Not here: what a user sets (GapSettings), plain mathematics, guards against division by zero.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+namespace faultline {
+
+struct GapOptions {
+  // residual_model.h: preparation of a run, noise, start states.
+  struct Residuals {
+    // Samples from one restart of the states to the next: longer segments show slow effects, shorter ones keep the response linear in
+    // the start state; 250 samples are about ten periods of the servo actuator's hydraulic resonance.
+    std::size_t segment_samples = 250;
+    // Samples on each side of the quadratic that gives a start state, widest first: averages 13 or 7 samples.
+    std::array<std::size_t, 2> start_half_width_samples = {6, 3};
+    // Mean squared misfit up to which that quadratic describes the signal: twice the noise, which white noise exceeds rarely.
+    double start_misfit_variances = 2;
+    // Standard deviation of the prior of a start state, in noise of its channel: smoothing within a bend is biased by about this.
+    double start_prior_sigma = 2;
+    // Step of the differences by the start state, in standard deviations of that prior: large against rounding, small against bends.
+    double start_difference_sigma = 0.5;
+    // Largest shift of a start state, in the same: beyond, the segment's misfit is not the start's.
+    double start_shift_limit_sigma = 20;
+    // Samples on each side of the smoothing of measured inputs, widest first.
+    std::array<std::size_t, 4> input_half_width_samples = {12, 6, 3, 2};
+    // What smoothing may take away, as a ratio to what it takes of white noise: a tenth more is scatter of the estimate, not signal.
+    double input_removed_variance_ratio = 1.1;
+    // Residuals are cut at this many sigmas: finite where a model diverges, beyond anything a sensor shows.
+    double largest_residual_sigma = 1e4;
+    // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit.
+    double least_noise_fraction = 0.3;
+    // Deviation of a sample's distance in time from the sample period, as a fraction of it, up to which a run is evenly sampled.
+    double period_error_fraction = 0.2;
+  } residuals;
+
+  // linearisation.h: loss, sensitivities, parameters to first order.
+  struct Linearisation {
+    // Step of the differences by a parameter: large against rounding, small against the prior.
+    double difference_tolerances = 0.1;
+    // Bound of a parameter's deviation: beyond 3.5 standard deviations the datasheet is wrong, not the rig.
+    double parameter_bound_tolerances = 3.5;
+    // Least noise variance of a segment as a fraction of the recording's: a segment cannot be better than its noise; a fifth leaves room
+    // for a noise estimate that is too large.
+    double least_variance_fraction = 0.2;
+    // Passes of the bounded solve in which parameters beyond their bound are held there; few are held in any pass.
+    std::size_t bound_passes = 4;
+    // Reweighted Gauss-Newton steps of a loss to first order; the weights have converged by then.
+    std::size_t reweightings = 4;
+  } linearisation;
+
+  // fit_gap.h: damped Gauss-Newton. Coordinates run from 0 to 1 over an effect's range.
+  struct Fit {
+    double difference_coordinate =
+        2e-3;  // step of the differences by an effect's size: above rounding, below curvature
+    double largest_step_coordinate = 0.34;  // of one step: a third of the range, as far as a derivative may be believed
+    double tangent_ratio = 3;               // change of a logarithmic size up to which a step follows the tangent
+    std::size_t attempts = 5;               // of one step, each more damped
+    double damping_decrease_ratio = 0.2;    // of the damping (Levenberg, Marquardt) after a step that is taken ...
+    double damping_increase_ratio = 8;      // ... and after one that is refused,
+    double damping_first = 0.1;             // but at least this, relative to the Hessian's diagonal
+    double settled_log_likelihood =
+        0.5;  // gain of a step below which the fit has converged: no decision rests on so little
+  } fit;
+
+  // candidates.h: coordinates and starting points of effects.
+  struct Candidates {
+    // Ratio of a range's bounds from which its coordinate is logarithmic.
+    double logarithmic_ratio = 20;
+    // Starting points of a shape (a second parameter), coordinates.
+    std::array<double, 3> shape_coordinates = {0.15, 0.5, 0.85};
+    // ... of a size over a logarithmic range, coordinates,
+    std::array<double, 5> logarithmic_coordinates = {0.1, 0.3, 0.5, 0.7, 0.9};
+    // ... and of other sizes: fractions of the range on each side of no effect. Small effects are the more frequent.
+    std::array<double, 3> size_fractions = {0.06, 0.25, 0.7};
+    // ... of the time from which a signal is stuck, evenly spread: its loss has a narrow valley.
+    std::size_t stuck_times = 12;
+  } candidates;
+
+  // spectral_lines.h.
+  struct Spectrum {
+    std::size_t padding_ratio = 4;  // length of the transform over that of the longest run: grid points per line
+    std::size_t neighbour_grid_points = 64;  // on each side, whose median is a line's background
+    std::size_t lines = 5;                   // what flips sign with another signal has side bands stronger than itself
+    double line_half_width_resolutions = 0.5;  // range left to a frequency around a line, in units of 1/duration
+    double line_distance_resolutions = 3;      // between lines, in the same: side lobes of the window are none
+    double rarity_log_likelihood = 11;  // -ln of the probability that noise makes a line: 1.7e-5 of the grid points
+  } spectrum;
+
+  // screening.h.
+  struct Screening {
+    // Fractions of a starting point's size at which its effect is judged to first order.
+    std::array<double, 6> size_fractions = {0.05, 0.15, 0.4, 0.7, 1.5, 2.5};
+    std::size_t first_stride = 3;          // one starting point of so many of each candidate is tried first ...
+    std::size_t followed_candidates = 14;  // ... and all of those of so many candidates afterwards: bounds the effort
+  } screening;
+
+  // gap_trials.h: fits of structures.
+  struct Trials {
+    // Samples of a misfit that say the same: about the correlation length of a residual that is not white (development).
+    double correlated_samples = 20;
+    std::size_t steps = 4;          // Gauss-Newton steps around one linearisation
+    std::size_t quick_steps = 3;    // ... of a finalist
+    std::size_t refit_rounds = 5;   // linearisations of the refit, at most
+    std::size_t refine_rounds = 3;  // ... and of a structure that is followed
+    // Move up to which sensitivities stay valid: of a parameter in tolerances, of an effect as a fraction of its size.
+    double same_sensitivity_fraction = 0.35;
+    // Information about an effect's size, as a fraction of that of all runs, below which a fold does not fit it.
+    double shown_information_fraction = 0.1;
+    double relinearise_log_likelihood =
+        100;  // gain of a round that is worth another linearisation, or of a search (development)
+    double wide_span_coordinate =
+        0.5;  // range on both sides of an effect's size that is searched where derivatives fail ...
+    std::size_t wide_points = 15;         // ... and the values tried in it before the best is narrowed down
+    double close_span_coordinate = 0.22;  // the same for the few structures that are followed
+    std::size_t close_points = 9;
+    std::size_t stuck_points = 3;  // values tried around a time from which a signal is stuck
+    std::size_t searches = 2;      // of a structure that is followed, at most
+    double search_excess_variances =
+        0.04;  // excess of a typical segment below which no search is made: as quiet as a healthy rig
+    double promising_gain_fraction = 0.25;  // of the best screening's gain, below which a finalist is not searched
+  } trials;
+
+  // effect_search.h: which effects are kept.
+  struct Search {
+    std::size_t finalists = 10;               // candidates that are fitted after screening
+    std::size_t followed = 3;                 // ... and that are refined, at most
+    double followed_gain_fraction = 0.75;     // of the best quick gain, from which a finalist is refined
+    double significance_standard_errors = 3;  // by which the held-out gain of an effect must exceed 0
+    double material_fraction = 0.04;        // of the typical squared residual that an effect must remove (development),
+    double material_rest_fraction = 0.3;    // ... and a further one of the excess that the others leave,
+    double decisive_excess_fraction = 0.4;  // ... or this fraction of the mean excess: what shows in few segments only
+    double close_rival_gain_fraction =
+        0.03;  // of an effect's gain that a rival may be behind to be tried again beside the others
+  } search;
+
+  // diagnose_gap.h: the verdict.
+  struct Verdict {
+    // Excess of a healthy rig at the datasheet's noise: what small unmodelled things leave (development) ...
+    double quiet_excess_variances = 0.05;
+    // ... and the fraction of it that does not fall with the recording's noise.
+    double quiet_noisy_fraction = 0.2;
+    double unexplained_quiet_ratio = 3;  // times the quiet excess from which an unexplained gap is told as unknown
+    double miscalibrated_excess_variances =
+        0.05;  // that the refit must remove to speak of miscalibration: the quiet excess
+    double left_excess_fraction =
+        0.07;  // of the refit's excess, left beyond the quiet one, that makes a cause doubtful
+    double strain_squared_tolerances =
+        70;                      // moves of the parameters, squared and summed, that are as doubtful (development)
+    double doubt_steepness = 4;  // of the logistic curve from doubt to probability
+    double named_excess_fraction = 0.55;  // of the excess that named effects must remove, else unknown
+    double closure_gain_fraction = 0.6;   // of a flexible model's gain that named effects must win, else unknown
+    double rival_standard_errors = 2;     // within which a rival cannot be told apart: 95 %
+    double rival_gain_fraction = 0.02;    // ... or within this fraction of the gain
+    double interval_ratio = 4;  // of an interval to what the fit's covariance says: it ignores what the model lacks
+    double place_probability = 0.15;  // of a second place, from which it is told as inseparable
+    std::size_t bootstraps = 400;     // of the shrink's interval: its ends then scatter by 5 % of its width
+  } verdict;
+
+  // measure.h: regions of the operating range.
+  struct Regions {
+    double standstill_fraction = 0.02;  // of a channel's 95 % range: near zero
+    double notable_ratio = 1.25;        // enrichment from which a region is told
+    double least_fraction = 0.01;       // of the samples, below which a region says nothing
+    std::size_t most = 6;               // regions told
+    std::size_t quantile_stride = 7;    // samples from one to the next that quantiles of a channel rest on: saves time
+  } regions;
+
+  // grid_step.h.
+  struct Grid {
+    std::size_t least_levels = 8;       // fewer distinct values say nothing of a grid
+    double same_fraction = 1e-9;        // of the largest value: equal but for the digits of a file
+    double half_width_fraction = 1e-3;  // of a step: half width of its interval, and how far it may differ between runs
+  } grid;
+
+  // next_run.h.
+  struct NextRuns {
+    double duration_s = 20;                 // of a run that is proposed
+    double separating_log_likelihood = 20;  // between two causes, from which a run separates them: odds of 5e8
+    std::size_t most = 3;                   // runs told
+  } next_runs;
+};
+
+// Calls visit(name, value) for every option, so that a study or a test sees all: value is a double, a count, or an array of those.
+template <class Visit>
+void for_each_option(GapOptions& options, Visit&& visit) {
+#define FAULTLINE_OPTION(member) visit(#member, options.member)
+  FAULTLINE_OPTION(residuals.segment_samples);
+  FAULTLINE_OPTION(residuals.start_half_width_samples);
+  FAULTLINE_OPTION(residuals.start_misfit_variances);
+  FAULTLINE_OPTION(residuals.start_prior_sigma);
+  FAULTLINE_OPTION(residuals.start_difference_sigma);
+  FAULTLINE_OPTION(residuals.start_shift_limit_sigma);
+  FAULTLINE_OPTION(residuals.input_half_width_samples);
+  FAULTLINE_OPTION(residuals.input_removed_variance_ratio);
+  FAULTLINE_OPTION(residuals.largest_residual_sigma);
+  FAULTLINE_OPTION(residuals.least_noise_fraction);
+  FAULTLINE_OPTION(residuals.period_error_fraction);
+  FAULTLINE_OPTION(linearisation.difference_tolerances);
+  FAULTLINE_OPTION(linearisation.parameter_bound_tolerances);
+  FAULTLINE_OPTION(linearisation.least_variance_fraction);
+  FAULTLINE_OPTION(linearisation.bound_passes);
+  FAULTLINE_OPTION(linearisation.reweightings);
+  FAULTLINE_OPTION(fit.difference_coordinate);
+  FAULTLINE_OPTION(fit.largest_step_coordinate);
+  FAULTLINE_OPTION(fit.tangent_ratio);
+  FAULTLINE_OPTION(fit.attempts);
+  FAULTLINE_OPTION(fit.damping_decrease_ratio);
+  FAULTLINE_OPTION(fit.damping_increase_ratio);
+  FAULTLINE_OPTION(fit.damping_first);
+  FAULTLINE_OPTION(fit.settled_log_likelihood);
+  FAULTLINE_OPTION(candidates.logarithmic_ratio);
+  FAULTLINE_OPTION(candidates.shape_coordinates);
+  FAULTLINE_OPTION(candidates.logarithmic_coordinates);
+  FAULTLINE_OPTION(candidates.size_fractions);
+  FAULTLINE_OPTION(candidates.stuck_times);
+  FAULTLINE_OPTION(spectrum.padding_ratio);
+  FAULTLINE_OPTION(spectrum.neighbour_grid_points);
+  FAULTLINE_OPTION(spectrum.lines);
+  FAULTLINE_OPTION(spectrum.line_half_width_resolutions);
+  FAULTLINE_OPTION(spectrum.line_distance_resolutions);
+  FAULTLINE_OPTION(spectrum.rarity_log_likelihood);
+  FAULTLINE_OPTION(screening.size_fractions);
+  FAULTLINE_OPTION(screening.first_stride);
+  FAULTLINE_OPTION(screening.followed_candidates);
+  FAULTLINE_OPTION(trials.correlated_samples);
+  FAULTLINE_OPTION(trials.steps);
+  FAULTLINE_OPTION(trials.quick_steps);
+  FAULTLINE_OPTION(trials.refit_rounds);
+  FAULTLINE_OPTION(trials.refine_rounds);
+  FAULTLINE_OPTION(trials.same_sensitivity_fraction);
+  FAULTLINE_OPTION(trials.shown_information_fraction);
+  FAULTLINE_OPTION(trials.relinearise_log_likelihood);
+  FAULTLINE_OPTION(trials.wide_span_coordinate);
+  FAULTLINE_OPTION(trials.wide_points);
+  FAULTLINE_OPTION(trials.close_span_coordinate);
+  FAULTLINE_OPTION(trials.close_points);
+  FAULTLINE_OPTION(trials.stuck_points);
+  FAULTLINE_OPTION(trials.searches);
+  FAULTLINE_OPTION(trials.search_excess_variances);
+  FAULTLINE_OPTION(trials.promising_gain_fraction);
+  FAULTLINE_OPTION(search.finalists);
+  FAULTLINE_OPTION(search.followed);
+  FAULTLINE_OPTION(search.followed_gain_fraction);
+  FAULTLINE_OPTION(search.significance_standard_errors);
+  FAULTLINE_OPTION(search.material_fraction);
+  FAULTLINE_OPTION(search.material_rest_fraction);
+  FAULTLINE_OPTION(search.decisive_excess_fraction);
+  FAULTLINE_OPTION(search.close_rival_gain_fraction);
+  FAULTLINE_OPTION(verdict.quiet_excess_variances);
+  FAULTLINE_OPTION(verdict.quiet_noisy_fraction);
+  FAULTLINE_OPTION(verdict.unexplained_quiet_ratio);
+  FAULTLINE_OPTION(verdict.miscalibrated_excess_variances);
+  FAULTLINE_OPTION(verdict.left_excess_fraction);
+  FAULTLINE_OPTION(verdict.strain_squared_tolerances);
+  FAULTLINE_OPTION(verdict.doubt_steepness);
+  FAULTLINE_OPTION(verdict.named_excess_fraction);
+  FAULTLINE_OPTION(verdict.closure_gain_fraction);
+  FAULTLINE_OPTION(verdict.rival_standard_errors);
+  FAULTLINE_OPTION(verdict.rival_gain_fraction);
+  FAULTLINE_OPTION(verdict.interval_ratio);
+  FAULTLINE_OPTION(verdict.place_probability);
+  FAULTLINE_OPTION(verdict.bootstraps);
+  FAULTLINE_OPTION(regions.standstill_fraction);
+  FAULTLINE_OPTION(regions.notable_ratio);
+  FAULTLINE_OPTION(regions.least_fraction);
+  FAULTLINE_OPTION(regions.most);
+  FAULTLINE_OPTION(regions.quantile_stride);
+  FAULTLINE_OPTION(grid.least_levels);
+  FAULTLINE_OPTION(grid.same_fraction);
+  FAULTLINE_OPTION(grid.half_width_fraction);
+  FAULTLINE_OPTION(next_runs.duration_s);
+  FAULTLINE_OPTION(next_runs.separating_log_likelihood);
+  FAULTLINE_OPTION(next_runs.most);
+#undef FAULTLINE_OPTION
+}
+
+}  // namespace faultline
