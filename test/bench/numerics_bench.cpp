@@ -202,10 +202,12 @@ struct Problem {
 Problem cooling_problem(bool lines) {
   Problem problem;
   problem.make(cooling(), lines ? all_lines() : std::vector<std::string>());
-  problem.load = [](Problem& p, int k) {
-    p.channels[cooling_column("supply_pressure")] = 7e6 + (k < 0 ? 0 : 1e5 * std::sin(0.05 * k));
-    p.channels[cooling_column("bench_valve_command")] = k < 0 ? 0.5 : 0.9;
-    p.channels[cooling_column("heat_load_command")] = k < 0 ? 0 : 1;
+  const std::size_t supply = cooling_column("supply_pressure"), valve = cooling_column("bench_valve_command"),
+                    heat = cooling_column("heat_load_command");
+  problem.load = [=](Problem& p, int k) {
+    p.channels[supply] = 7e6 + (k < 0 ? 0 : 1e5 * std::sin(0.05 * k));
+    p.channels[valve] = k < 0 ? 0.5 : 0.9;
+    p.channels[heat] = k < 0 ? 0 : 1;
   };
   problem.refer();
   return problem;
@@ -218,9 +220,10 @@ Problem servo_problem(bool effects) {
                                                            "entrained_air@compliance.chambers:fraction=0.01",
                                                            "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1e-8"}
                                 : std::vector<std::string>());
-  problem.load = [](Problem& p, int k) {
-    p.channels[column("supply_pressure")] = 1e7;
-    p.channels[column("valve_command")] = k < 0 ? 0 : 2 * std::sin(0.03 * k);
+  const std::size_t supply = column("supply_pressure"), valve = column("valve_command");
+  problem.load = [=](Problem& p, int k) {
+    p.channels[supply] = 1e7;
+    p.channels[valve] = k < 0 ? 0 : 2 * std::sin(0.03 * k);
   };
   problem.refer();
   return problem;
@@ -387,7 +390,7 @@ void triangle(benchmark::State& state, Eigen::Index rows, Eigen::Index columns, 
                              Wide::MaxColsAtCompileTime, Wide::MaxRowsAtCompileTime>;
   using Square = Eigen::Matrix<double, Wide::RowsAtCompileTime, Wide::RowsAtCompileTime, Eigen::ColMajor,
                                Wide::MaxRowsAtCompileTime, Wide::MaxRowsAtCompileTime>;
-  Eigen::Map<Tall> tall(m.data(), columns, rows);
+  Eigen::HouseholderQR<Tall> qr(columns, rows);
   Eigen::LLT<Square> llt(rows);
   Square square(rows, rows);
   const auto pass = [&] {
@@ -396,9 +399,9 @@ void triangle(benchmark::State& state, Eigen::Index rows, Eigen::Index columns, 
       reduce_to_triangle(m);
       root = m.leftCols(rows);
     } else if (how == Triangle::householder) {
-      const Eigen::HouseholderQR<Eigen::Ref<Tall>> qr(tall);  // in place
+      qr.compute(Eigen::Map<Tall>(m.data(), columns, rows));  // in place, by a Ref, it is slower
       root.setZero();
-      root.template triangularView<Eigen::Lower>() = tall.topRows(rows).transpose();
+      root.template triangularView<Eigen::Lower>() = qr.matrixQR().topRows(rows).transpose();
     } else {
       square.setZero();
       square.template selfadjointView<Eigen::Lower>().rankUpdate(m);
