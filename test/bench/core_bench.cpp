@@ -7,6 +7,7 @@
 
 #include "count_allocations.h"
 #include "faultline/alarms/alarm_stage.h"
+#include "faultline/alarms/diagnosis.h"
 #include "faultline/estimators/estimator_stage.h"
 #include "faultline/estimators/state_estimator.h"
 #include "servo_runs.h"
@@ -94,33 +95,39 @@ void estimator_stage(benchmark::State& state) {
   measure(state, [&](std::size_t k) { stage.process(samples()[k], estimate); });
 }
 
-void alarm_stage(benchmark::State& state) {
-  EstimatorStage estimator(servo(), servo().estimators.front());
-  std::vector<Estimate> estimates(samples().size());
-  for (std::size_t k = 0; k < samples().size(); ++k) estimator.process(samples()[k], estimates[k]);
-  AlarmStage stage(servo());
+// What the estimators of a rig say about every sample, in the order of the datasheet.
+std::vector<std::vector<Estimate>> estimates_of(const Datasheet& sheet) {
+  std::vector<EstimatorStage> stages;
+  for (const StageSpec& spec : sheet.estimators) stages.emplace_back(sheet, spec);
+  std::vector<std::vector<Estimate>> result(samples().size(), std::vector<Estimate>(stages.size()));
+  std::vector<Estimate> last(stages.size());
+  for (std::size_t k = 0; k < samples().size(); ++k) {
+    for (std::size_t i = 0; i < stages.size(); ++i) stages[i].process(samples()[k], last[i]);
+    result[k] = last;
+  }
+  return result;
+}
+
+void alarm_stage(benchmark::State& state, const Datasheet& sheet) {
+  const std::vector<std::vector<Estimate>> estimates = estimates_of(sheet);
+  AlarmStage stage(sheet);
   measure(state, [&](std::size_t k) { stage.process(estimates[k]); });
 }
 
-void offline_diagnosis(benchmark::State& state) {
-  EstimatorStage estimator(servo(), servo().estimators.front());
-  AlarmStage stage(servo());
-  Estimate estimate;
-  measure(state, [&](std::size_t k) {
-    if (estimator.process(samples()[k], estimate)) stage.process(estimate);
-  });
+void offline_diagnosis(benchmark::State& state, const Datasheet& sheet) {
+  Diagnosis diagnosis(sheet);
+  measure(state, [&](std::size_t k) { diagnosis.process(samples()[k]); });
 }
 
 void detector(benchmark::State& state, const std::string& name) {
-  EstimatorStage estimator(servo(), servo().estimators.front());
-  std::vector<Estimate> estimates(samples().size());
-  for (std::size_t k = 0; k < samples().size(); ++k) estimator.process(samples()[k], estimates[k]);
+  const std::vector<std::vector<Estimate>> estimates = estimates_of(servo_filter());
   for (const StageSpec& spec : servo().detectors) {
     if (spec.name != name) continue;
     const auto made = make_detector(spec);
     Detection detection;
-    measure(state, [&](std::size_t k) { made->process(estimates[k], detection); });
+    return measure(state, [&](std::size_t k) { made->process(estimates[k].front(), detection); });
   }
+  state.SkipWithError(("the servo actuator has no detector '" + name + "'").c_str());
 }
 
 void simulator(benchmark::State& state, bool with_effects) {
@@ -142,8 +149,10 @@ BENCHMARK(filter_step_unscented);
 BENCHMARK(filter_step_extended);
 BENCHMARK(peer_kalman_step);
 BENCHMARK(estimator_stage);
-BENCHMARK(alarm_stage);
-BENCHMARK(offline_diagnosis);
+BENCHMARK_CAPTURE(alarm_stage, filter, servo_filter());
+BENCHMARK_CAPTURE(alarm_stage, whole, servo());
+BENCHMARK_CAPTURE(offline_diagnosis, filter, servo_filter());
+BENCHMARK_CAPTURE(offline_diagnosis, whole, servo());
 BENCHMARK_CAPTURE(detector, leak, std::string("internal_leak"));
 BENCHMARK_CAPTURE(detector, band, std::string("pressure_redundancy"));
 BENCHMARK_CAPTURE(detector, consistency, std::string("model_fit"));

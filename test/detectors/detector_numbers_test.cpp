@@ -37,8 +37,8 @@ TEST(LeakDetector, SizeIsCoefficientTimesDrive) {
   }
   EXPECT_EQ(detector->size_unit(), "l/s");
   EXPECT_NEAR(detection.size, 1e3 * 1.5e-8 * 800, 1e-4);
-  // 90 % bounds: 1.645 sqrt((6 % of it)^2 + (2.5e-9)^2) of coefficient either side.
-  const double half = 1.645 * std::sqrt(std::pow(0.06 * 1.5e-8, 2) + 2.5e-9 * 2.5e-9) * 800 * 1e3;
+  // 90 % bounds: 1.6449 sqrt((6 % of it)^2 + (2.5e-9)^2) of coefficient either side.
+  const double half = 1.6448536 * std::sqrt(std::pow(0.06 * 1.5e-8, 2) + 2.5e-9 * 2.5e-9) * 800 * 1e3;
   EXPECT_NEAR(detection.high - detection.size, half, 0.02 * half);
   EXPECT_NEAR(detection.size - detection.low, half, 0.02 * half);
   EXPECT_GT(detection.confidence, 0.99);

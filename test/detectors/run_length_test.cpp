@@ -50,13 +50,6 @@ TEST(RunLength, ThresholdGivesTheRateAskedFor) {
   EXPECT_THROW(cusum_threshold(0.5, 0.5), InputError);
 }
 
-TEST(RunLength, Quantiles) {
-  EXPECT_NEAR(normal_quantile_above(0.025), 1.959964, 1e-6);
-  EXPECT_NEAR(normal_quantile_above(1e-9), 5.997807, 1e-5);
-  EXPECT_NEAR(chi_square_quantile_above(10, 0.05), 18.307, 0.05);
-  EXPECT_NEAR(chi_square_quantile_above(199, 1e-9), 346.6, 3.5);
-}
-
 TEST(Cusum, BothSidesAndTheBeginning) {
   TwoSidedCusum test;
   test.allowance = 0.5;

@@ -12,12 +12,12 @@
 #include "faultline/detectors/cusum.h"
 #include "faultline/detectors/persistence.h"
 #include "faultline/detectors/run_length.h"
+#include "faultline/numerics/quantiles.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
 
-constexpr double kNinetyPercent = 1.645;
 constexpr double kHour = 3600;  // s
 
 class Cusum : public Detector {
@@ -78,8 +78,8 @@ class Cusum : public Detector {
     const double mean = sum_ / count_;
     const double std = std::sqrt(std::max(0.0, squares_ / count_ - mean * mean) / count_);
     detection.size = mean;
-    detection.low = mean - kNinetyPercent * std;
-    detection.high = mean + kNinetyPercent * std;
+    detection.low = mean - kNinetyPercentSigmas * std;
+    detection.high = mean + kNinetyPercentSigmas * std;
     detection.confidence = 1 - 0.5 * test_.threshold / std::max(test_.threshold, std::max(test_.up, test_.down));
   }
 

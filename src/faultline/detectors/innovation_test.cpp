@@ -9,7 +9,7 @@
 
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/persistence.h"
-#include "faultline/detectors/run_length.h"
+#include "faultline/numerics/quantiles.h"
 
 namespace faultline {
 namespace {
@@ -26,7 +26,7 @@ class InnovationTest : public Detector {
         persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {
     const double tests = kHour / s.number("period", 1e-6, 1e3);
     const double freedom = 2 * window_ - 1;
-    limit_ = chi_square_quantile_above(freedom, std::min(0.5, s.number("false_alarms_per_hour", 1e-9, 1e6) / tests)) /
+    limit_ = chi_squared_quantile_above(freedom, std::min(0.5, s.number("false_alarms_per_hour", 1e-9, 1e6) / tests)) /
              freedom;
   }
 

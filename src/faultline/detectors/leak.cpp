@@ -10,12 +10,12 @@
 
 #include "faultline/detectors/detector.h"
 #include "faultline/detectors/persistence.h"
+#include "faultline/numerics/quantiles.h"
 
 namespace faultline {
 namespace {
 
-constexpr double kNinetyPercent = 1.645;  // two-sided 90 % bounds of a normal distribution, in sigmas
-constexpr double kLitres = 1e3;           // l per m^3
+constexpr double kLitres = 1e3;  // l per m^3
 
 class Leak : public Detector {
  public:
@@ -80,8 +80,8 @@ class Leak : public Detector {
     const double to_flow = drive_mean_ * kLitres;
     detection.per_effect = to_flow;
     detection.size = std::max(0.0, mean_) * to_flow;
-    detection.low = std::max(0.0, mean_ - kNinetyPercent * std) * to_flow;
-    detection.high = std::max(0.0, mean_ + kNinetyPercent * std) * to_flow;
+    detection.low = std::max(0.0, mean_ - kNinetyPercentSigmas * std) * to_flow;
+    detection.high = std::max(0.0, mean_ + kNinetyPercentSigmas * std) * to_flow;
     detection.confidence = 0.5 * std::erfc(-(mean_ - 0.5 * threshold_) / (std * std::sqrt(2.0)));
   }
 

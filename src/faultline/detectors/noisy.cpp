@@ -9,11 +9,10 @@
 
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/persistence.h"
+#include "faultline/numerics/quantiles.h"
 
 namespace faultline {
 namespace {
-
-constexpr double kNinetyPercent = 1.645;
 
 class Noisy : public Detector {
  public:
@@ -76,7 +75,7 @@ class Noisy : public Detector {
     detection.has_size = true;
     const auto added = [this](double v) { return std::sqrt(std::max(0.0, v - variance_)); };
     // Squares of second differences have a relative standard deviation of 1.41, neighbours being alike for some 3 samples.
-    const double spread = kNinetyPercent * 1.41 * std::sqrt(3 / std::max(long_rows_, 3.0));
+    const double spread = kNinetyPercentSigmas * 1.41 * std::sqrt(3 / std::max(long_rows_, 3.0));
     detection.size = added(long_mean_);
     detection.low = added(long_mean_ / (1 + spread));
     detection.high = added(long_mean_ * (1 + spread));

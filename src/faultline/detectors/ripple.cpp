@@ -9,11 +9,10 @@
 
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/persistence.h"
+#include "faultline/numerics/quantiles.h"
 
 namespace faultline {
 namespace {
-
-constexpr double kNinetyPercent = 1.645;
 
 class Ripple : public Detector {
  public:
@@ -79,7 +78,7 @@ class Ripple : public Detector {
     detection.since = begin_;
     detection.has_size = true;
     detection.size = std::sqrt(2 * std::max(0.0, squares_ / rows_ - noise_ * noise_));
-    const double spread = kNinetyPercent * detection.size / std::sqrt(2.0 * std::max(count_, 1.0));
+    const double spread = kNinetyPercentSigmas * detection.size / std::sqrt(2.0 * std::max(count_, 1.0));
     detection.low = std::max(0.0, detection.size - spread);
     detection.high = detection.size + spread;
     detection.confidence = 1 - 0.5 * limit_ / std::max(limit_, detection.size);

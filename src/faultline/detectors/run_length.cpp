@@ -5,33 +5,27 @@
 
 #include <fmt/format.h>
 #include <Eigen/Dense>
+#include <boost/math/quadrature/gauss.hpp>
 
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
 
-constexpr int kNodesPerPanel = 8;
-constexpr double kPanel = 0.5;   // sigma: the kernel is smooth on this length
-constexpr int kMostPanels = 60;  // beyond that panels grow
+constexpr int kNodesPerPanel = 8;  // even: no node in the middle
+constexpr double kPanel = 0.5;     // sigma: the kernel is smooth on this length
+constexpr int kMostPanels = 60;    // beyond that panels grow
 constexpr double kHighest = 1e4;
 
 double density(double x) { return std::exp(-0.5 * x * x) / std::sqrt(2 * M_PI); }
 double below(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
 
-struct Rule {
-  Eigen::VectorXd nodes, weights;
-};
-
-// Gauss-Legendre rule on [-1, 1] from the eigenvalues of its Jacobi matrix (Golub, Welsch 1969).
-const Rule& legendre() {
-  static const Rule rule = [] {
-    Eigen::MatrixXd jacobi = Eigen::MatrixXd::Zero(kNodesPerPanel, kNodesPerPanel);
-    for (int i = 1; i < kNodesPerPanel; ++i) jacobi(i, i - 1) = jacobi(i - 1, i) = i / std::sqrt(4.0 * i * i - 1);
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(jacobi);
-    return Rule{solver.eigenvalues(), 2 * solver.eigenvectors().row(0).array().square().matrix().transpose()};
-  }();
-  return rule;
+// Nodes and weights of the Gauss-Legendre rule on [-1, 1]; Boost holds the positive half.
+template <class Add>
+void legendre(Add&& add) {
+  using Rule = boost::math::quadrature::gauss<double, kNodesPerPanel>;
+  for (std::size_t i = 0; i < Rule::abscissa().size(); ++i)
+    for (const double side : {-1.0, 1.0}) add(side * Rule::abscissa()[i], Rule::weights()[i]);
 }
 
 }  // namespace
@@ -41,11 +35,12 @@ double cusum_run_length(double k, double h, double shift) {
   const int n = panels * kNodesPerPanel;
   const double width = h / panels, drift = shift - k;
   Eigen::VectorXd x(n), w(n);
+  int next = 0;
   for (int p = 0; p < panels; ++p)
-    for (int i = 0; i < kNodesPerPanel; ++i) {
-      x[p * kNodesPerPanel + i] = width * (p + 0.5 * (legendre().nodes[i] + 1));
-      w[p * kNodesPerPanel + i] = 0.5 * width * legendre().weights[i];
-    }
+    legendre([&](double node, double weight) {
+      x[next] = width * (p + 0.5 * (node + 1));
+      w[next++] = 0.5 * width * weight;
+    });
   // Unknowns: L(0), then L at the nodes.
   Eigen::MatrixXd a = Eigen::MatrixXd::Identity(n + 1, n + 1);
   for (int i = 0; i <= n; ++i) {
@@ -92,21 +87,6 @@ double cusum_threshold(double k, double samples) {
     if (std::abs(off) < 1e-4) break;
   }
   return h;
-}
-
-double normal_quantile_above(double p) {
-  double low = -40, high = 40;
-  for (int i = 0; i < 200; ++i) {
-    const double middle = 0.5 * (low + high);
-    (0.5 * std::erfc(middle / std::sqrt(2.0)) > p ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
-}
-
-double chi_square_quantile_above(double freedom, double p) {
-  const double c = 2 / (9 * freedom);
-  const double root = 1 - c + normal_quantile_above(p) * std::sqrt(c);
-  return freedom * root * root * root;
 }
 
 }  // namespace faultline

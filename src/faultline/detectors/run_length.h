@@ -18,9 +18,5 @@ double cusum_threshold(double k, double samples);
 // The same by Siegmund's approximation (Sequential Analysis, 1985), L = (exp(2 k b) - 1 - 2 k b)/(2 k^2), b = h + 1.166: within 2 % of h,
 // in a microsecond.
 double siegmund_threshold(double k, double samples);
-// x with P(standard normal > x) = p, 0 < p < 1.
-double normal_quantile_above(double p);
-// x with P(chi-squared of `freedom` degrees > x) = p (Wilson, Hilferty 1931; within 1 % for freedom >= 3 and p >= 1e-10).
-double chi_square_quantile_above(double freedom, double p);
 
 }  // namespace faultline
