@@ -37,7 +37,7 @@ std::unique_ptr<Controller> make_controller(const Datasheet& sheet, const Profil
     return type.make(sheet, settings->second, std::move(raw));
   }
   throw InputError(
-      fmt::format("{}: this build has no controller '{}' for {}", sheet.file, profile.controller, sheet.rig));
+      fmt::format("{}: this build has no controller '{}' for {}", settings->second.where(), profile.controller, sheet.rig));
 }
 
 }  // namespace faultline

@@ -53,7 +53,7 @@ class Plant {
     }
     for (std::size_t i = 0; i < sheet.states.size(); ++i)
       for (const auto& [channel, chain] : sensors_)
-        if (sheet.channels[channel].name == sheet.states[i].name) shown_states_.push_back({i, chain});
+        if (sheet.states[i].channel == static_cast<int>(channel)) shown_states_.push_back({i, chain});
     start_.resize(sheet.states.size());
     true_.resize(sheet.channels.size());
     shown_.resize(sheet.channels.size());
