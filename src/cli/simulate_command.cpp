@@ -156,8 +156,9 @@ void add(CLI::App& app) {
                  "set points of the run, as in the datasheet; default: the fault's, else the first");
   app.add_option("--duration", options->duration, "s; default: the profile's")->check(CLI::Range(1e-6, kLongest));
   app.add_option("--seed", options->seed, "of noise, random set points and --off-nominal; default 1");
-  const CLI::Option* rig_seed = app.add_option(
-      "--rig-seed", options->rig_seed, "of --off-nominal alone: the same rig in runs of several --seed; default: --seed");
+  const CLI::Option* rig_seed =
+      app.add_option("--rig-seed", options->rig_seed,
+                     "of --off-nominal alone: the same rig in runs of several --seed; default: --seed");
   app.add_option("--effect", options->effects,
                  "EFFECT@PORT:name=value,...[,from=S][,to=S][,swells=N]; may be given often")
       ->allow_extra_args(false);

@@ -82,8 +82,7 @@ TEST(Units, SiUnitsAreToldFromOthers) {
 
 TEST(Units, DifferentThingsDoNotConvert) {
   const char* pairs[][2] = {{"bar", "m"}, {"Hz", "rad/s"}, {"rpm", "Hz"}, {"kg", "N"},
-                            {"l", "l/s"}, {"1", "V"},      {"mA", "V"},
-                            {"sqrt(Pa)", "Pa"}};
+                            {"l", "l/s"}, {"1", "V"},      {"mA", "V"},   {"sqrt(Pa)", "Pa"}};
   for (const auto& pair : pairs) {
     try {
       conversion(pair[0], pair[1]);
@@ -98,8 +97,10 @@ TEST(Units, DifferentThingsDoNotConvert) {
 }
 
 TEST(Units, NonsenseIsRefused) {
-  for (const char* text : {"", " ", "furlong", "m//s", "m^", "m^x", "m^99", "m^0.5x", "sqrt(m", "sqrt m", "sqrt(degC)", "(m", "m)", "^2", "/s", "degC/s", "m degC",
-                           "degC^2", "kmin", "((((((((((((((((((((((((m"}) {
+  for (const char* text : {"",           " ",      "furlong", "m//s",   "m^",
+                           "m^x",        "m^99",   "m^0.5x",  "sqrt(m", "sqrt m",
+                           "sqrt(degC)", "(m",     "m)",      "^2",     "/s",
+                           "degC/s",     "m degC", "degC^2",  "kmin",   "((((((((((((((((((((((((m"}) {
     EXPECT_THROW(parse_unit(text), InputError) << "'" << text << "'";
   }
 }

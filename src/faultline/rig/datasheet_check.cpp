@@ -117,8 +117,8 @@ void check_parameters(const Datasheet& sheet, const Asked& asked) {
 void check_states(const Datasheet& sheet, Rig& rig) {
   const std::size_t count = sheet.states.size();
   if (rig.states() != static_cast<int>(count))
-    throw InputError(fmt::format("{} are {}; the equations of {} have {}", sheet.place("states"), count, sheet.rig,
-                                 rig.states()));
+    throw InputError(
+        fmt::format("{} are {}; the equations of {} have {}", sheet.place("states"), count, sheet.rig, rig.states()));
   std::vector<double> nominal(count), state(count), channels(sheet.channels.size());
   for (const double scale : {1.0, 2.0}) {
     for (std::size_t i = 0; i < count; ++i) nominal[i] = scale * static_cast<double>(i + 1);
@@ -127,10 +127,11 @@ void check_states(const Datasheet& sheet, Rig& rig) {
     for (std::size_t i = 0; i < count; ++i) {
       const int channel = sheet.states[i].channel;
       if (channel >= 0 && !(std::abs(channels[static_cast<std::size_t>(channel)] - state[i]) <= 1e-9 * state[i]))
-        throw InputError(fmt::format("{} is said to be measured by '{}', but in the equations of {} that channel shows "
-                                     "something else; take 'measured_by' out",
-                                     sheet.place("states." + sheet.states[i].name),
-                                     sheet.channels[static_cast<std::size_t>(channel)].name, sheet.rig));
+        throw InputError(
+            fmt::format("{} is said to be measured by '{}', but in the equations of {} that channel shows "
+                        "something else; take 'measured_by' out",
+                        sheet.place("states." + sheet.states[i].name),
+                        sheet.channels[static_cast<std::size_t>(channel)].name, sheet.rig));
     }
   }
 }
@@ -162,8 +163,8 @@ void check_claims(const Datasheet& sheet) {
       throw InputError(fmt::format("{}: 'effect' is '{}', which is none; known are {}{}", settings.where(), effect,
                                    joined(effects), did_you_mean(effect, effects)));
     if (type && !port.empty() && !type->fits_kind(port_kind(port)))
-      throw InputError(fmt::format("{}: 'effect' is '{}', which does not fit the port {}", settings.where(), effect,
-                                   port));
+      throw InputError(
+          fmt::format("{}: 'effect' is '{}', which does not fit the port {}", settings.where(), effect, port));
   }
 }
 

@@ -53,17 +53,18 @@ std::string unit_of(const YamlValue& value, bool must_be_si) {
     value.fail(fmt::format("is not allowed: {}", error.what()));
   }
   if (must_be_si && !si)
-    value.fail(fmt::format("is '{}'; channels and states are in SI units, as the equations are (m, kg, s, K, Pa, 1)", text));
+    value.fail(
+        fmt::format("is '{}'; channels and states are in SI units, as the equations are (m, kg, s, K, Pa, 1)", text));
   return text;
 }
 
 std::string positive_quantity(const std::string& unit) {
   static const std::pair<const char*, const char*> kinds[] = {
-      {"m^2", "an area"},           {"m^3", "a volume"},         {"kg", "a mass"},
-      {"kg m^2", "an inertia"},     {"kg/m^3", "a density"},     {"s", "a time"},
-      {"K", "a temperature"},       {"m^3/rad", "a displacement"}, {"J/(kg K)", "a specific heat"},
-      {"J/K", "a heat capacity"},   {"m^3/Pa", "a compliance"},  {"kg/Pa", "a compliance"},
-      {"Pa s", "a viscosity"},      {"m^2/s", "a viscosity"},
+      {"m^2", "an area"},         {"m^3", "a volume"},           {"kg", "a mass"},
+      {"kg m^2", "an inertia"},   {"kg/m^3", "a density"},       {"s", "a time"},
+      {"K", "a temperature"},     {"m^3/rad", "a displacement"}, {"J/(kg K)", "a specific heat"},
+      {"J/K", "a heat capacity"}, {"m^3/Pa", "a compliance"},    {"kg/Pa", "a compliance"},
+      {"Pa s", "a viscosity"},    {"m^2/s", "a viscosity"},
   };
   const Unit wanted = parse_unit(unit);
   for (const auto& [of, what] : kinds)
@@ -73,8 +74,7 @@ std::string positive_quantity(const std::string& unit) {
 
 void check_sign(const YamlValue& value, const std::string& unit, double number) {
   const std::string what = positive_quantity(unit);
-  if (!what.empty() && number <= 0)
-    value.fail(fmt::format("is {:g} {}; {} must be above 0", number, unit, what));
+  if (!what.empty() && number <= 0) value.fail(fmt::format("is {:g} {}; {} must be above 0", number, unit, what));
 }
 
 }  // namespace datasheet_sections
@@ -145,12 +145,13 @@ void read_channels(const YamlValue& root, Datasheet& sheet) {
 int read_measured_by(const YamlValue& value, const Datasheet& sheet, const State& state) {
   const Channel& channel = channel_named(sheet, value, value.name());
   if (channel.role != Role::output)
-    value.fail(fmt::format("names channel '{}', whose role is {}; it must be output", channel.name,
-                           to_string(channel.role)));
+    value.fail(
+        fmt::format("names channel '{}', whose role is {}; it must be output", channel.name, to_string(channel.role)));
   if (parse_unit(channel.unit).dimension != parse_unit(state.unit).dimension)
-    value.fail(fmt::format("names channel '{}' in {}, but the state is in {}; correct the unit, or leave the key out if "
-                           "the channel measures something else",
-                           channel.name, channel.unit, state.unit));
+    value.fail(
+        fmt::format("names channel '{}' in {}, but the state is in {}; correct the unit, or leave the key out if "
+                    "the channel measures something else",
+                    channel.name, channel.unit, state.unit));
   for (const State& other : sheet.states)
     if (other.channel >= 0 && sheet.channels[static_cast<std::size_t>(other.channel)].name == channel.name)
       value.fail(fmt::format("names channel '{}', which measures the state '{}' already", channel.name, other.name));
@@ -215,11 +216,12 @@ void read_parameters(const YamlValue& root, Datasheet& sheet) {
     std::string positive = positive_quantity(parameter.unit);
     if (entry.has("positive")) positive = entry.at("positive").truth() ? "what is declared positive" : "";
     if (!positive.empty() && parameter.nominal <= 0)
-      entry.at("nominal").fail(fmt::format("is {:g} {}; {} must be above 0", parameter.nominal, parameter.unit, positive));
+      entry.at("nominal").fail(
+          fmt::format("is {:g} {}; {} must be above 0", parameter.nominal, parameter.unit, positive));
     if (!positive.empty() && parameter.tolerance >= kLargestSpread)
       entry.at("tolerance")
-          .fail(fmt::format("is {:g}, with which the parameter may be 0; below {:g} it stays above", parameter.tolerance,
-                            kLargestSpread));
+          .fail(fmt::format("is {:g}, with which the parameter may be 0; below {:g} it stays above",
+                            parameter.tolerance, kLargestSpread));
     if (parameter.identify && parameter.nominal == 0)
       entry.at("nominal").fail("is 0, which gives 'identify' no scale; give the size that it may have");
     add_unique(names, entry, parameter.name);
@@ -340,9 +342,9 @@ Datasheet read_datasheet(const std::string& path) {
   const std::vector<std::string> prose = {"conventions",    "layout",      "equations",       "estimator_form",
                                           "initial_state",  "integration", "reference_point", "leakage_conversion",
                                           "parameter_twins"};
-  std::vector<std::string> optional = {
-      "branches", "not_recorded",    "constants",  "tables",    "inputs",    "controllers", "profiles", "faults",
-      "nuisance", "nominal_effects", "notes"};
+  std::vector<std::string> optional = {"branches", "not_recorded",    "constants", "tables",
+                                       "inputs",   "controllers",     "profiles",  "faults",
+                                       "nuisance", "nominal_effects", "notes"};
   optional.insert(optional.end(), kStageKeys.begin(), kStageKeys.end());
   optional.insert(optional.end(), prose.begin(), prose.end());
   root.allow({"rig", "title", "source", "sample_period", "channels", "states", "parameters", "ports"}, optional);
@@ -360,7 +362,8 @@ Datasheet read_datasheet(const std::string& path) {
     add_unique(names, branch, sheet.branches.back());
   }
   root.set_branches(sheet.branches);
-  for (const char* section : {"channels", "states", "parameters", "ports"}) sheet.places[section] = root.at(section).place();
+  for (const char* section : {"channels", "states", "parameters", "ports"})
+    sheet.places[section] = root.at(section).place();
   for (const std::string& key : prose) text_or(root, key, "");
   for (const YamlValue& note : list_at(root, "notes")) sheet.notes.push_back(note.text());
 

@@ -59,8 +59,7 @@ std::string read_effect(const YamlValue& value, const Datasheet& sheet, Sizes si
     const auto bounds = fitting->bounds.find(parameter.name);
     if (!none && bounds == fitting->bounds.end())
       value.fail(fmt::format("gives '{}' in '{}', which has no bounds at {}", parameter.name, text, port_name));
-    if (!none && sizes == Sizes::as_the_port_says &&
-        (size < bounds->second.minimum || size > bounds->second.maximum))
+    if (!none && sizes == Sizes::as_the_port_says && (size < bounds->second.minimum || size > bounds->second.maximum))
       value.fail(fmt::format("gives {}={:g} in '{}'; {} takes {:g} to {:g}", parameter.name, size, text, port_name,
                              bounds->second.minimum, bounds->second.maximum));
   }
@@ -75,7 +74,9 @@ std::vector<std::string> read_effects(const YamlValue& entry, const std::string&
 }
 
 // A value of a channel that a run sets.
-double value_of(const YamlValue& value, const Channel& channel) { return value.number(channel.minimum, channel.maximum); }
+double value_of(const YamlValue& value, const Channel& channel) {
+  return value.number(channel.minimum, channel.maximum);
+}
 
 // {b} has become a branch where the entry's name holds it; elsewhere, and in any other bracket, it would stay as it is.
 std::string word_of(const YamlValue& value) {
@@ -207,7 +208,7 @@ void read_faults(const YamlValue& root, Datasheet& sheet) {
       for (const Profile& profile : sheet.profiles) known.insert(profile.name);
       if (known.count(fault.profile) == 0)
         entry.at("profile").fail(fmt::format("is '{}'; profiles are {}{}", fault.profile, joined(list_of(known)),
-                              did_you_mean(fault.profile, list_of(known))));
+                                             did_you_mean(fault.profile, list_of(known))));
     }
     add_unique(names, entry, fault.name);
     sheet.faults.push_back(fault);

@@ -26,8 +26,8 @@ struct SimulationSetup {
   std::vector<EffectSpec> effects;     // on top of the datasheet's nominal effects
   std::vector<CommandTable> commands;  // for commands that no controller moves
   std::uint64_t seed = 1;              // of what differs from run to run; see below
-  double substep = 0;  // s; 0: the rig's own
-  bool noise = true;   // sensor noise and rounding
+  double substep = 0;                  // s; 0: the rig's own
+  bool noise = true;                   // sensor noise and rounding
 };
 
 class Simulator {
