@@ -25,7 +25,8 @@ constexpr std::uint64_t kEvery = 1000;  // samples between looks at Ctrl-C and t
 struct Options {
   std::string rig, config, profile, fault, output, compression = "bz2";
   double duration = 0, substep = 0;
-  std::uint64_t seed = 1;
+  std::uint64_t seed = 1, rig_seed = 1;
+  bool rig_seed_given = false;
   std::vector<std::string> effects, commands;
   bool off_nominal = false, nuisance = false, quiet = false;
 };
@@ -82,6 +83,7 @@ std::string made_by(const Options& options, const std::string& profile, double d
   for (const std::string& effect : options.effects) text += " --effect " + effect;
   for (const std::string& command : options.commands) text += " --command " + command;
   if (options.off_nominal) text += " --off-nominal";
+  if (options.rig_seed_given) text += fmt::format(" --rig-seed {}", options.rig_seed);
   if (options.nuisance) text += " --nuisance";
   if (options.substep > 0) text += fmt::format(" --substep {}", options.substep);
   return text;
@@ -110,7 +112,10 @@ void run(const Options& options) {
                                      command, table.channel));
     setup.commands.push_back(table);
   }
-  if (options.off_nominal) setup.parameters = draw_parameters(sheet, options.seed);
+  if (options.rig_seed_given && !options.off_nominal)
+    throw InputError("--rig-seed draws the parameters of a rig that is off its datasheet; give --off-nominal too");
+  if (options.off_nominal)
+    setup.parameters = draw_parameters(sheet, options.rig_seed_given ? options.rig_seed : options.seed);
   if (setup.profile.empty() && sheet.profiles.empty())
     throw InputError(fmt::format("{}: the datasheet has no profiles", sheet.file));
   const Profile& profile = setup.profile.empty() ? sheet.profiles.front() : sheet.profile(setup.profile);
@@ -151,6 +156,10 @@ std::function<void()> add(CLI::App& app) {
   app.add_option("--duration", options->duration, "s; default: the profile's")->check(number_between(1e-6, kLongest));
   app.add_option("--seed", options->seed, "of noise, random set points and --off-nominal; default 1")
       ->check(whole_number(0, UINT64_MAX));
+  const CLI::Option* rig_seed =
+      app.add_option("--rig-seed", options->rig_seed,
+                     "of --off-nominal alone: the same rig in runs of several --seed; default: --seed")
+          ->check(whole_number(0, UINT64_MAX));
   app.add_option("--effect", options->effects,
                  "EFFECT@PORT:name=value,...[,from=S][,to=S][,swells=N]; may be given often")
       ->allow_extra_args(false);
@@ -165,7 +174,10 @@ std::function<void()> add(CLI::App& app) {
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
   app.add_option("--compression", options->compression, "of a bag: bz2 (default, smallest), lz4 or none");
   app.add_flag("--quiet", options->quiet, "say nothing but errors");
-  return [options] { run(*options); };
+  return [options, rig_seed] {
+    options->rig_seed_given = rig_seed->count() > 0;
+    run(*options);
+  };
 }
 
 FAULTLINE_SUBCOMMAND(simulate, {"simulate", "run a rig's model with effects and write a recording",

@@ -2,9 +2,12 @@
 // line.
 #include "faultline/rig/datasheet.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -62,36 +65,51 @@ channels:
   - {name: valve, symbol: u, unit: V, role: command, range: [0, 10], noise_std: 0, resolution: 0, meaning: opening}
   - {name: supply, symbol: p, unit: Pa, role: input, range: [0, 1.0e+6], noise_std: 10, resolution: 1, meaning: supply}
   - {name: "{b}_level", symbol: h, unit: m, role: output, range: [0, 2], noise_std: 0.01, resolution: 0, meaning: "level {b}"}
+  - {name: opening, symbol: z, unit: "1", role: input, range: [0, 1], noise_std: 0, resolution: 0, predicted_by: valve, ground_truth: true, meaning: plug}
 not_recorded:
   - {name: vapour, symbol: m_v, unit: kg/s, meaning: what leaves}
 states:
-  - {name: "{b}_level", symbol: h, unit: m}
+  - {name: "{b}_level", symbol: h, unit: m, measured_by: "{b}_level", initial: "where {b}_area balances", meaning: height}
 parameters:
   - {name: density, symbol: rho, unit: kg/m^3, nominal: 1000, tolerance: 0.01, from: known}
   - {name: "{b}_area", symbol: A, unit: m^2, nominal: {a: 1, b: 2}, tolerance: 0.1, identify: true, from: chosen}
+  - {name: stiffness, symbol: c, unit: N/m, nominal: 3, tolerance: 0.2, positive: true, from: chosen}
+  - {name: shift, symbol: d, unit: s, nominal: -1, tolerance: 0, positive: false, from: chosen}
 constants:
-  gravity: {value: 9.81, unit: m/s^2, from: known}
+  gravity: {value: 9.81, unit: m/s^2, symbol: g, from: known}
+  wall: {value: 20, unit: kg, from: known}
 tables:
   curve: {columns: {x: [0, 1], y: [0, 2]}, from: chosen}
 ports:
   command.valve: {component: valve, meaning: opening, range: 10, effects: {lag: {time_constant: [0, 1]}}}
-  sensor.inflow: {component: gauge, meaning: supply, channel: supply, effects: {offset: {value: [-1, 1]}}}
-  "flow.{b}_ambient": {component: wall, meaning: leak, effects: {orifice_leakage: {coefficient: [0, .inf]}}}
+  sensor.inflow: {component: gauge, meaning: supply, channel: supply, effects: {offset: {value: [-1, 1]}, stuck: {from: [0, .inf]}}}
+  "flow.{b}_ambient": {component: wall, meaning: leak, effects: {orifice_leakage: {coefficient: [0, 1.0e-4]}}}
 inputs:
-  supply: {value: 5.0e+5, wander_std: 10, wander_low: 0.1, wander_high: 1}
+  supply: {value: 5.0e+5, wander_std: 10, wander_low: 0.1, wander_high: 1, meaning: pump}
 controllers:
-  level_control: {gain: 2, period: 1}
+  level_control: {gain: 2, period: 1, meaning: what it does}
 profiles:
   - {name: steps, controller: level_control, shape: steps, duration: 10, low: 0, high: 1, shortest: 1, longest: 2, second: {shape: constant, value: 3}, inputs: {supply: 4.0e+5}, meaning: steps}
+  - {name: ramp, controller: level_control, shape: table, duration: 10, time: [0, 5], value: [0, 1], meaning: ramp}
 faults:
-  - {name: leak, meaning: leak at a, profile: steps, effects: ["orifice_leakage@flow.a_ambient:coefficient=1e-3,from=2,to=4"]}
+  - {name: leak, meaning: leak at a, profile: steps, effects: ["orifice_leakage@flow.a_ambient:coefficient=1e-5,from=2,to=4"]}
   - {name: opened, meaning: valve opens, commands: {valve: {time: [1, 2], value: [0, 5]}}}
 nuisance: ["lag@command.valve:time_constant=0.01"]
-nominal_effects: []
+nominal_effects: ["offset@sensor.inflow:value=0.5"]
 estimators:
   - {name: filter, type: kalman, q: 1, gains: [1, 2], kind: fast}
-detectors: []
+detectors: [{name: seal, type: leak, effect: orifice_leakage, port: flow.a_ambient}]
+isolators: [{name: table, type: signatures}]
 normal_gap: {a_level: 0.1}
+conventions: prose
+layout: prose
+equations: prose
+estimator_form: prose
+initial_state: prose
+integration: prose
+reference_point: prose
+leakage_conversion: prose
+parameter_twins: prose
 notes: [made up]
 )";
 
@@ -116,17 +134,18 @@ class SmallDatasheet : public ::testing::Test {
 
 TEST_F(SmallDatasheet, IsRead) {
   const Datasheet sheet = read_datasheet(write(kSmall));
-  ASSERT_EQ(sheet.channels.size(), 4u);
+  ASSERT_EQ(sheet.channels.size(), 5u);
   EXPECT_EQ(sheet.channels[3].name, "b_level");
   EXPECT_EQ(sheet.channels[3].meaning, "level b");
-  EXPECT_EQ(sheet.nominal(), (std::vector<double>{1000, 1, 2}));
+  EXPECT_EQ(sheet.nominal(), (std::vector<double>{1000, 1, 2, 3, -1}));
   EXPECT_TRUE(sheet.parameters[2].identify);
+  EXPECT_EQ(sheet.states.at(1).channel, sheet.channel("b_level"));
   EXPECT_EQ(sheet.port("sensor.inflow").channel, "supply");
   EXPECT_EQ(sheet.port("flow.b_ambient").kind, PortKind::flow);
   EXPECT_EQ(sheet.profile("steps").second_shape, "constant");
   EXPECT_EQ(sheet.profile("steps").second_settings.number("value", 0, 9), 3);
   EXPECT_EQ(sheet.profile("steps").inputs.at("supply"), 4e5);
-  EXPECT_EQ(sheet.fault("leak").effects.at(0), "orifice_leakage@flow.a_ambient:coefficient=1e-3,from=2,to=4");
+  EXPECT_EQ(sheet.fault("leak").effects.at(0), "orifice_leakage@flow.a_ambient:coefficient=1e-5,from=2,to=4");
   EXPECT_EQ(sheet.estimators.at(0).settings.word("kind"), "fast");
   EXPECT_EQ(sheet.estimators.at(0).settings.list("gains", 2, 0, 9), (std::vector<double>{1, 2}));
   EXPECT_DOUBLE_EQ(sheet.normal_gap.at("a_level"), 0.1);
@@ -146,7 +165,7 @@ const Case kCases[] = {
     {"symbol: u", "sybmol: u", "sybmol", "is not known; allowed are name, symbol"},
     {"noise_std: 10, ", "", "noise_std", "lacks the key"},
     {"symbol: m_v", "sign: m_v", "sign", "'not_recorded[0]'"},
-    {"symbol: h, unit: m}", "symbol: h, units: m}", "units", "'states[0]'"},
+    {"symbol: h, unit: m, measured", "symbol: h, units: m, measured", "units", "'states[0]'"},
     {"tolerance: 0.01", "tolerence: 0.01", "tolerence", "'parameters[0]'"},
     {"value: 9.81", "val: 9.81", "val", "'constants.gravity'"},
     {"from: chosen}\nports", "form: chosen}\nports", "form", "'tables.curve'"},
@@ -231,9 +250,9 @@ const Case kCases[] = {
     {"{supply: 4.0e+5}", "{supply: high}", "profiles[0].inputs.supply", "text"},
     {"orifice_leakage@flow.a_", "orifice_leakage@flow.c_", "faults[0].effects[0]", "ports are command.valve"},
     {"orifice_leakage@", "laminar_leakage@", "faults[0].effects[0]", "there are orifice_leakage"},
-    {"coefficient=1e-3", "size=1e-3", "faults[0].effects[0]", "allowed are from, to, swells, coefficient"},
-    {"coefficient=1e-3", "coefficient=big", "faults[0].effects[0]", "not a number"},
-    {":coefficient=1e-3,from=2,to=4", "", "faults[0].effects[0]", "write effect@port"},
+    {"coefficient=1e-5", "size=1e-3", "faults[0].effects[0]", "allowed are from, to, swells, coefficient"},
+    {"coefficient=1e-5", "coefficient=big", "faults[0].effects[0]", "not a number"},
+    {":coefficient=1e-5,from=2,to=4", "", "faults[0].effects[0]", "write effect@port"},
     {"profile: steps", "profile: waves", "faults[0].profile", "profiles are steps"},
     {"commands: {valve: {time: [1, 2], value: [0, 5]}}", "commands: {}", "faults[1]", "needs 'effects' or 'commands'"},
     {"commands: {valve", "commands: {supply", "faults[1].commands.supply", "role command"},
@@ -241,11 +260,69 @@ const Case kCases[] = {
     {"time: [1, 2]", "time: [1, 2, 3]", "faults[1].commands.valve", "3 times and 2 values"},
     {"name: opened", "name: leak", "faults[1]", "second time"},
     {"lag@command.valve", "lag@command", "nuisance[0]", "ports are"},
-    {"nominal_effects: []", "nominal_effects: [5]", "nominal_effects[0]", "write effect@port"},
-    {"detectors: []", "detectors: [{name: x, type: Y}]", "detectors[0].type", "lower-case"},
+    {"[\"offset@sensor.inflow:value=0.5\"]", "[5]", "nominal_effects[0]", "write effect@port"},
+    {"type: leak", "type: Leak", "detectors[0].type", "lower-case"},
     {"{a_level: 0.1}", "{a_level: -1}", "normal_gap.a_level", "0 or more"},
     {"{a_level: 0.1}", "{c_level: 1}", "normal_gap.c_level", "channels are"},
     {"notes: [made up]", "notes: made up", "notes", "must be a list"},
+    // units and signs
+    {"symbol: u, unit: V", "symbol: u, unit: Vlt", "channels[0].unit", "'Vlt' is not known"},
+    {"symbol: u, unit: V", "symbol: u, unit: mV", "channels[0].unit", "SI units"},
+    {"symbol: p, unit: Pa", "symbol: p, unit: bar", "channels[1].unit", "SI units"},
+    {"unit: kg/s", "unit: g/s", "not_recorded[0].unit", "SI units"},
+    {"symbol: h, unit: m, measured", "symbol: h, unit: mm, measured", "states[0].unit", "SI units"},
+    {"symbol: h, unit: m, measured", "symbol: h, unit: Pa, measured", "states[0].measured_by",
+     "in m, but the state is in Pa"},
+    {"unit: kg/m^3", "unit: kg/m3", "parameters[0].unit", "'m3' is not known"},
+    {"unit: m/s^2", "unit: m/s^", "constants.gravity.unit", "a power must be"},
+    {"nominal: 1000", "nominal: 0", "parameters[0].nominal", "a density must be above 0"},
+    {"nominal: {a: 1, b: 2}", "nominal: {a: 1, b: -2}", "parameters[1].nominal", "-2 m^2; an area must be above 0"},
+    {"nominal: {a: 1, b: 2}", "nominal: {a: 1, b: .inf}", "parameters[1].nominal", "infinite"},
+    {"nominal: 3", "nominal: -3", "parameters[2].nominal", "declared positive must be above 0"},
+    {"positive: true", "positive: yes please", "parameters[2].positive", "true or false"},
+    {"nominal: -1, tolerance: 0, positive: false", "nominal: -1, tolerance: 0", "parameters[3].nominal",
+     "a time must be"},
+    {"tolerance: 0.01", "tolerance: 0.5", "parameters[0].tolerance", "below 0.5"},
+    {"nominal: 3, tolerance: 0.2, positive: true", "nominal: 0, tolerance: 0.2, identify: true",
+     "parameters[2].nominal", "no scale"},
+    {"value: 20, unit: kg", "value: -20, unit: kg", "constants.wall.value", "a mass must be above 0"},
+    // names
+    {"measured_by: \"{b}_level\"", "measured_by: \"{b}_leval\"", "states[0].measured_by", "did you mean 'a_level'?"},
+    {"measured_by: \"{b}_level\"", "measured_by: \"{c}_level\"", "states[0].measured_by", "lower-case"},
+    {"measured_by: \"{b}_level\"", "measured_by: supply", "states[0].measured_by", "whose role is input"},
+    {"measured_by: \"{b}_level\"", "measured_by: a_level", "states[0].measured_by",
+     "measures the state 'a_level' already"},
+    {"where {b}_area", "where {b}_aera", "states[0].initial", "did you mean 'a_area'?"},
+    {"predicted_by: valve", "predicted_by: valvee", "predicted_by", "did you mean 'valve'?"},
+    {"lag: {time", "lagg: {time", "ports.command.valve.effects.lagg", "no effect that the library has"},
+    {"lag: {time", "lagg: {time", "ports.command.valve.effects.lagg", "did you mean 'lag'?"},
+    {"lag: {time", "clogging: {time", "ports.command.valve.effects.clogging", "an effect for other kinds of ports"},
+    {"time_constant: [0, 1]", "time_constnt: [0, 1]", "effects.lag.time_constnt", "did you mean 'time_constant'?"},
+    {"time_constant: [0, 1]", "time_constant: [-1, 1]", "effects.lag.time_constant",
+     "beyond what lag allows: 0 to 1000 s"},
+    {"coefficient: [0, 1.0e-4]", "coefficient: [0, .inf]", "orifice_leakage.coefficient", "beyond what"},
+    {"flow.a_ambient:", "flow.a_ambiant:", "faults[0].effects[0]", "did you mean 'flow.a_ambient'?"},
+    {"coefficient=1e-5", "coefficient=-1", "faults[0].effects[0]", "outside 0..0.001"},
+    {"coefficient=1e-5", "coefficient=5e-4", "faults[0].effects[0]", "flow.a_ambient takes 0 to 0.0001"},
+    {"time_constant=0.01", "time_constant=1.5", "nuisance[0]", "command.valve takes 0 to 1"},
+    {"offset@sensor", "ofset@sensor", "nominal_effects[0]", "did you mean 'offset'?"},
+    {"value=0.5", "valu=0.5", "nominal_effects[0]", "has no parameter 'valu'"},
+    {"controller: level_control", "controller: levl_control", "profiles[0].controller",
+     "did you mean 'level_control'?"},
+    {"profile: steps", "profile: step", "faults[0].profile", "did you mean 'steps'?"},
+    {"time: [0, 5]", "time: [5, 0]", "profiles[1]", "must rise"},
+    {"time: [0, 5]", "time: []", "profiles[1]", "at least one number"},
+    {"longest: 2", "longest: 0.5", "profiles[0]", "'longest' is 0.5"},
+    {"supply: {value: 5.0e+5", "supply: {value: 5.0e+7", "inputs.supply.value", "0 to 1e+06"},
+    {"{supply: 4.0e+5}", "{supply: -1}", "profiles[0].inputs.supply", "0 to 1e+06"},
+    {"value: [0, 5]}", "value: [0, 50]}", "faults[1].commands.valve.value[1]", "0 to 10"},
+    {"wander_low: 0.1", "wander_low: 0", "inputs.supply.wander_low", "or more"},
+    {"kind: fast", "kind: \"{b}_fast\"", "estimators[0].kind", "stands for a branch"},
+    {"effect: orifice_leakage, port", "effect: orifice_leakge, port", "detectors[0]",
+     "did you mean 'orifice_leakage'?"},
+    {"effect: orifice_leakage, port", "effect: lag, port", "detectors[0]", "does not fit the port flow.a_ambient"},
+    {"port: flow.a_ambient", "port: flow.a_ambent", "detectors[0]", "did you mean 'flow.a_ambient'?"},
+    {"{a_level: 0.1}", "{a_levl: 1}", "normal_gap.a_levl", "did you mean 'a_level'?"},
 };
 
 int line_of(const std::string& text, std::size_t at) {
@@ -281,6 +358,42 @@ TEST_F(SmallDatasheet, OneWrongValueIsRefusedWithKeyAndLine) {
       EXPECT_EQ(line, line_of(kSmall, at)) << said;
     }
   }
+}
+
+// Every mapping of the small datasheet, which has every key of the schema: a value that is itself a mapping with a word and a mapping
+// in it is right nowhere.
+TEST_F(SmallDatasheet, EveryKeyRefusesWhatIsWrongEverywhere) {
+  int keys = 0;
+  const auto mutate = [&](auto&& self, const YAML::Node& whole, YAML::Node node, const std::string& path) -> void {
+    if (node.IsSequence()) {
+      for (std::size_t i = 0; i < node.size(); ++i) self(self, whole, node[i], path + fmt::format("[{}]", i));
+      return;
+    }
+    if (!node.IsMap()) return;
+    std::vector<std::string> names;
+    for (const auto& pair : node) names.push_back(pair.first.Scalar());
+    for (const std::string& name : names) {
+      const std::string here = path.empty() ? name : path + "." + name;
+      if (here.rfind("controllers", 0) == 0 && here.find("meaning") == std::string::npos) continue;  // any setting
+      const YAML::Node right = YAML::Clone(node[name]);
+      node[name] = YAML::Load("{wrong: here, {x: y}: 1}");
+      YAML::Emitter out;
+      out << whole;
+      const std::string file = write(out.c_str());
+      node[name] = right;
+      const std::string said = complaint([&] { read_datasheet(file); });
+      SCOPED_TRACE(here);
+      ++keys;
+      ASSERT_EQ(said.rfind(file + ":", 0), 0u) << said;
+      EXPECT_GT(std::atoi(said.c_str() + file.size() + 1), 0) << said;
+      EXPECT_NE(said.find(name), std::string::npos) << said;
+      EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+      self(self, whole, node[name], here);
+    }
+  };
+  const YAML::Node whole = YAML::Load(kSmall);
+  mutate(mutate, whole, whole, "");
+  EXPECT_GT(keys, 190);
 }
 
 TEST_F(SmallDatasheet, FilesThatAreNoDatasheetsAreRefusedInOneLine) {

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 
 #include "faultline/signal/error.h"
@@ -54,6 +55,8 @@ TEST(Units, ConvertsWhatTestStandsUse) {
       {"m/(s*s)", "m/s^2", 9, 9},
       {"m s^-1", "m/s", 9, 9},
       {"m^3/(s Pa)", "l/(s bar)", 1e-8, 1},
+      {"m^3/(s V sqrt(Pa))", "l/(s V bar^0.5)", 1e-8, 1e-5 * std::sqrt(1e5)},
+      {"kg^0.875/(s^0.875 Pa^0.5)", "(kg/s)^0.875 sqrt(1/Pa)", 0.0042, 0.0042},
   };
   for (const Case& c : cases) {
     const double result = conversion(c.from, c.to)(c.value);
@@ -70,9 +73,16 @@ TEST(Units, SameTextIsExact) {
   EXPECT_EQ(same(0.1), 0.1);
 }
 
+TEST(Units, SiUnitsAreToldFromOthers) {
+  for (const char* text : {"1", "m", "kg", "kg/s", "N m", "Pa", "rad/s", "kg m^2", "m^3/(s V sqrt(Pa))"})
+    EXPECT_TRUE(is_si(parse_unit(text))) << text;
+  for (const char* text : {"mm", "g", "bar", "degC", "%", "rpm", "gpm/psi^0.5"})
+    EXPECT_FALSE(is_si(parse_unit(text))) << text;
+}
+
 TEST(Units, DifferentThingsDoNotConvert) {
   const char* pairs[][2] = {{"bar", "m"}, {"Hz", "rad/s"}, {"rpm", "Hz"}, {"kg", "N"},
-                            {"l", "l/s"}, {"1", "V"},      {"mA", "V"}};
+                            {"l", "l/s"}, {"1", "V"},      {"mA", "V"},   {"sqrt(Pa)", "Pa"}};
   for (const auto& pair : pairs) {
     try {
       conversion(pair[0], pair[1]);
@@ -87,8 +97,10 @@ TEST(Units, DifferentThingsDoNotConvert) {
 }
 
 TEST(Units, NonsenseIsRefused) {
-  for (const char* text : {"", " ", "furlong", "m//s", "m^", "m^x", "m^99", "(m", "m)", "^2", "/s", "degC/s", "m degC",
-                           "degC^2", "kmin", "((((((((((((((((((((((((m"}) {
+  for (const char* text : {"",           " ",      "furlong", "m//s",   "m^",
+                           "m^x",        "m^99",   "m^0.5x",  "sqrt(m", "sqrt m",
+                           "sqrt(degC)", "(m",     "m)",      "^2",     "/s",
+                           "degC/s",     "m degC", "degC^2",  "kmin",   "((((((((((((((((((((((((m"}) {
     EXPECT_THROW(parse_unit(text), InputError) << "'" << text << "'";
   }
 }

@@ -5,7 +5,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "faultline/fit/in_parallel.h"
+#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 

@@ -89,9 +89,8 @@ SegmentModel::SegmentModel(const Datasheet& sheet, std::size_t segment, const Se
     noise_.push_back(std::max(channel.noise_std, smallest_noise(channel, options_)));
   }
   for (const State& state : sheet_.states) {
-    const int channel = find_channel(sheet_.channels, state.name);
-    const auto place = std::find(outputs_.begin(), outputs_.end(), channel);
-    shown_by_.push_back(place == outputs_.end() ? -1 : channel);
+    const auto place = std::find(outputs_.begin(), outputs_.end(), state.channel);
+    shown_by_.push_back(place == outputs_.end() ? -1 : state.channel);
     at_.push_back(static_cast<std::size_t>(place - outputs_.begin()));
   }
 }

@@ -145,9 +145,8 @@ ResidualModel::ResidualModel(const Datasheet& sheet, std::vector<GapRun> runs, s
                   channel.resolution / std::sqrt(12.0), kLeastNoise * (channel.maximum - channel.minimum)}));
   }
   for (const State& state : sheet_.states) {
-    const int channel = find_channel(sheet_.channels, state.name);
-    const bool shown = channel >= 0 && std::find(outputs_.begin(), outputs_.end(), channel) != outputs_.end();
-    state_channel_.push_back(shown ? channel : -1);
+    const bool shown = std::find(outputs_.begin(), outputs_.end(), state.channel) != outputs_.end();
+    state_channel_.push_back(shown ? state.channel : -1);
   }
   for (GapRun& run : runs_) {
     run.start_std.assign(state_channel_.size(), 0);

@@ -36,8 +36,8 @@ std::unique_ptr<Controller> make_controller(const Datasheet& sheet, const Profil
       raw.second = make_excitation(profile.second_shape, profile.second_settings, seed + kSecondSeed);
     return type.make(sheet, settings->second, std::move(raw));
   }
-  throw InputError(
-      fmt::format("{}: this build has no controller '{}' for {}", sheet.file, profile.controller, sheet.rig));
+  throw InputError(fmt::format("{}: this build has no controller '{}' for {}", settings->second.where(),
+                               profile.controller, sheet.rig));
 }
 
 }  // namespace faultline

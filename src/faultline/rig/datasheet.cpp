@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "faultline/rig/nearest_name.h"
 #include "faultline/rig/yaml_reader.h"
 #include "faultline/signal/error.h"
 
@@ -21,10 +22,11 @@ std::vector<std::string> names_of(const std::vector<T>& things) {
 
 template <class T>
 std::size_t find(const Datasheet& sheet, const std::vector<T>& things, const char* what, const std::string& name) {
+  if (sheet.asked) sheet.asked->insert(fmt::format("{}s.{}", what, name));
   for (std::size_t i = 0; i < things.size(); ++i)
     if (things[i].name == name) return i;
-  throw InputError(
-      fmt::format("{}: {} has no {} '{}'; there are {}", sheet.file, sheet.rig, what, name, joined(names_of(things))));
+  throw InputError(fmt::format("{}: {} has no {} '{}'; there are {}{}", sheet.file, sheet.rig, what, name,
+                               joined(names_of(things)), did_you_mean(name, names_of(things))));
 }
 
 // Folders of rigs (RIG/rig.yaml) in a folder, sorted by name.
@@ -56,6 +58,11 @@ const Profile& Datasheet::profile(const std::string& name) const {
 const Fault& Datasheet::fault(const std::string& name) const { return faults[find(*this, faults, "fault", name)]; }
 
 std::size_t Datasheet::estimator(const std::string& name) const { return find(*this, estimators, "estimator", name); }
+
+std::string Datasheet::place(const std::string& entry) const {
+  const auto found = places.find(entry);
+  return found == places.end() ? file + ":" : found->second;
+}
 
 std::vector<double> Datasheet::nominal() const {
   std::vector<double> values;

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <map>
+#include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -17,7 +19,7 @@ struct Parameter {
   std::string symbol;
   std::string unit;
   double nominal = 0;
-  double tolerance = 0;   // relative, one sigma, between this rig and the datasheet
+  double tolerance = 0;   // relative, one sigma, between this rig and the datasheet; exact where 0
   std::string from;       // where the number comes from
   bool identify = false;  // `faultline fit` estimates it
 };
@@ -26,6 +28,7 @@ struct State {
   std::string name;
   std::string symbol;
   std::string unit;
+  int channel = -1;  // that measures this state and nothing else, where fits and the gap start a segment; -1: none
 };
 
 // A named set of numbers, for what has settings but no structure of its own: a controller's gains, a profile's shape, a
@@ -135,6 +138,12 @@ struct Datasheet {
   std::vector<StageSpec> isolators;
   std::map<std::string, double> normal_gap;  // channel -> largest excess that is normal on this rig
   std::vector<std::string> notes;
+
+  // Where an entry stands, as FILE:LINE: 'path': "ports.force.piston", or a section, "ports". Empty in a sheet that was not read.
+  std::map<std::string, std::string> places;
+  std::string place(const std::string& entry) const;  // the file where there is none
+  // What the look-ups below and EffectSet were asked for, as "ports.force.piston", while check_datasheet() watches; else null.
+  std::shared_ptr<std::set<std::string>> asked;
 
   // Throw InputError that names the datasheet and lists what there is.
   const Port& port(const std::string& name) const;

@@ -1,13 +1,20 @@
 // Reads a datasheet section by section; what each key means is told in docs/datasheet.md. Checked here: keys, types,
-// ranges, and that names refer to something in the same datasheet. Not checked here: that the library has the effects,
-// the stages and the controllers that are named, since it is the library that says so when they are made.
+// ranges, units, signs, that names refer to something in the same datasheet, and that the library has the effects with
+// these parameters and bounds. rig/datasheet_check.cpp then holds the whole against the equations. Stages are checked by
+// the library when they are made.
 #include <fmt/format.h>
 
 #include <array>
+#include <cmath>
 #include <filesystem>
+#include <utility>
 
+#include "faultline/rig/datasheet_check.h"
 #include "faultline/rig/datasheet_sections.h"
+#include "faultline/rig/effect.h"
+#include "faultline/rig/nearest_name.h"
 #include "faultline/signal/error.h"
+#include "faultline/signal/units.h"
 
 namespace faultline {
 namespace datasheet_sections {
@@ -33,7 +40,41 @@ const Channel& channel_named(const Datasheet& sheet, const YamlValue& place, con
   if (index >= 0) return sheet.channels[static_cast<std::size_t>(index)];
   std::vector<std::string> names;
   for (const Channel& channel : sheet.channels) names.push_back(channel.name);
-  place.fail(fmt::format("names channel '{}', which the rig does not have; channels are {}", name, joined(names)));
+  place.fail(fmt::format("names channel '{}', which the rig does not have; channels are {}{}", name, joined(names),
+                         did_you_mean(name, names)));
+}
+
+std::string unit_of(const YamlValue& value, bool must_be_si) {
+  std::string text = value.text();
+  bool si = false;
+  try {
+    si = is_si(parse_unit(text));
+  } catch (const InputError& error) {
+    value.fail(fmt::format("is not allowed: {}", error.what()));
+  }
+  if (must_be_si && !si)
+    value.fail(
+        fmt::format("is '{}'; channels and states are in SI units, as the equations are (m, kg, s, K, Pa, 1)", text));
+  return text;
+}
+
+std::string positive_quantity(const std::string& unit) {
+  static const std::pair<const char*, const char*> kinds[] = {
+      {"m^2", "an area"},         {"m^3", "a volume"},           {"kg", "a mass"},
+      {"kg m^2", "an inertia"},   {"kg/m^3", "a density"},       {"s", "a time"},
+      {"K", "a temperature"},     {"m^3/rad", "a displacement"}, {"J/(kg K)", "a specific heat"},
+      {"J/K", "a heat capacity"}, {"m^3/Pa", "a compliance"},    {"kg/Pa", "a compliance"},
+      {"Pa s", "a viscosity"},    {"m^2/s", "a viscosity"},
+  };
+  const Unit wanted = parse_unit(unit);
+  for (const auto& [of, what] : kinds)
+    if (parse_unit(of).dimension == wanted.dimension) return what;
+  return "";
+}
+
+void check_sign(const YamlValue& value, const std::string& unit, double number) {
+  const std::string what = positive_quantity(unit);
+  if (!what.empty() && number <= 0) value.fail(fmt::format("is {:g} {}; {} must be above 0", number, unit, what));
 }
 
 }  // namespace datasheet_sections
@@ -55,7 +96,7 @@ Channel read_channel(const YamlValue& entry) {
   Channel channel;
   channel.name = entry.at("name").name();
   channel.symbol = entry.at("symbol").text();
-  channel.unit = entry.at("unit").text();
+  channel.unit = unit_of(entry.at("unit"), true);
   channel.role = read_role(entry.at("role"));
   const std::vector<double> range = entry.at("range").numbers();
   if (range.size() != 2) entry.at("range").fail("must be [minimum, maximum]");
@@ -80,6 +121,7 @@ void read_channels(const YamlValue& root, Datasheet& sheet) {
   for (const YamlValue& entry : entries) {
     sheet.channels.push_back(read_channel(entry));
     add_unique(names, entry, sheet.channels.back().name);
+    sheet.places["channels." + sheet.channels.back().name] = entry.place();
   }
   if (entries.empty()) root.at("channels").fail("must have at least one channel");
   for (std::size_t i = 0; i < entries.size(); ++i) {
@@ -92,43 +134,106 @@ void read_channels(const YamlValue& root, Datasheet& sheet) {
     Channel channel;
     channel.name = entry.at("name").name();
     channel.symbol = entry.at("symbol").text();
-    channel.unit = entry.at("unit").text();
+    channel.unit = unit_of(entry.at("unit"), true);
     channel.meaning = entry.at("meaning").text();
     add_unique(names, entry, channel.name);
     sheet.not_recorded.push_back(channel);
   }
 }
 
+// The channel that measures a state: an output in the same unit.
+int read_measured_by(const YamlValue& value, const Datasheet& sheet, const State& state) {
+  const Channel& channel = channel_named(sheet, value, value.name());
+  if (channel.role != Role::output)
+    value.fail(
+        fmt::format("names channel '{}', whose role is {}; it must be output", channel.name, to_string(channel.role)));
+  if (parse_unit(channel.unit).dimension != parse_unit(state.unit).dimension)
+    value.fail(
+        fmt::format("names channel '{}' in {}, but the state is in {}; correct the unit, or leave the key out if "
+                    "the channel measures something else",
+                    channel.name, channel.unit, state.unit));
+  for (const State& other : sheet.states)
+    if (other.channel >= 0 && sheet.channels[static_cast<std::size_t>(other.channel)].name == channel.name)
+      value.fail(fmt::format("names channel '{}', which measures the state '{}' already", channel.name, other.name));
+  return find_channel(sheet.channels, channel.name);
+}
+
+// What people write about a start value may be prose; words of several parts in it are names, or symbols, of the datasheet.
+void check_names_in(const YamlValue& value, const Names& known) {
+  const std::string text = value.text();
+  const std::string letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
+  for (std::size_t begin = text.find_first_of(letters); begin != std::string::npos;) {
+    const std::size_t end = std::min(text.find_first_not_of(letters, begin), text.size());
+    const std::string word = text.substr(begin, end - begin);
+    if (word.find('_') != std::string::npos && known.count(word) == 0)
+      value.fail(fmt::format("speaks of '{}', which is no channel, state, parameter, constant or symbol here{}", word,
+                             did_you_mean(word, {known.begin(), known.end()})));
+    begin = text.find_first_of(letters, end);
+  }
+}
+
 void read_states(const YamlValue& root, Datasheet& sheet) {
   Names names;
   for (const YamlValue& entry : YamlValue::expanded(root.at("states").items())) {
-    entry.allow({"name", "symbol", "unit"}, {"initial", "meaning"});
-    for (const char* key : {"initial", "meaning"}) text_or(entry, key, "");
-    sheet.states.push_back({entry.at("name").name(), entry.at("symbol").text(), entry.at("unit").text()});
-    add_unique(names, entry, sheet.states.back().name);
+    entry.allow({"name", "symbol", "unit"}, {"measured_by", "initial", "meaning"});
+    text_or(entry, "meaning", "");
+    State state;
+    state.name = entry.at("name").name();
+    state.symbol = entry.at("symbol").text();
+    state.unit = unit_of(entry.at("unit"), true);
+    if (entry.has("measured_by")) state.channel = read_measured_by(entry.at("measured_by"), sheet, state);
+    add_unique(names, entry, state.name);
+    sheet.places["states." + state.name] = entry.place();
+    sheet.states.push_back(state);
   }
 }
+
+// Once all names are known.
+void check_initial(const YamlValue& root, const Datasheet& sheet) {
+  Names known;
+  for (const auto& channel : sheet.channels) known.insert({channel.name, channel.symbol});
+  for (const auto& state : sheet.states) known.insert({state.name, state.symbol});
+  for (const auto& parameter : sheet.parameters) known.insert({parameter.name, parameter.symbol});
+  for (const auto& constant : sheet.constants) known.insert(constant.first);
+  for (const YamlValue& entry : YamlValue::expanded(root.at("states").items()))
+    if (entry.has("initial")) check_names_in(entry.at("initial"), known);
+}
+
+constexpr double kLargestSpread = 0.5;  // tolerance at which the two that are drawn at most reach 0
 
 void read_parameters(const YamlValue& root, Datasheet& sheet) {
   Names names;
   for (const YamlValue& entry : YamlValue::expanded(root.at("parameters").items())) {
-    entry.allow({"name", "symbol", "unit", "nominal", "tolerance", "from"}, {"identify"});
+    entry.allow({"name", "symbol", "unit", "nominal", "tolerance", "from"}, {"identify", "positive"});
     Parameter parameter;
     parameter.name = entry.at("name").name();
     parameter.symbol = entry.at("symbol").text();
-    parameter.unit = entry.at("unit").text();
+    parameter.unit = unit_of(entry.at("unit"), false);
     parameter.nominal = entry.at("nominal").number();
     parameter.tolerance = entry.at("tolerance").number(0);
     parameter.from = entry.at("from").text();
     if (entry.has("identify")) parameter.identify = entry.at("identify").truth();
+    std::string positive = positive_quantity(parameter.unit);
+    if (entry.has("positive")) positive = entry.at("positive").truth() ? "what is declared positive" : "";
+    if (!positive.empty() && parameter.nominal <= 0)
+      entry.at("nominal").fail(
+          fmt::format("is {:g} {}; {} must be above 0", parameter.nominal, parameter.unit, positive));
+    if (!positive.empty() && parameter.tolerance >= kLargestSpread)
+      entry.at("tolerance")
+          .fail(fmt::format("is {:g}, with which the parameter may be 0; below {:g} it stays above",
+                            parameter.tolerance, kLargestSpread));
+    if (parameter.identify && parameter.nominal == 0)
+      entry.at("nominal").fail("is 0, which gives 'identify' no scale; give the size that it may have");
     add_unique(names, entry, parameter.name);
+    sheet.places["parameters." + parameter.name] = entry.place();
     sheet.parameters.push_back(parameter);
   }
   for (const YamlValue& entry : mapping_at(root, "constants")) {
     entry.allow({"value", "unit", "from"}, {"symbol"});
-    for (const char* key : {"unit", "from"}) entry.at(key).text();
+    entry.at("from").text();
     text_or(entry, "symbol", "");
     sheet.constants[entry.key()] = entry.at("value").number();
+    check_sign(entry.at("value"), unit_of(entry.at("unit"), false), sheet.constants[entry.key()]);
   }
   for (const YamlValue& entry : mapping_at(root, "tables")) {
     entry.allow({"columns", "from"}, {});
@@ -143,6 +248,43 @@ void read_parameters(const YamlValue& root, Datasheet& sheet) {
     }
     sheet.tables.push_back(table);
   }
+}
+
+// The effect must be one of the library's that fits the port, its bounds within what the effect allows.
+FittingEffect read_fitting(const YamlValue& entry, const Port& port) {
+  const EffectType* type = find_effect_type(entry.key());
+  std::vector<std::string> known;
+  for (const EffectType& candidate : effect_types())
+    if (candidate.fits_kind(port.kind)) known.push_back(candidate.name);
+  if (!type || !type->fits_kind(port.kind))
+    entry.fail(fmt::format("is {}; at a {} port fit {}{}",
+                           type ? "an effect for other kinds of ports" : "no effect that the library has",
+                           to_string(port.kind), joined(known), did_you_mean(entry.key(), known)));
+  known.clear();
+  for (const EffectParameter& parameter : type->parameters) known.push_back(parameter.name);
+  FittingEffect fitting;
+  fitting.effect = type->name;
+  for (const YamlValue& parameter : entry.entries()) {
+    const int index = type->parameter_index(parameter.key());
+    if (index < 0)
+      parameter.fail(fmt::format("is no parameter of {}; it has {}{}", type->name, joined(known),
+                                 did_you_mean(parameter.key(), known)));
+    const EffectParameter& own = type->parameters[static_cast<std::size_t>(index)];
+    const std::vector<YamlValue> ends = parameter.items();
+    if (ends.size() != 2) parameter.fail("must be [minimum, maximum]");
+    const Bounds bounds{ends[0].bound(), ends[1].bound()};
+    if (bounds.minimum > bounds.maximum)
+      parameter.fail(fmt::format("has a minimum {:g} above its maximum {:g}", bounds.minimum, bounds.maximum));
+    if (bounds.minimum < own.minimum || bounds.maximum > own.maximum)
+      parameter.fail(fmt::format("is [{:g}, {:g}], beyond what {} allows: {:g} to {:g} {}", bounds.minimum,
+                                 bounds.maximum, type->name, own.minimum, own.maximum, own.unit));
+    fitting.bounds[parameter.key()] = bounds;
+  }
+  if (fitting.bounds.empty()) entry.fail("must bound at least one parameter, as in {width: [0, 1]}");
+  for (const EffectParameter& parameter : type->parameters)
+    if (std::isnan(parameter.none) && fitting.bounds.count(parameter.name) == 0)
+      entry.fail(fmt::format("lacks bounds of '{}', without which the effect is not defined", parameter.name));
+  return fitting;
 }
 
 Port read_port(const YamlValue& entry, const Datasheet& sheet) {
@@ -173,20 +315,7 @@ Port read_port(const YamlValue& entry, const Datasheet& sheet) {
   } else if (entry.has("channel")) {
     entry.at("channel").fail("is for command and sensor ports only");
   }
-  for (const YamlValue& effect : entry.at("effects").entries()) {
-    FittingEffect fitting;
-    fitting.effect = effect.key();
-    for (const YamlValue& parameter : effect.entries()) {
-      const std::vector<YamlValue> ends = parameter.items();
-      if (ends.size() != 2) parameter.fail("must be [minimum, maximum]");
-      const Bounds bounds{ends[0].bound(), ends[1].bound()};
-      if (bounds.minimum > bounds.maximum)
-        parameter.fail(fmt::format("has a minimum {:g} above its maximum {:g}", bounds.minimum, bounds.maximum));
-      fitting.bounds[parameter.key()] = bounds;
-    }
-    if (fitting.bounds.empty()) effect.fail("must bound at least one parameter, as in {width: [0, 1]}");
-    port.effects.push_back(fitting);
-  }
+  for (const YamlValue& effect : entry.at("effects").entries()) port.effects.push_back(read_fitting(effect, port));
   return port;
 }
 
@@ -195,6 +324,7 @@ void read_ports(const YamlValue& root, Datasheet& sheet) {
   for (const YamlValue& entry : YamlValue::expanded(root.at("ports").entries())) {
     sheet.ports.push_back(read_port(entry, sheet));
     add_unique(names, entry, sheet.ports.back().name);
+    sheet.places["ports." + sheet.ports.back().name] = entry.place();
   }
 }
 
@@ -231,12 +361,15 @@ Datasheet read_datasheet(const std::string& path) {
     add_unique(names, branch, sheet.branches.back());
   }
   root.set_branches(sheet.branches);
+  for (const char* section : {"channels", "states", "parameters", "ports"})
+    sheet.places[section] = root.at(section).place();
   for (const std::string& key : prose) text_or(root, key, "");
   for (const YamlValue& note : list_at(root, "notes")) sheet.notes.push_back(note.text());
 
   read_channels(root, sheet);
   read_states(root, sheet);
   read_parameters(root, sheet);
+  check_initial(root, sheet);
   read_ports(root, sheet);
   read_excitation(root, sheet);
   read_faults(root, sheet);
@@ -251,6 +384,7 @@ Datasheet read_datasheet(const std::string& path) {
     sheet.stages_file = stages.string();
     read_diagnosis(second, sheet);
   }
+  check_datasheet(sheet);
   return sheet;
 }
 

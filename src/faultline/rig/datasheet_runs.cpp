@@ -1,14 +1,15 @@
 // Reads how a rig is run and diagnosed: measured inputs, controllers, profiles, faults, small effects that are always
 // there, stages. What each key means is told in docs/datasheet.md. Shapes of profiles are made once, so that a wrong
-// setting shows here; effects must be listed at their ports; controllers and stages are checked by whoever makes them.
+// setting shows here; effects must be listed at their ports. rig/datasheet_check.cpp makes each controller once; stages are checked by
+// whoever makes them.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 #include "faultline/rig/datasheet_sections.h"
+#include "faultline/rig/effect.h"
 #include "faultline/rig/excitation.h"
+#include "faultline/rig/nearest_name.h"
 #include "faultline/signal/error.h"
 
 namespace faultline::datasheet_sections {
@@ -16,14 +17,16 @@ namespace {
 
 std::vector<std::string> list_of(const Names& names) { return {names.begin(), names.end()}; }
 
-// effect@port:name=value,...: the port must be one of the rig's, the effect and its parameters listed there.
-std::string read_effect(const YamlValue& value, const Datasheet& sheet) {
+enum class Sizes { as_the_port_says, as_the_effect_allows };
+
+// effect@port:name=value,...: the port must be one of the rig's, the effect and its parameters listed there, the sizes allowed.
+std::string read_effect(const YamlValue& value, const Datasheet& sheet, Sizes sizes) {
   const std::string text = value.text();
   const auto at = text.find('@');
   const auto colon = text.find(':', at == std::string::npos ? 0 : at);
   if (at == std::string::npos || colon == std::string::npos)
     value.fail(fmt::format("is '{}'; write effect@port:name=value,...", text));
-  const std::string port_name = text.substr(at + 1, colon - at - 1);
+  const std::string effect = text.substr(0, at), port_name = text.substr(at + 1, colon - at - 1);
   const Port* port = nullptr;
   std::vector<std::string> known;
   for (const Port& candidate : sheet.ports) {
@@ -31,39 +34,56 @@ std::string read_effect(const YamlValue& value, const Datasheet& sheet) {
     if (candidate.name == port_name) port = &candidate;
   }
   if (!port)
-    value.fail(fmt::format("names port '{}', which the rig does not have; ports are {}", port_name, joined(known)));
+    value.fail(fmt::format("names port '{}', which the rig does not have; ports are {}{}", port_name, joined(known),
+                           did_you_mean(port_name, known)));
   const FittingEffect* fitting = nullptr;
   known.clear();
   for (const FittingEffect& candidate : port->effects) {
     known.push_back(candidate.effect);
-    if (candidate.effect == text.substr(0, at)) fitting = &candidate;
+    if (candidate.effect == effect) fitting = &candidate;
   }
   if (!fitting)
-    value.fail(fmt::format("names effect '{}', which is not listed at {}; there are {}", text.substr(0, at), port_name,
-                           joined(known)));
-  known = {"from", "to", "swells"};
-  for (const auto& bounds : fitting->bounds) known.push_back(bounds.first);
-  for (std::size_t begin = colon + 1; begin <= text.size();) {
-    const auto comma = std::min(text.find(',', begin), text.size());
-    const std::string item = text.substr(begin, comma - begin);
-    begin = comma + 1;
-    const auto equals = item.find('=');
-    const std::string number = equals == std::string::npos ? "" : item.substr(equals + 1);
-    const std::string key = item.substr(0, equals);
-    if (std::find(known.begin(), known.end(), key) == known.end())
-      value.fail(fmt::format("gives '{}' in '{}'; allowed are {}", key, text, joined(known)));
-    char* end = nullptr;
-    const double size = std::strtod(number.c_str(), &end);
-    if (number.empty() || *end != '\0' || !std::isfinite(size))
-      value.fail(fmt::format("gives {}={} in '{}', which is not a number", key, number, text));
+    value.fail(fmt::format("names effect '{}', which is not listed at {}; there are {}{}", effect, port_name,
+                           joined(known), did_you_mean(effect, known)));
+  EffectSpec spec;
+  try {
+    spec = parse_effect(text);
+  } catch (const InputError& error) {
+    value.fail(fmt::format("is not allowed: {}", error.what()));
+  }
+  const EffectType& type = *find_effect_type(effect);
+  for (std::size_t i = 0; i < type.parameters.size(); ++i) {
+    const EffectParameter& parameter = type.parameters[i];
+    const double size = spec.parameters[i];
+    const bool none = size == parameter.none || std::isnan(size);
+    const auto bounds = fitting->bounds.find(parameter.name);
+    if (!none && bounds == fitting->bounds.end())
+      value.fail(fmt::format("gives '{}' in '{}', which has no bounds at {}", parameter.name, text, port_name));
+    if (!none && sizes == Sizes::as_the_port_says && (size < bounds->second.minimum || size > bounds->second.maximum))
+      value.fail(fmt::format("gives {}={:g} in '{}'; {} takes {:g} to {:g}", parameter.name, size, text, port_name,
+                             bounds->second.minimum, bounds->second.maximum));
   }
   return text;
 }
 
-std::vector<std::string> read_effects(const YamlValue& entry, const std::string& key, const Datasheet& sheet) {
+std::vector<std::string> read_effects(const YamlValue& entry, const std::string& key, const Datasheet& sheet,
+                                      Sizes sizes = Sizes::as_the_port_says) {
   std::vector<std::string> effects;
-  for (const YamlValue& value : list_at(entry, key)) effects.push_back(read_effect(value, sheet));
+  for (const YamlValue& value : list_at(entry, key)) effects.push_back(read_effect(value, sheet, sizes));
   return effects;
+}
+
+// A value of a channel that a run sets.
+double value_of(const YamlValue& value, const Channel& channel) {
+  return value.number(channel.minimum, channel.maximum);
+}
+
+// {b} has become a branch where the entry's name holds it; elsewhere, and in any other bracket, it would stay as it is.
+std::string word_of(const YamlValue& value) {
+  std::string word = value.text();
+  if (word.find('{') != std::string::npos && word.find('}') != std::string::npos)
+    value.fail(fmt::format("is '{}'; only {{b}} stands for a branch, in entries whose name holds it", word));
+  return word;
 }
 
 // Every key of a mapping but those in `known`.
@@ -79,7 +99,7 @@ Settings read_settings(const YamlValue& entry, const Names& known) {
     else if (value.is_number())
       numbers[value.key()] = value.number();
     else
-      words[value.key()] = value.text();
+      words[value.key()] = word_of(value);
   }
   return {entry.place(), std::move(numbers), std::move(lists), std::move(words)};
 }
@@ -88,9 +108,10 @@ CommandTable read_command(const YamlValue& entry, const Datasheet& sheet) {
   entry.allow({"time", "value"}, {});
   CommandTable table;
   table.channel = entry.key();
-  if (channel_named(sheet, entry, table.channel).role != Role::command) entry.fail("is not a channel of role command");
+  const Channel& channel = channel_named(sheet, entry, table.channel);
+  if (channel.role != Role::command) entry.fail("is not a channel of role command");
   table.time = entry.at("time").numbers();
-  table.value = entry.at("value").numbers();
+  for (const YamlValue& value : entry.at("value").items()) table.value.push_back(value_of(value, channel));
   if (table.time.empty() || table.time.size() != table.value.size())
     entry.fail(fmt::format("has {} times and {} values; it needs as many of each, at least one", table.time.size(),
                            table.value.size()));
@@ -118,8 +139,9 @@ void read_excitation(const YamlValue& root, Datasheet& sheet) {
     entry.allow({"value", "wander_std"}, {"wander_low", "wander_high", "meaning"});
     InputSignal input;
     input.channel = entry.key();
-    if (channel_named(sheet, entry, input.channel).role != Role::input) entry.fail("is not a channel of role input");
-    input.value = entry.at("value").number();
+    const Channel& channel = channel_named(sheet, entry, input.channel);
+    if (channel.role != Role::input) entry.fail("is not a channel of role input");
+    input.value = value_of(entry.at("value"), channel);
     input.wander_std = entry.at("wander_std").number(0);
     if (entry.has("wander_low")) input.wander_low = entry.at("wander_low").number(1e-6);
     if (entry.has("wander_high")) input.wander_high = entry.at("wander_high").number();
@@ -145,7 +167,8 @@ void read_excitation(const YamlValue& root, Datasheet& sheet) {
     profile.controller = entry.at("controller").name();
     if (controllers.count(profile.controller) == 0)
       entry.at("controller")
-          .fail(fmt::format("is '{}'; controllers are {}", profile.controller, joined(list_of(controllers))));
+          .fail(fmt::format("is '{}'; controllers are {}{}", profile.controller, joined(list_of(controllers)),
+                            did_you_mean(profile.controller, list_of(controllers))));
     profile.shape = entry.at("shape").name();
     profile.duration = entry.at("duration").number(1e-3);
     profile.meaning = entry.at("meaning").text();
@@ -159,8 +182,9 @@ void read_excitation(const YamlValue& root, Datasheet& sheet) {
       make_excitation(profile.second_shape, profile.second_settings, 1);
     }
     for (const YamlValue& input : mapping_at(entry, "inputs")) {
-      if (channel_named(sheet, input, input.key()).role != Role::input) input.fail("is not a channel of role input");
-      profile.inputs[input.key()] = input.number();
+      const Channel& channel = channel_named(sheet, input, input.key());
+      if (channel.role != Role::input) input.fail("is not a channel of role input");
+      profile.inputs[input.key()] = value_of(input, channel);
     }
     add_unique(names, entry, profile.name);
     sheet.profiles.push_back(profile);
@@ -183,13 +207,14 @@ void read_faults(const YamlValue& root, Datasheet& sheet) {
       Names known;
       for (const Profile& profile : sheet.profiles) known.insert(profile.name);
       if (known.count(fault.profile) == 0)
-        entry.at("profile").fail(fmt::format("is '{}'; profiles are {}", fault.profile, joined(list_of(known))));
+        entry.at("profile").fail(fmt::format("is '{}'; profiles are {}{}", fault.profile, joined(list_of(known)),
+                                             did_you_mean(fault.profile, list_of(known))));
     }
     add_unique(names, entry, fault.name);
     sheet.faults.push_back(fault);
   }
   sheet.nuisance = read_effects(root, "nuisance", sheet);
-  sheet.nominal_effects = read_effects(root, "nominal_effects", sheet);
+  sheet.nominal_effects = read_effects(root, "nominal_effects", sheet, Sizes::as_the_effect_allows);
 }
 
 void read_diagnosis(const YamlValue& root, Datasheet& sheet) {

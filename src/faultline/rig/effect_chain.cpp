@@ -50,7 +50,8 @@ bool changes_nothing(const EffectType& type, const EffectSpec& spec) {
 
 }  // namespace
 
-EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed) {
+EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed)
+    : asked_(sheet.asked) {
   for (std::size_t i = 0; i < specs.size(); ++i) {
     const EffectSpec& spec = specs[i];
     check_effect(sheet, spec);
@@ -69,6 +70,7 @@ EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& spec
 }
 
 const EffectChain& EffectSet::at(const std::string& port) const {
+  if (asked_) asked_->insert("ports." + port);
   const auto found = chains_.find(port);
   return found == chains_.end() ? none_ : found->second;
 }

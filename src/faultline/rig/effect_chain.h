@@ -3,6 +3,7 @@
 
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -92,6 +93,7 @@ class EffectSet {
   std::vector<std::unique_ptr<Effect>> effects_;
   std::map<std::string, EffectChain> chains_;
   EffectChain none_;
+  std::shared_ptr<std::set<std::string>> asked_;  // the datasheet's
 };
 
 // Throws InputError unless the effect fits the port on this rig.

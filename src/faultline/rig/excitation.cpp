@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include <fmt/format.h>
 
@@ -156,7 +157,7 @@ class Steps : public Held {
         low_(s.number("low", -kHuge, kHuge)),
         high_(s.number("high", -kHuge, kHuge)),
         shortest_(s.number("shortest", 1e-6, kHuge)),
-        longest_(s.number("longest", 1e-6, kHuge)) {}
+        longest_(s.number("longest", shortest_, kHuge)) {}
 
  private:
   double draw(Random& random, double& level) override {
@@ -208,6 +209,9 @@ class Cycle : public Excitation {
 class Table : public Excitation {
  public:
   Table(const Settings& s, std::uint64_t) : time_(s.list("time", 0, -kHuge, kHuge)) {
+    if (time_.empty()) throw InputError(s.where() + ": 'time' must have at least one number");
+    if (std::adjacent_find(time_.begin(), time_.end(), std::greater_equal<>()) != time_.end())
+      throw InputError(s.where() + ": 'time' must rise from each number to the next");
     value_ = s.list("value", time_.size(), -kHuge, kHuge);
   }
   double value(double time) override {

@@ -40,6 +40,9 @@ const std::vector<RigType>& rig_types();
 const RigType* find_rig_type(const std::string& name);
 bool register_rig(RigType type);
 
+// InputError unless the datasheet's states bear these names in this order: the equations know them by their place.
+void check_state_names(const Datasheet& sheet, const std::vector<std::string>& names);
+
 template <class T>
 std::unique_ptr<Rig> make_rig(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects) {
   return std::make_unique<T>(sheet, parameters, effects);

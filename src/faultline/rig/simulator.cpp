@@ -53,7 +53,7 @@ class Plant {
     }
     for (std::size_t i = 0; i < sheet.states.size(); ++i)
       for (const auto& [channel, chain] : sensors_)
-        if (sheet.channels[channel].name == sheet.states[i].name) shown_states_.push_back({i, chain});
+        if (sheet.states[i].channel == static_cast<int>(channel)) shown_states_.push_back({i, chain});
     rest_.resize(static_cast<std::size_t>(rig_->states()));
     moved_.resize(rest_.size());
     start_.resize(sheet.states.size());

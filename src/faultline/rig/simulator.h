@@ -4,7 +4,9 @@
 // equations are integrated in equal substeps with the classic fourth-order Runge-Kutta method (Boost.odeint), or, for a rig
 // that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep. The run starts
 // from the rig's own initial state under the first row's commands.
-// Deterministic for a given seed.
+// Deterministic for a given seed. One seed s starts a generator for each purpose, so that none moves with another: the first set
+// point s, the second s + 15485863, measured input i (from 0) 7919 s + i + 1, sensor noise 104729 s + 17, effect i a hash of s and
+// i. The rig's own parameters are no part of a run: draw_parameters() has a seed of its own.
 #pragma once
 
 #include <cstdint>
@@ -23,9 +25,9 @@ struct SimulationSetup {
   std::vector<double> parameters;      // in the datasheet's order; empty: nominal
   std::vector<EffectSpec> effects;     // on top of the datasheet's nominal effects
   std::vector<CommandTable> commands;  // for commands that no controller moves
-  std::uint64_t seed = 1;
-  double substep = 0;  // s; 0: the rig's own
-  bool noise = true;   // sensor noise and rounding
+  std::uint64_t seed = 1;              // of what differs from run to run; see below
+  double substep = 0;                  // s; 0: the rig's own
+  bool noise = true;                   // sensor noise and rounding
 };
 
 class Simulator {
@@ -86,7 +88,8 @@ class DrivenModel {
   std::unique_ptr<Parts> parts_;
 };
 
-// Parameters drawn around nominal with their tolerances (normal, cut at two sigma), for a rig that is off its datasheet.
+// Parameters drawn around nominal with their tolerances (normal, cut at two sigma), for a rig that is off its datasheet. Several runs
+// of one rig take the same seed here and other seeds in their setups.
 std::vector<double> draw_parameters(const Datasheet& sheet, std::uint64_t seed);
 
 }  // namespace faultline

@@ -13,7 +13,7 @@ namespace faultline {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr int kLargestPower = 9;
+constexpr double kLargestPower = 9;
 constexpr int kDeepest = 20;  // nested brackets
 
 struct Symbol {
@@ -67,7 +67,8 @@ const std::map<std::string, double>& prefixes() {
   return table;
 }
 
-// Recursive descent: product := power {(' ' | '*' | '/') power};  power := ('(' product ')' | symbol | '1') ['^' integer]
+// Recursive descent: product := power {(' ' | '*' | '/') power};
+// power := ('(' product ')' | 'sqrt(' product ')' | symbol | '1') ['^' number]
 class Parser {
  public:
   explicit Parser(const std::string& text) : text_(text) {}
@@ -107,11 +108,14 @@ class Parser {
   Unit power(int depth) {
     Unit base;
     const char c = next();
-    if (c == '(') {
-      ++place_;
+    const bool root = text_.compare(place_, 5, "sqrt(") == 0;
+    if (c == '(' || root) {
+      place_ += root ? 5 : 1;
       base = product(depth + 1);
       if (next() != ')') fail("a bracket is not closed");
       ++place_;
+      if (root && base.offset != 0) fail("a temperature scale cannot be part of another unit; take K");
+      if (root) base = times(Unit(), base, 0.5);
     } else {
       base = symbol();
     }
@@ -122,10 +126,10 @@ class Parser {
     const bool number = std::isdigit(static_cast<unsigned char>(*begin)) ||
                         (*begin == '-' && std::isdigit(static_cast<unsigned char>(begin[1])));
     char* end = nullptr;
-    const long exponent = number ? std::strtol(begin, &end, 10) : 0;
-    if (!number || std::labs(exponent) > kLargestPower) fail("a power must be a whole number up to 9");
+    const double exponent = number ? std::strtod(begin, &end) : 0;
+    if (!number || std::abs(exponent) > kLargestPower) fail("a power must be a number up to 9");
     place_ += static_cast<std::size_t>(end - begin);
-    return times(Unit(), base, static_cast<int>(exponent));
+    return times(Unit(), base, exponent);
   }
 
   Unit symbol() {
@@ -154,7 +158,7 @@ class Parser {
     fail(fmt::format("'{}' is not known; known are {} and the usual prefixes", name, known));
   }
 
-  static Unit times(const Unit& a, const Unit& b, int exponent) {
+  static Unit times(const Unit& a, const Unit& b, double exponent) {
     Unit result;
     for (std::size_t i = 0; i < a.dimension.size(); ++i)
       result.dimension[i] = a.dimension[i] + exponent * b.dimension[i];
@@ -174,6 +178,8 @@ class Parser {
 }  // namespace
 
 Unit parse_unit(const std::string& text) { return Parser(text).whole(); }
+
+bool is_si(const Unit& unit) { return unit.offset == 0 && std::abs(unit.scale - 1) < 1e-12; }
 
 Conversion conversion(const std::string& from, const std::string& to) {
   if (from == to) return {};

@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "faultline/rig/orifice.h"
 #include "faultline/numerics/rosenbrock.h"
-#include "faultline/signal/error.h"
+#include "faultline/rig/orifice.h"
 
 namespace faultline {
 namespace {
@@ -67,6 +66,10 @@ CoolingCircuit::CoolingCircuit(const Datasheet& sheet, const std::vector<double>
       feed_line_(effects.at("line.feed")),
       valve_port_(effects.at("restriction.bench_valve")),
       count_(static_cast<int>(sheet.states.size())) {
+  std::vector<std::string> names = {"valve_opening", "firing_level", "manifold_pressure"};
+  for (const std::string& b : sheet.branches)
+    for (const char* state : {"_p1", "_p2", "_t1", "_t2"}) names.push_back(b + state);
+  check_state_names(sheet, names);
   const auto value = [&](const std::string& name) {
     return parameters[static_cast<std::size_t>(sheet.parameter(name))];
   };
@@ -112,10 +115,6 @@ CoolingCircuit::CoolingCircuit(const Datasheet& sheet, const std::vector<double>
     if (!branch.line_port->empty()) branch.line = count_++;
     branches_.push_back(branch);
   }
-  if (state != static_cast<int>(sheet.states.size()))
-    throw InputError(sheet.file +
-                     ": states must be valve, firing, manifold and four for each branch, in the order of "
-                     "'branches'");
   // The places of the Jacobian's entries: those of any state, so one where all is well defined.
   std::vector<double> somewhere(static_cast<std::size_t>(count_), drain_pressure_), rate(somewhere.size());
   const std::vector<double> channels(sheet.channels.size(), 0.0);

@@ -31,6 +31,8 @@ ServoActuator::ServoActuator(const Datasheet& sheet, const std::vector<double>& 
       supply_port_(effects.at("source.supply_pressure")),
       line_port_(effects.at("line.valve_cylinder")),
       rod_port_(effects.at("transmission.rod")) {
+  check_state_names(sheet, {"position", "velocity", "chamber_a_pressure", "chamber_b_pressure", "spool_position",
+                            "leak_spool", "metered_flow"});
   const auto value = [&](const char* name) { return parameters[static_cast<std::size_t>(sheet.parameter(name))]; };
   area_ = value("ram_area");
   mass_ = value("moving_mass");
