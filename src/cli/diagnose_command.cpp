@@ -13,6 +13,7 @@
 #include "cli/series.h"
 #include "cli/subcommand.h"
 #include "faultline/alarms/diagnosis.h"
+#include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
@@ -22,7 +23,7 @@ using Json = nlohmann::ordered_json;
 constexpr double kWorthSaying = 1;  // s
 
 struct Options {
-  std::string input, rig, config, json, series;
+  std::string input, rig, config, json, series, reference, keep_reference;
 };
 
 // s from the recording's start; a double at today's epoch is good to a quarter of a microsecond.
@@ -45,7 +46,7 @@ const char* level_name(AlarmLevel level) {
 }
 
 Json alarm_json(const Alarm& alarm, double start) {
-  Json json = {{"kind", alarm.kind},
+  Json json = {{"kind", to_string(alarm.kind)},
                {"effect", alarm.effect},
                {"port", alarm.port},
                {"level", level_name(alarm.level)},
@@ -71,7 +72,7 @@ Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, cons
   const EstimatorCounts& used = diagnosis.estimator().counts();
   Json json = {{"rig", loaded.sheet.rig},
                {"duration", rounded(loaded.end - loaded.start)},
-               {"verdict", verdict.kind},
+               {"verdict", to_string(verdict.kind)},
                {"sentence", verdict.sentence},
                {"alarms", Json::array()},
                {"not_observable", Json::array()},
@@ -98,7 +99,8 @@ Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, cons
 }
 
 void print_report(const LoadedRecording& loaded, const Diagnosis& diagnosis, const Verdict& verdict) {
-  fmt::print("{}, {:.1f} s: {}\n{}\n", loaded.sheet.rig, loaded.end - loaded.start, verdict.kind, verdict.sentence);
+  fmt::print("{}, {:.1f} s: {}\n{}\n", loaded.sheet.rig, loaded.end - loaded.start, to_string(verdict.kind),
+             verdict.sentence);
   for (const Unobserved& u : diagnosis.report().unobserved)
     if (u.seconds > kWorthSaying)
       fmt::print("{} was not observable for {:.1f} s{}: the motion did not show it.\n",
@@ -110,7 +112,7 @@ void print_report(const LoadedRecording& loaded, const Diagnosis& diagnosis, con
     const std::string place = alarm.effect.empty() ? alarm.port : alarm.effect + "@" + alarm.port;
     std::string line = fmt::format("{:>9.2f} {:>9} {:>9.2f}  {:<8} {}", alarm.since - loaded.start,
                                    alarm.active ? "end" : fmt::format("{:.2f}", alarm.until - loaded.start),
-                                   alarm.raised - loaded.start, alarm.kind, place);
+                                   alarm.raised - loaded.start, to_string(alarm.kind), place);
     if (alarm.has_size)
       line += fmt::format("{}{}={:.3g} {} (90 %: {:.3g} to {:.3g})", place.empty() ? "" : " ", alarm.size_name,
                           alarm.size, alarm.size_unit, alarm.low, alarm.high);
@@ -118,10 +120,24 @@ void print_report(const LoadedRecording& loaded, const Diagnosis& diagnosis, con
   }
 }
 
+void keep_reference(const Diagnosis& diagnosis, const std::string& file, std::vector<std::string>& remarks) {
+  const References learnt = diagnosis.references();
+  if (learnt.stages.empty())
+    throw InputError(fmt::format(
+        "{}: nothing is written, for nothing was learnt: no detector or isolator of the rig {} learns what is "
+        "normal, or the recording is too short for it",
+        file, learnt.rig));
+  write_references(learnt, file);
+  if (!diagnosis.report().alarms.empty())
+    remarks.push_back(file + ": learnt from a recording with alarms; take a healthy run to learn what is normal");
+}
+
 void run(const Options& options) {
   const LoadedRecording loaded = load_recording(options.input, options.rig, options.config);
   const Recording& recording = loaded.recording;
+  if (!options.keep_reference.empty()) check_replaceable(options.keep_reference, loaded.sheet.rig);
   Diagnosis diagnosis(loaded.sheet);
+  if (!options.reference.empty()) diagnosis.restore(read_references(options.reference, loaded.sheet.rig));
   std::unique_ptr<Series> series;
   if (!options.series.empty()) series = std::make_unique<Series>(loaded.sheet, diagnosis, recording.rows());
 
@@ -141,6 +157,7 @@ void run(const Options& options) {
   if (loaded.findings.backward > 0)
     remarks.push_back(options.input +
                       ": after a jump back in time the diagnosis starts over; only what follows the last jump is told");
+  if (!options.keep_reference.empty()) keep_reference(diagnosis, options.keep_reference, remarks);
   print_remarks("diagnose", remarks);
   if (options.json != "-" && options.series != "-") print_report(loaded, diagnosis, verdict);
 }
@@ -153,6 +170,10 @@ std::function<void()> add(CLI::App& app) {
   add_text_output(app, "--json", options->json, "write the report as JSON to this file; - is standard output");
   add_text_output(app, "--series", options->series,
                   "write signals, estimates and innovations as CSV, at most 4000 rows; - is standard output");
+  add_output(app, "--keep-reference", options->keep_reference,
+             "write what detectors and isolators learnt of this healthy run to this file");
+  add_input(app, "--reference", options->reference,
+            "judge by what was learnt before instead of learning from this run");
   return [options] { run(*options); };
 }
 

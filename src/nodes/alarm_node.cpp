@@ -14,8 +14,9 @@ int main(int argc, char** argv) {
       throw InputError(
           fmt::format("{}: the datasheet names no estimator; this rig cannot be diagnosed yet", sheet.file));
     const double patience = parameters.number("patience", 0.5, 0, 60);
+    const std::string reference = parameters.word("reference", "");
     parameters.check_used();
-    AlarmPublisher publisher(sheet, patience);
+    AlarmPublisher publisher(sheet, patience, reference);
     ros::spin();
     return 0;
   });

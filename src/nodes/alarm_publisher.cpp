@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 
 #include <fmt/format.h>
@@ -25,7 +26,7 @@ void add(DiagnosticStatus& status, const std::string& key, const std::string& va
 }
 
 std::string title(const std::string& rig, const Alarm& alarm) {
-  std::string text = rig + ": " + alarm.kind;
+  std::string text = rig + ": " + to_string(alarm.kind);
   if (!alarm.effect.empty()) text += " " + alarm.effect;
   if (!alarm.port.empty()) text += " at " + alarm.port;
   return text;
@@ -45,6 +46,8 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report) {
   add(whole, "active alarms", fmt::format("{}", active));
   add(whole, "alarms since the start", fmt::format("{}", report.alarms.size()));
   add(whole, "last sample [s]", fmt::format("{:.6f}", report.time));
+  for (const Withheld& w : report.withheld)
+    add(whole, fmt::format("withheld: {} {}@{} ({})", to_string(w.kind), w.effect, w.port, w.stage), text_of(w.reason));
   array.status.push_back(whole);
 
   for (const Alarm& alarm : report.alarms) {
@@ -74,13 +77,19 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report) {
   return array;
 }
 
-AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience)
+AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience, const std::string& reference)
     : sheet_(sheet),
       stage_(sheet),
       join_(occasional_stages(sheet)),
       monitor_(sequence_settings(sheet)),
       silence_(patience),
+      reference_(reference),
       health_(sheet.rig, "alarms", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }) {
+  if (!reference_.empty() && std::filesystem::exists(reference_)) {
+    const References references = read_references(reference_, sheet.rig);
+    stage_.restore(references);
+    kept_ = references.stages.size();
+  }
   alarms_ = node_.advertise<faultline_msgs::AlarmArray>(topic(sheet.rig, "alarms"), 100, true);
   diagnostics_ = node_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 100);
   estimates_ = node_.subscribe<faultline_msgs::Estimate>(
@@ -88,7 +97,10 @@ AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience)
       [this](const boost::shared_ptr<const faultline_msgs::Estimate>& message) { take(*message); }, ros::VoidConstPtr(),
       ros::TransportHints().tcpNoDelay());
   watch_timer_ = node_.createWallTimer(ros::WallDuration(0.1), [this](const ros::WallTimerEvent&) { watch(); });
-  second_timer_ = node_.createWallTimer(ros::WallDuration(1), [this](const ros::WallTimerEvent&) { publish(); });
+  second_timer_ = node_.createWallTimer(ros::WallDuration(1), [this](const ros::WallTimerEvent&) {
+    keep_reference();
+    publish();
+  });
   published_changes_ = stage_.changes();
   publish();
 }
@@ -142,6 +154,19 @@ void AlarmPublisher::publish() {
   diagnostics_.publish(array);
 }
 
+void AlarmPublisher::keep_reference() {
+  if (reference_.empty()) return;
+  const References learnt = stage_.references();
+  if (learnt.stages.size() <= kept_) return;
+  try {
+    write_references(learnt, reference_);
+    kept_ = learnt.stages.size();
+    reference_trouble_.clear();
+  } catch (const InputError& error) {
+    reference_trouble_ = error.what();
+  }
+}
+
 void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const SequenceCounts& counts = monitor_.counts();
   const bool silent = counts.received == told_.received;
@@ -152,6 +177,8 @@ void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("of other stages", other_stage_);
   status.add("samples that an estimator left out", join_.dropped());
   if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some estimates do not fit this rig");
+  if (!reference_.empty()) status.add("stages with a kept reference", kept_);
+  if (!reference_trouble_.empty()) status.mergeSummary(DiagnosticStatus::WARN, reference_trouble_);
   if (silent)
     status.mergeSummary(DiagnosticStatus::WARN,
                         counts.received == 0 ? "no estimate yet" : "no estimate since the last report");

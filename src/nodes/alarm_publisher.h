@@ -25,13 +25,16 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report);
 
 class AlarmPublisher {
  public:
-  // Listens to the estimates of all the rig's estimators. `patience`: s, see SilenceWatch.
-  AlarmPublisher(const Datasheet& sheet, double patience);
+  // Listens to the estimates of all the rig's estimators. `patience`: s, see SilenceWatch. `reference`: a file of what detectors and
+  // isolators learnt; judged by if it is there, and written as far as they have still to learn; empty: none. InputError where it
+  // is refused.
+  AlarmPublisher(const Datasheet& sheet, double patience, const std::string& reference);
 
  private:
   void take(const faultline_msgs::Estimate& message);
   void watch();  // ten times a second
   void publish();
+  void keep_reference();
   void tell(diagnostic_updater::DiagnosticStatusWrapper& status);
   double simulated_seconds() const;
 
@@ -45,6 +48,8 @@ class AlarmPublisher {
   ros::Publisher alarms_, diagnostics_;
   ros::Subscriber estimates_;
   ros::WallTimer watch_timer_, second_timer_;
+  std::string reference_, reference_trouble_;
+  std::size_t kept_ = 0;  // stages in that file
   std::uint64_t published_changes_ = 0, bad_ = 0, other_stage_ = 0;
   SequenceCounts told_;
   RateMeter rate_;

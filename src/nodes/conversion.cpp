@@ -12,7 +12,7 @@ namespace {
 
 faultline_msgs::Alarm to_message(const Alarm& alarm) {
   faultline_msgs::Alarm message;
-  message.kind = alarm.kind;
+  message.kind = to_string(alarm.kind);
   message.effect = alarm.effect;
   message.port = alarm.port;
   message.level = static_cast<std::uint8_t>(alarm.level);
@@ -36,7 +36,7 @@ Alarm from_message(const faultline_msgs::Alarm& message) {
   if (message.level > static_cast<std::uint8_t>(AlarmLevel::stale))
     throw InputError(fmt::format("alarm level {} is unknown; 0 to 3 are allowed", static_cast<int>(message.level)));
   Alarm alarm;
-  alarm.kind = message.kind;
+  alarm.kind = parse_alarm_kind(message.kind, "alarm message");
   alarm.effect = message.effect;
   alarm.port = message.port;
   alarm.level = static_cast<AlarmLevel>(message.level);

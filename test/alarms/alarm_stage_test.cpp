@@ -18,7 +18,7 @@ AlarmReport diagnosed(const Recording& recording) {
   return diagnosis.report();
 }
 
-const Alarm* find(const AlarmReport& report, const std::string& kind) {
+const Alarm* find(const AlarmReport& report, AlarmKind kind) {
   for (const Alarm& alarm : report.alarms)
     if (alarm.kind == kind) return &alarm;
   return nullptr;
@@ -27,7 +27,7 @@ const Alarm* find(const AlarmReport& report, const std::string& kind) {
 std::string told(const AlarmReport& report) {
   std::string all;
   for (const Alarm& a : report.alarms)
-    all += a.kind + " " + a.effect + "@" + a.port + " since " + std::to_string(a.since) + " size " +
+    all += std::string(to_string(a.kind)) + " " + a.effect + "@" + a.port + " since " + std::to_string(a.since) + " size " +
            std::to_string(a.size) + ": " + a.text + "\n";
   return all;
 }
@@ -42,7 +42,7 @@ TEST_P(LeakRun, IsFoundPlacedAndSized) {
   const AlarmReport report = diagnosed(r);
   ASSERT_EQ(report.alarms.size(), 1u) << told(report);
   const Alarm& alarm = report.alarms.front();
-  EXPECT_EQ(alarm.kind, "fault");
+  EXPECT_EQ(alarm.kind, AlarmKind::fault);
   EXPECT_EQ(alarm.effect, "orifice_leakage");
   EXPECT_EQ(alarm.port, "flow.chamber_a_chamber_b");
   EXPECT_EQ(alarm.level, AlarmLevel::error);
@@ -92,7 +92,7 @@ TEST(AlarmStage, DifferentialTransducerThatDriftsOffIsASensorAlarm) {
   SimulationSetup setup = off_nominal("square", 3);
   setup.effects.push_back(parse_effect("offset@sensor.load_pressure:value=6e4,from=20"));
   const AlarmReport report = diagnosed(simulate(servo(), setup, 40));
-  const Alarm* alarm = find(report, "sensor");
+  const Alarm* alarm = find(report, AlarmKind::sensor);
   ASSERT_NE(alarm, nullptr) << told(report);
   EXPECT_EQ(alarm->port, "sensor.load_pressure");
   EXPECT_GT(alarm->raised, 20);
@@ -152,7 +152,7 @@ TEST(AlarmStage, MissingChannelIsADataAlarmThatEnds) {
   }
   const AlarmReport& report = diagnosis.report();
   ASSERT_EQ(report.alarms.size(), 2u) << told(report);
-  EXPECT_EQ(report.alarms[0].kind, "data");
+  EXPECT_EQ(report.alarms[0].kind, AlarmKind::data);
   EXPECT_EQ(report.alarms[0].port, "sensor.velocity");
   EXPECT_NE(report.alarms[0].text.find("velocity"), std::string::npos);
   EXPECT_NEAR(report.alarms[0].until, 3.499, 1e-9);
@@ -216,9 +216,9 @@ TEST(AlarmStage, FaultsAreWithheldWhileTheModelDoesNotFit) {
     estimate.quantities[3].value = 0;
     stage.process(estimate);
   }
-  EXPECT_EQ(find(stage.report(), "fault"), nullptr) << told(stage.report());
-  ASSERT_NE(find(stage.report(), "unknown"), nullptr);
-  EXPECT_EQ(find(stage.report(), "unknown")->level, AlarmLevel::warning);
+  EXPECT_EQ(find(stage.report(), AlarmKind::fault), nullptr) << told(stage.report());
+  ASSERT_NE(find(stage.report(), AlarmKind::unknown), nullptr);
+  EXPECT_EQ(find(stage.report(), AlarmKind::unknown)->level, AlarmLevel::warning);
   EXPECT_EQ(worst(stage.report()), AlarmLevel::warning);
 }
 
@@ -275,22 +275,22 @@ TEST(AlarmStage, KeepsABoundedNumberOfAlarms) {
 
 TEST(Verdict, CountsEndedAlarmsAndRanksKinds) {
   AlarmReport report;
-  EXPECT_EQ(verdict_of(report, 0, 30).kind, "healthy");
+  EXPECT_EQ(verdict_of(report, 0, 30).kind, VerdictKind::healthy);
   Alarm alarm;
-  alarm.kind = "data";
+  alarm.kind = AlarmKind::data;
   alarm.text = "velocity: no number comes from this channel";
   alarm.since = 103;
   alarm.until = 105;
   report.alarms.push_back(alarm);
-  EXPECT_EQ(verdict_of(report, 100, 130).kind, "data");
+  EXPECT_EQ(verdict_of(report, 100, 130).kind, VerdictKind::data);
   EXPECT_NE(verdict_of(report, 100, 130).sentence.find("since 3.0 s, until 5.0 s"), std::string::npos);
-  alarm.kind = "unknown";
+  alarm.kind = AlarmKind::unknown;
   report.alarms.push_back(alarm);
-  EXPECT_EQ(verdict_of(report, 100, 130).kind, "unknown");
-  alarm.kind = "sensor";
+  EXPECT_EQ(verdict_of(report, 100, 130).kind, VerdictKind::unknown);
+  alarm.kind = AlarmKind::sensor;
   report.alarms.push_back(alarm);
-  EXPECT_EQ(verdict_of(report, 100, 130).kind, "sensor");
-  alarm.kind = "fault";
+  EXPECT_EQ(verdict_of(report, 100, 130).kind, VerdictKind::sensor);
+  alarm.kind = AlarmKind::fault;
   alarm.active = true;
   alarm.has_size = true;
   alarm.size = 0.0321;
@@ -299,7 +299,7 @@ TEST(Verdict, CountsEndedAlarmsAndRanksKinds) {
   alarm.size_unit = "l/s";
   report.alarms.push_back(alarm);
   const Verdict verdict = verdict_of(report, 100, 130);
-  EXPECT_EQ(verdict.kind, "fault");
+  EXPECT_EQ(verdict.kind, VerdictKind::fault);
   EXPECT_NE(verdict.sentence.find("0.0321 l/s"), std::string::npos) << verdict.sentence;
   EXPECT_NE(verdict.sentence.find("still there at the end"), std::string::npos) << verdict.sentence;
 }

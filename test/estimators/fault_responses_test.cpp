@@ -50,12 +50,12 @@ Found look(const std::string& profile, std::uint64_t seed, double onset, double 
 TEST(FaultHypotheses, SizesFollowTheDatasheet) {
   const FaultHypothesis& leak = hypothesis("orifice_leakage@flow.chamber_a_chamber_b");
   EXPECT_EQ(leak.size_name, "coefficient");
-  EXPECT_EQ(leak.kind, "fault");
+  EXPECT_EQ(leak.kind, AlarmKind::fault);
   EXPECT_EQ(leak.size(0), 0);
   EXPECT_NEAR(leak.size(leak.highest), 5e-8, 1e-20);
   EXPECT_EQ(leak.lowest, 0);
   const FaultHypothesis& scale = hypothesis("scale@sensor.velocity");
-  EXPECT_EQ(scale.kind, "sensor");
+  EXPECT_EQ(scale.kind, AlarmKind::sensor);
   EXPECT_EQ(scale.size(0), 1);
   EXPECT_NEAR(std::max(scale.size(scale.lowest), scale.size(scale.highest)), 1.3, 1e-12);
   EXPECT_NEAR(std::min(scale.size(scale.lowest), scale.size(scale.highest)), 0.7, 1e-12);

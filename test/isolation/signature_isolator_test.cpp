@@ -31,7 +31,7 @@ Answer diagnose(const std::string& effect, std::uint64_t seed, double duration =
   for (const Alarm& alarm : diagnosis.report().alarms)
     if (alarm.text.rfind("Redline", 0) == 0)
       ++answer.redlines;
-    else if (alarm.kind == "model")
+    else if (alarm.kind == AlarmKind::model)
       ++answer.innovations;
     else
       answer.found.push_back(alarm);
@@ -43,7 +43,7 @@ struct Fault {
   const char* port;
   const char* size_name;
   double size;
-  const char* kind;
+  AlarmKind kind;
 };
 
 void PrintTo(const Fault& f, std::ostream* out) { *out << f.effect << "@" << f.port; }
@@ -70,19 +70,19 @@ TEST_P(GrossFault, IsNamedAtItsPlaceWithItsSizeWithinTenMilliseconds) {
 
 INSTANTIATE_TEST_SUITE_P(
     All, GrossFault,
-    ::testing::Values(Fault{"orifice_leakage", "flow.m_outlet_ambient", "coefficient", 2e-7, "fault"},
-                      Fault{"orifice_leakage", "flow.t_outlet_ambient", "coefficient", 2e-7, "fault"},
-                      Fault{"orifice_leakage", "flow.v3_inlet_ambient", "coefficient", 2e-7, "fault"},
-                      Fault{"orifice_leakage", "flow.v1_drain_ambient", "coefficient", 2e-7, "fault"},
-                      Fault{"clogging", "restriction.v2_orifice", "fraction", 0.2, "fault"},
-                      Fault{"clogging", "restriction.t_feed", "fraction", 0.2, "fault"},
-                      Fault{"clogging", "restriction.m_drain", "fraction", 0.2, "fault"},
-                      Fault{"offset", "sensor.v1_inlet_pressure", "value", 5e4, "sensor"},
-                      Fault{"offset", "sensor.v3_outlet_pressure", "value", -5e4, "sensor"},
-                      Fault{"offset", "sensor.t_mass_flow", "value", 0.1, "sensor"},
-                      Fault{"offset", "sensor.m_inlet_temperature", "value", 5, "sensor"},
-                      Fault{"offset", "sensor.v2_outlet_temperature", "value", 4, "sensor"},
-                      Fault{"offset", "sensor.t_inlet_pressure", "value", 5e4, "sensor"}),
+    ::testing::Values(Fault{"orifice_leakage", "flow.m_outlet_ambient", "coefficient", 2e-7, AlarmKind::fault},
+                      Fault{"orifice_leakage", "flow.t_outlet_ambient", "coefficient", 2e-7, AlarmKind::fault},
+                      Fault{"orifice_leakage", "flow.v3_inlet_ambient", "coefficient", 2e-7, AlarmKind::fault},
+                      Fault{"orifice_leakage", "flow.v1_drain_ambient", "coefficient", 2e-7, AlarmKind::fault},
+                      Fault{"clogging", "restriction.v2_orifice", "fraction", 0.2, AlarmKind::fault},
+                      Fault{"clogging", "restriction.t_feed", "fraction", 0.2, AlarmKind::fault},
+                      Fault{"clogging", "restriction.m_drain", "fraction", 0.2, AlarmKind::fault},
+                      Fault{"offset", "sensor.v1_inlet_pressure", "value", 5e4, AlarmKind::sensor},
+                      Fault{"offset", "sensor.v3_outlet_pressure", "value", -5e4, AlarmKind::sensor},
+                      Fault{"offset", "sensor.t_mass_flow", "value", 0.1, AlarmKind::sensor},
+                      Fault{"offset", "sensor.m_inlet_temperature", "value", 5, AlarmKind::sensor},
+                      Fault{"offset", "sensor.v2_outlet_temperature", "value", 4, AlarmKind::sensor},
+                      Fault{"offset", "sensor.t_inlet_pressure", "value", 5e4, AlarmKind::sensor}),
     [](const auto& tested) {
       std::string name = std::string(tested.param.effect) + "_" + tested.param.port;
       std::replace(name.begin(), name.end(), '.', '_');
@@ -121,7 +121,7 @@ TEST(Isolation, WhatOnlyTheValveSeesIsToldAsASet) {
   std::sort(named.begin(), named.end());
   EXPECT_EQ(named, (std::vector<std::string>{"clogging@restriction.bench_valve", "droop@source.supply",
                                              "offset@sensor.supply_pressure"}));
-  EXPECT_EQ(answer.found[0].kind, "fault");  // the worse of what it may be
+  EXPECT_EQ(answer.found[0].kind, AlarmKind::fault);  // the worse of what it may be
   EXPECT_NE(answer.found[0].text.find("ambiguous"), std::string::npos);
   EXPECT_LT(answer.found[0].confidence, 0.5);
 }
@@ -180,7 +180,7 @@ TEST(Isolation, CavitationIsARippleWithItsAmplitude) {
   EXPECT_NEAR(found->size, 2e5, 3e4);
   for (const Alarm& alarm : answer.found)
     if (&alarm != &*found) {
-      EXPECT_EQ(alarm.kind, "unknown");  // before it has swung it may be anything; no wrong name
+      EXPECT_EQ(alarm.kind, AlarmKind::unknown);  // before it has swung it may be anything; no wrong name
       EXPECT_LT(alarm.until - alarm.since, 2);
     }
 }

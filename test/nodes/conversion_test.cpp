@@ -173,7 +173,7 @@ TEST(Conversion, EstimateGoesAroundUnchanged) {
 
 TEST(Conversion, AlarmsGoAroundUnchanged) {
   Alarm alarm;
-  alarm.kind = "fault";
+  alarm.kind = AlarmKind::fault;
   alarm.effect = "orifice_leakage";
   alarm.port = "flow.chamber_a_chamber_b";
   alarm.level = AlarmLevel::error;

@@ -155,7 +155,7 @@ TEST_F(Graph, Test1FindsALeakAndSaysTheSameAsTheStagesHere) {
   expect_same_alarms();
   const std::vector<Alarm>& alarms = report_.alarms;
   ASSERT_FALSE(alarms.empty());
-  EXPECT_EQ(alarms[0].kind, "fault");
+  EXPECT_EQ(alarms[0].kind, AlarmKind::fault);
   EXPECT_EQ(alarms[0].effect, "orifice_leakage");
   EXPECT_EQ(alarms[0].port, "flow.chamber_a_chamber_b");
   EXPECT_TRUE(alarms[0].active);
@@ -183,7 +183,7 @@ TEST_F(Graph, Test2KeepsInvalidNumbersOutOfTheState) {
   EXPECT_EQ(heard_[3025].observed + 2, heard_[2999].observed);
   expect_same_alarms();
   int data = 0;
-  for (const Alarm& alarm : report_.alarms) data += alarm.kind == "data";
+  for (const Alarm& alarm : report_.alarms) data += alarm.kind == AlarmKind::data;
   EXPECT_EQ(data, 2);
 }
 
@@ -215,7 +215,7 @@ TEST_F(Graph, Test5SilenceIsAnAlarmDatedFromTheLastSample) {
   const double last = report_.time;
   ASSERT_TRUE(until([this] { return worst(report_) == AlarmLevel::stale; }, 6));
   const Alarm stale = report_.alarms.back();
-  EXPECT_EQ(stale.kind, "data");
+  EXPECT_EQ(stale.kind, AlarmKind::data);
   EXPECT_NEAR(stale.since, last + 0.1, 1e-6);
   EXPECT_EQ(stale.raised, stale.since);
   EXPECT_TRUE(until([this] { return level_ == diagnostic_msgs::DiagnosticStatus::STALE; }, 3));

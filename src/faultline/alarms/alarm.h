@@ -4,12 +4,15 @@
 #include <string>
 #include <vector>
 
+#include "faultline/alarms/reason.h"
+#include "faultline/rig/alarm_kind.h"
+
 namespace faultline {
 
 enum class AlarmLevel { ok = 0, warning = 1, error = 2, stale = 3 };  // as in diagnostic_msgs/DiagnosticStatus
 
 struct Alarm {
-  std::string kind;    // fault | sensor | data | model | unknown
+  AlarmKind kind = AlarmKind::unknown;
   std::string effect;  // of effects.md; empty where none is claimed
   std::string port;    // of the datasheet; empty where none is claimed
   AlarmLevel level = AlarmLevel::ok;
@@ -19,8 +22,8 @@ struct Alarm {
   bool active = false;
   bool has_size = false;
   std::string size_name, size_unit;
-  double size = 0, low = 0, high = 0;   // 90 % bounds
-  double confidence = 0;                // 0..1
+  double size = 0, low = 0, high = 0;   // 90 % bounds; of an ended alarm: when it was most certain
+  double confidence = 0;                // 0..1, likewise
   std::string text;                     // one sentence
   std::vector<std::string> equivalent;  // effect@port of what it cannot be told from
 };
@@ -32,15 +35,30 @@ struct Unobserved {
   bool now = false;
 };
 
+// What a detector or an isolator claims now but is not told.
+struct Withheld {
+  std::string stage;  // its name in the datasheet
+  AlarmKind kind = AlarmKind::unknown;
+  std::string effect, port;
+  double since = 0;  // s
+  Reason reason = Reason::absent;
+};
+
 struct AlarmReport {
   std::string rig;
   double time = 0;            // s, of the last sample
   std::string verdict;        // one sentence
   std::vector<Alarm> alarms;  // in the order in which they were raised, ended ones included
   std::vector<Unobserved> unobserved;
+  std::vector<Withheld> withheld;
 };
 
 // Worst first: stale data hides everything else, then errors, then warnings.
 AlarmLevel worst(const AlarmReport& report);
+
+// The alarm that a person should read first; null if there is none. What is there now before what has ended; silence, which hides
+// everything else, before what was known until then; then the worse kind; then the greater confidence times duration, which puts a
+// cause that has stood for long before a first guess; then the longer; then the one that was raised first.
+const Alarm* headline(const AlarmReport& report);
 
 }  // namespace faultline

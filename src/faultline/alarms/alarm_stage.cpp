@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -9,11 +10,6 @@
 
 namespace faultline {
 namespace {
-
-constexpr double kDataHold = 1.0;          // s, for which a data alarm outlives the last bad sample
-constexpr double kStalePeriods = 100;      // silence of this many sample periods is stale ...
-constexpr double kShortestStale = 0.1;     // s, ... but never less than this
-constexpr std::size_t kMostAlarms = 1000;  // kept; the oldest ended ones go first
 
 std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
   return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
@@ -46,29 +42,39 @@ std::string size_text(const Alarm& alarm) {
                      alarm.low, alarm.high);
 }
 
-}  // namespace
+std::string named(const std::string& effect, const std::string& port) { return effect + "@" + port; }
 
-AlarmLevel worst(const AlarmReport& report) {
-  AlarmLevel level = AlarmLevel::ok;
-  for (const Alarm& alarm : report.alarms)
-    if (alarm.active) level = std::max(level, alarm.level);
-  return level;
+bool among(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-AlarmStage::AlarmStage(const Datasheet& sheet)
-    : sheet_(sheet), stale_after_(std::max(kShortestStale, kStalePeriods * sheet.sample_period)) {
+// How far from no effect, in widths of the interval. Where no effect is an infinite size, its inverse is what grows.
+double certainty_of(const Alarm& alarm, double none) {
+  const auto effect = [none](double size) { return std::isinf(none) ? 1 / size : size - none; };
+  const double width = std::abs(effect(alarm.high) - effect(alarm.low));
+  const double certainty = std::abs(effect(alarm.size)) / width;
+  return width > 0 && std::isfinite(certainty) ? certainty : 0;
+}
+
+}  // namespace
+
+AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
+    : sheet_(sheet),
+      options_(options),
+      stale_after_(std::max(options.shortest_stale_s, options.stale_periods * sheet.sample_period)) {
   for (const StageSpec& spec : sheet_.detectors) {
     Watched w;
     w.name = spec.name;
-    w.kind = spec.settings.word("kind");
-    w.effect = spec.settings.word_or("effect", "");
-    w.port = spec.settings.word_or("port", "");
-    w.text = spec.settings.word("text");
+    w.finding.kind = parse_alarm_kind(spec.settings.word("kind"), spec.settings.where());
+    w.finding.effect = spec.settings.word_or("effect", "");
+    w.finding.port = spec.settings.word_or("port", "");
+    w.finding.text = spec.settings.word("text");
+    w.named = named(w.finding.effect, w.finding.port);
     w.stage = stage_of(sheet_, spec);
-    w.withholds = w.kind == "unknown" && yes_or_no(spec, "withholds_faults", true);
-    if (w.kind == "sensor")
+    w.withholds = w.finding.kind == AlarmKind::unknown && yes_or_no(spec, "withholds_faults", true);
+    if (w.finding.kind == AlarmKind::sensor)
       for (const Port& port : sheet_.ports)
-        if (port.name == w.port && port.kind == PortKind::sensor)
+        if (port.name == w.finding.port && port.kind == PortKind::sensor)
           w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(port.channel)));
     for (const std::string& channel : split(spec.settings.word_or("doubts", "")))
       w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
@@ -78,6 +84,7 @@ AlarmStage::AlarmStage(const Datasheet& sheet)
   }
   for (const StageSpec& spec : sheet_.isolators) {
     Isolated isolated;
+    isolated.name = spec.name;
     isolated.stage = stage_of(sheet_, spec);
     isolated.isolator = make_isolator(sheet_, spec);
     spec.settings.check_used();
@@ -92,41 +99,56 @@ void AlarmStage::reset() {
   for (Watched& w : watched_) {
     w.detector->reset();
     w.detection = Detection();
+    w.reason = Reason::absent;
     w.alarm = w.unobserved = -1;
   }
   for (Isolated& i : isolated_) {
     i.isolator->reset();
     i.finding = Finding();
+    i.reason = Reason::absent;
     i.alarm = i.told_for = -1;
   }
   std::fill(channels_.begin(), channels_.end(), ChannelWatch());
-  stale_ = gap_ = -1;
+  stale_ = -1;
   running_ = false;
   report_.alarms.clear();
   report_.unobserved.clear();
+  sizes_.clear();
   ++changes_;
 }
 
-int AlarmStage::raise(const std::string& kind, const std::string& effect, const std::string& port, AlarmLevel level,
-                      double since, double raised, const std::string& text) {
-  if (report_.alarms.size() >= kMostAlarms) {
-    // Indices of active alarms must stay valid, so the oldest ended alarm is reused.
-    for (std::size_t i = 0; i < report_.alarms.size(); ++i)
-      if (!report_.alarms[i].active) {
-        report_.alarms[i] = Alarm();
-        report_.alarms[i].kind = kind;
-        report_.alarms[i].effect = effect;
-        report_.alarms[i].port = port;
-        report_.alarms[i].level = level;
-        report_.alarms[i].since = since;
-        report_.alarms[i].raised = raised;
-        report_.alarms[i].until = since;
-        report_.alarms[i].active = true;
-        report_.alarms[i].text = text;
-        ++changes_;
-        return static_cast<int>(i);
-      }
+References AlarmStage::references() const {
+  References references;
+  references.rig = sheet_.rig;
+  const auto add = [&](const std::string& stage, std::optional<Reference> reference) {
+    if (reference) references.stages.push_back({stage, std::move(*reference)});
+  };
+  for (const Watched& w : watched_) add(w.name, w.detector->reference());
+  for (const Isolated& i : isolated_) add(i.name, i.isolator->reference());
+  return references;
+}
+
+void AlarmStage::restore(const References& references) {
+  for (const auto& [stage, reference] : references.stages) {
+    const auto of_this = [&name = stage](const Source& source) { return source.name == name; };
+    const auto w = std::find_if(watched_.begin(), watched_.end(), of_this);
+    const auto i = std::find_if(isolated_.begin(), isolated_.end(), of_this);
+    try {
+      if (w != watched_.end())
+        w->detector->restore(reference);
+      else if (i != isolated_.end())
+        i->isolator->restore(reference);
+      else
+        throw InputError(fmt::format("the rig {} has no such detector or isolator; learn it anew", sheet_.rig));
+    } catch (const InputError& error) {
+      throw InputError(
+          fmt::format("{}{}{}: {}", references.file, references.file.empty() ? "" : ": ", stage, error.what()));
+    }
   }
+}
+
+int AlarmStage::raise(AlarmKind kind, const std::string& effect, const std::string& port, AlarmLevel level,
+                      double since, double raised, const std::string& text) {
   Alarm alarm;
   alarm.kind = kind;
   alarm.effect = effect;
@@ -136,18 +158,44 @@ int AlarmStage::raise(const std::string& kind, const std::string& effect, const 
   alarm.raised = raised;
   alarm.active = true;
   alarm.text = text;
-  report_.alarms.push_back(alarm);
   ++changes_;
+  // Indices of active alarms must stay valid, so an ended alarm gives its place.
+  if (report_.alarms.size() >= options_.most_alarms)
+    for (std::size_t i = 0; i < report_.alarms.size(); ++i)
+      if (!report_.alarms[i].active) {
+        report_.alarms[i] = std::move(alarm);
+        sizes_[i] = Size();
+        return static_cast<int>(i);
+      }
+  report_.alarms.push_back(std::move(alarm));
+  sizes_.emplace_back();
   return static_cast<int>(report_.alarms.size()) - 1;
 }
 
 void AlarmStage::end(int& alarm, double time) {
   if (alarm < 0) return;
   Alarm& a = report_.alarms[static_cast<std::size_t>(alarm)];
+  const Size& most_certain = sizes_[static_cast<std::size_t>(alarm)];
   a.active = false;
   a.until = time;
+  if (a.has_size && most_certain.certainty >= 0) {
+    a.size = most_certain.size;
+    a.low = most_certain.low;
+    a.high = most_certain.high;
+    a.confidence = most_certain.confidence;
+  }
   alarm = -1;
   ++changes_;
+}
+
+void AlarmStage::keep_size(std::size_t alarm, double none) {
+  const Alarm& a = report_.alarms[alarm];
+  Size& kept = sizes_[alarm];
+  if (!a.has_size) return;
+  const double certainty = certainty_of(a, none);
+  const bool better =
+      certainty > 0 || kept.certainty > 0 ? certainty > kept.certainty * (1 + 1e-9) : a.confidence >= kept.confidence;
+  if (better) kept = {a.size, a.low, a.high, a.confidence, certainty};
 }
 
 void AlarmStage::check_data(const Estimate& estimate) {
@@ -162,14 +210,14 @@ void AlarmStage::check_data(const Estimate& estimate) {
         const bool has_port =
             std::any_of(sheet_.ports.begin(), sheet_.ports.end(), [&](const Port& p) { return p.name == port; });
         watch.alarm = raise(
-            "data", "", has_port ? port : "", AlarmLevel::error, estimate.time, estimate.time,
+            AlarmKind::data, "", has_port ? port : "", AlarmLevel::error, estimate.time, estimate.time,
             status == ChannelStatus::missing
                 ? fmt::format("{}: no number comes from this channel; check the cable and the converter", channel.name)
                 : fmt::format("{}: outside {:g}..{:g} {}; check transducer and scaling", channel.name, channel.minimum,
                               channel.maximum, channel.unit));
       }
       watch.last_bad = estimate.time;
-    } else if (watch.alarm >= 0 && estimate.time - watch.last_bad > kDataHold) {
+    } else if (watch.alarm >= 0 && estimate.time - watch.last_bad > options_.data_hold_s) {
       end(watch.alarm, watch.last_bad);
     }
     if (watch.alarm >= 0) report_.alarms[static_cast<std::size_t>(watch.alarm)].until = estimate.time;
@@ -179,7 +227,7 @@ void AlarmStage::check_data(const Estimate& estimate) {
 void AlarmStage::advance(double now) {
   if (!running_ || stale_ >= 0 || now - last_time_ <= stale_after_) return;
   const double since = last_time_ + stale_after_;
-  stale_ = raise("data", "", "", AlarmLevel::stale, since, since,
+  stale_ = raise(AlarmKind::data, "", "", AlarmLevel::stale, since, since,
                  fmt::format("no sample for more than {:g} s; check the driver and the DAQ", stale_after_));
 }
 
@@ -202,7 +250,7 @@ void AlarmStage::process(const Estimate* estimates) {
   if (running_ && estimate.time < last_time_) reset();
   if (!running_) {
     running_ = true;
-    first_time_ = last_time_ = estimate.time;
+    last_time_ = estimate.time;
   }
   advance(estimate.time);
   if (stale_ == static_cast<int>(report_.alarms.size()) - 1 && stale_ >= 0 &&
@@ -216,62 +264,156 @@ void AlarmStage::process(const Estimate* estimates) {
   last_time_ = estimate.time;
   report_.time = estimate.time;
   check_data(estimate);
-
   detect(estimates);
+  isolate(estimates);
+  hand_over();
+  tell_detections(estimate.time);
+  tell_findings(estimate.time);
 }
 
 void AlarmStage::detect(const Estimate* estimates) {
-  const Estimate& estimate = estimates[0];
-  bool model_fits = true;
+  model_fits_ = true;
   for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = channels_[c].alarm >= 0;
+  const auto doubt = [this](const Watched& w) {
+    for (const std::size_t channel : w.doubts) doubted_[channel] = true;
+  };
   for (Watched& w : watched_) {
     w.detector->process(estimates[w.stage], w.detection);
-    watch_blindness(w, estimate.time);
-    if (w.withholds && w.detection.active) model_fits = false;
-    if (w.detection.active && w.kind == "sensor")
-      for (const std::size_t channel : w.doubts) doubted_[channel] = true;
+    watch_blindness(w, estimates[0].time);
+    if (w.withholds && w.detection.active) model_fits_ = false;
+    if (w.detection.active && w.finding.kind == AlarmKind::sensor) doubt(w);
   }
-  // A fault that shows in a transducer which is itself off is none.
-  for (Watched& w : watched_)
-    if (w.detection.active && w.kind == "fault" && w.alarm < 0)
-      for (const std::size_t channel : w.doubts)
-        if (doubted_[channel]) w.detection.active = false;
-  for (Watched& w : watched_)
-    if (w.detection.active && w.kind == "fault")
-      for (const std::size_t channel : w.doubts) doubted_[channel] = true;
-  isolate(estimates);
-  hand_over();
-  for (const Isolated& i : isolated_)
-    if (i.isolator->overrules() && i.finding.active) model_fits = true;
   for (Watched& w : watched_) {
-    const bool wanted = w.detection.active && !explained(w) && !(w.alarm < 0 && (awaited(w) || told(w))) &&
-                        (w.kind != "fault" || model_fits || w.alarm >= 0);
-    if (wanted && w.alarm < 0)
-      w.alarm = raise(w.kind, w.effect, w.port, w.kind == "unknown" ? AlarmLevel::warning : AlarmLevel::error,
-                      w.detection.since, estimate.time, "");
-    if (!wanted && w.alarm >= 0) end(w.alarm, estimate.time);
-    if (w.alarm < 0) continue;
-    Alarm& alarm = report_.alarms[static_cast<std::size_t>(w.alarm)];
-    alarm.until = estimate.time;
-    alarm.has_size = w.detection.has_size;
-    alarm.size = w.detection.size;
-    alarm.low = w.detection.low;
-    alarm.high = w.detection.high;
-    alarm.confidence = w.detection.confidence;
-    if (alarm.size_name.empty()) {
-      alarm.size_name = w.detector->size_name();
-      alarm.size_unit = w.detector->size_unit();
-      alarm.text = w.text;
-    }
+    w.claim = Claim();
+    w.claim.kind = w.finding.kind;
+    w.claim.holds = w.detection.active;
+    w.claim.raised = w.alarm >= 0;
+    w.claim.in_doubt = std::any_of(w.doubts.begin(), w.doubts.end(), [this](std::size_t c) { return doubted_[c]; });
+    w.stands = reason_of(w.claim) == Reason::told;
   }
-  tell_findings(estimate.time, model_fits);
+  for (const Watched& w : watched_)
+    if (w.stands && w.finding.kind == AlarmKind::fault) doubt(w);
+}
+
+void AlarmStage::isolate(const Estimate* estimates) {
+  for (Isolated& i : isolated_) i.isolator->process(estimates[i.stage], doubted_, i.finding);
+  // The model is then known well enough: the cause explains what it did not.
+  if (std::any_of(isolated_.begin(), isolated_.end(), [](const Isolated& i) { return i.names_the_cause(); }))
+    model_fits_ = true;
+}
+
+void AlarmStage::tell_detections(double time) {
+  for (Watched& w : watched_) {
+    w.claim.raised = w.alarm >= 0;
+    w.claim.model_fits = model_fits_;
+    if (w.stands) {
+      w.claim.explained = explained(w);
+      w.claim.judgement_awaited = judgement_awaited(w);
+      w.claim.told_by_another = told_by_isolator(w);
+    }
+    w.reason = reason_of(w.claim);
+    if (w.reason != Reason::told) {
+      end(w.alarm, time);
+      continue;
+    }
+    Finding& f = w.finding;
+    if (w.alarm < 0) {
+      f.equivalent.clear();
+      f.size_name = w.detector->size_name();
+      f.size_unit = w.detector->size_unit();
+    }
+    f.since = w.detection.since;
+    f.has_size = w.detection.has_size;
+    f.size = w.detection.size;
+    f.low = w.detection.low;
+    f.high = w.detection.high;
+    f.confidence = w.detection.confidence;
+    tell(w, f, time);
+  }
+}
+
+void AlarmStage::tell_findings(double time) {
+  for (Isolated& i : isolated_) {
+    Watched* w = i.names_the_cause() ? detected(i.finding) : nullptr;
+    i.claim = Claim();
+    i.claim.kind = i.finding.kind;
+    i.claim.holds = i.finding.active;
+    i.claim.raised = i.alarm >= 0;
+    i.claim.told_by_another = w && w->alarm >= 0;
+    i.claim.model_fits = model_fits_;
+    i.reason = reason_of(i.claim);
+    if (!w) {
+      i.told_for = -1;
+      if (i.reason == Reason::told)
+        tell(i, i.finding, time);
+      else
+        end(i.alarm, time);
+      continue;
+    }
+    // By the detector's name: of what explains it equally well, that is what the rig is watched for.
+    Finding f = i.finding;
+    const std::string own = named(f.effect, f.port);
+    f.equivalent.erase(std::remove(f.equivalent.begin(), f.equivalent.end(), w->named), f.equivalent.end());
+    if (own != w->named) f.equivalent.insert(f.equivalent.begin(), own);
+    if (i.reason == Reason::told_by_another) {
+      w->finding.equivalent = report_.alarms[static_cast<std::size_t>(w->alarm)].equivalent = f.equivalent;
+      continue;
+    }
+    i.told_for = static_cast<int>(w - watched_.data());
+    if (i.reason != Reason::told) continue;
+    f.effect = w->finding.effect;
+    f.port = w->finding.port;
+    f.text = w->finding.text;
+    f.confidence = w->detection.confidence;
+    f.size_name = w->detector->size_name();
+    f.size_unit = w->detector->size_unit();
+    // The isolator's size, in the detector's words, where it weighed that very effect.
+    f.none = 0;
+    if (own == w->named && f.has_size && w->detection.per_effect > 0) {
+      f.size *= w->detection.per_effect;
+      f.low *= w->detection.per_effect;
+      f.high *= w->detection.per_effect;
+    } else {
+      f.has_size = w->detection.has_size;
+      f.size = w->detection.size;
+      f.low = w->detection.low;
+      f.high = w->detection.high;
+    }
+    tell(i, f, time);
+  }
+}
+
+void AlarmStage::tell(Source& source, const Finding& f, double time) {
+  const AlarmLevel level = f.kind == AlarmKind::unknown ? AlarmLevel::warning : AlarmLevel::error;
+  if (source.alarm < 0) source.alarm = raise(f.kind, f.effect, f.port, level, f.since, time, f.text);
+  const auto at = static_cast<std::size_t>(source.alarm);
+  Alarm& alarm = report_.alarms[at];
+  alarm.until = time;
+  if (alarm.effect != f.effect || alarm.port != f.port || alarm.size_name != f.size_name) sizes_[at] = Size();
+  if (alarm.effect != f.effect || alarm.port != f.port || alarm.kind != f.kind || alarm.text != f.text) {
+    alarm.kind = f.kind;
+    alarm.effect = f.effect;
+    alarm.port = f.port;
+    alarm.text = f.text;
+    ++changes_;
+  }
+  alarm.level = level;
+  alarm.equivalent = f.equivalent;
+  alarm.has_size = f.has_size;
+  alarm.size_name = f.size_name;
+  alarm.size_unit = f.size_unit;
+  alarm.size = f.size;
+  alarm.low = f.low;
+  alarm.high = f.high;
+  alarm.confidence = f.confidence;
+  keep_size(at, f.none);
 }
 
 void AlarmStage::watch_blindness(Watched& w, double time) {
   if (!w.detection.blind && w.unobserved < 0) return;
   if (w.unobserved < 0) {
     w.unobserved = static_cast<int>(report_.unobserved.size());
-    report_.unobserved.push_back({w.name, w.effect, w.port, 0, false});
+    report_.unobserved.push_back({w.name, w.finding.effect, w.finding.port, 0, false});
     w.watched_to = time;
   }
   Unobserved& unobserved = report_.unobserved[static_cast<std::size_t>(w.unobserved)];
@@ -281,23 +423,34 @@ void AlarmStage::watch_blindness(Watched& w, double time) {
 }
 
 bool AlarmStage::explained(const Watched& w) const {
-  for (const Isolated& i : isolated_) {
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     const Finding& f = i.finding;
-    if (!i.isolator->overrules() || !f.active || f.kind == "unknown") continue;
-    if (w.kind == "unknown" || (w.kind == "sensor" && w.effect.empty() && f.kind == "sensor")) return true;
-    if (w.kind != "fault") continue;
-    const std::string name = w.effect + "@" + w.port;
-    if (name != f.effect + "@" + f.port &&
-        std::find(f.equivalent.begin(), f.equivalent.end(), name) == f.equivalent.end())
-      return true;
-  }
-  return false;
+    if (!i.names_the_cause() || f.kind == AlarmKind::unknown) return false;
+    switch (w.finding.kind) {
+      case AlarmKind::unknown:
+        return true;
+      case AlarmKind::sensor:
+        return w.finding.effect.empty() && f.kind == AlarmKind::sensor;
+      case AlarmKind::fault:
+        return w.named != named(f.effect, f.port) && !among(f.equivalent, w.named);
+      case AlarmKind::model:
+      case AlarmKind::data:
+        break;
+    }
+    return false;
+  });
 }
 
-bool AlarmStage::awaited(const Watched& w) const {
-  if (w.kind == "sensor" && !w.effect.empty()) return false;
+bool AlarmStage::judgement_awaited(const Watched& w) const {
+  if (w.finding.kind == AlarmKind::sensor && !w.finding.effect.empty()) return false;
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     return i.isolator->overrules() && i.isolator->judged_until() < w.detection.since;
+  });
+}
+
+bool AlarmStage::told_by_isolator(const Watched& w) const {
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+    return i.alarm >= 0 && i.names_the_cause() && detected(i.finding) == &w;
   });
 }
 
@@ -305,103 +458,46 @@ void AlarmStage::hand_over() {
   for (Isolated& i : isolated_) {
     if (i.alarm < 0 || i.finding.active || i.told_for < 0) continue;
     Watched& w = watched_[static_cast<std::size_t>(i.told_for)];
-    if (!w.detection.active || w.alarm >= 0) continue;
+    if (!w.stands || w.alarm >= 0) continue;
+    w.finding.equivalent = report_.alarms[static_cast<std::size_t>(i.alarm)].equivalent;
+    w.finding.size_name = w.detector->size_name();
+    w.finding.size_unit = w.detector->size_unit();
     w.alarm = i.alarm;
     i.alarm = i.told_for = -1;
   }
 }
 
-bool AlarmStage::told(const Watched& w) const {
-  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
-    return i.alarm >= 0 && i.finding.active && i.isolator->overrules() && detected(i.finding) == &w;
-  });
-}
-
 const AlarmStage::Watched* AlarmStage::detected(const Finding& finding) const {
-  for (const Watched& w : watched_) {
-    if (!w.detection.active || w.kind != "fault" || w.effect.empty()) continue;
-    const std::string name = w.effect + "@" + w.port;
-    if (name == finding.effect + "@" + finding.port ||
-        std::find(finding.equivalent.begin(), finding.equivalent.end(), name) != finding.equivalent.end())
+  for (const Watched& w : watched_)
+    if (w.stands && w.finding.kind == AlarmKind::fault && !w.finding.effect.empty() &&
+        (w.named == named(finding.effect, finding.port) || among(finding.equivalent, w.named)))
       return &w;
-  }
   return nullptr;
 }
 
-void AlarmStage::isolate(const Estimate* estimates) {
-  for (Isolated& i : isolated_) i.isolator->process(estimates[i.stage], doubted_, i.finding);
+AlarmStage::Watched* AlarmStage::detected(const Finding& finding) {
+  return const_cast<Watched*>(static_cast<const AlarmStage*>(this)->detected(finding));
 }
 
-void AlarmStage::tell_findings(double time, bool model_fits) {
-  for (Isolated& i : isolated_) {
-    Finding f = i.finding;
-    const Watched* w = f.active && i.isolator->overrules() ? detected(f) : nullptr;
-    const bool own_name = w && f.effect == w->effect && f.port == w->port;
-    if (w) {
-      // By the detector's name: of what explains it equally well, that is what the rig is watched for.
-      const std::string own = f.effect + "@" + f.port, name = w->effect + "@" + w->port;
-      f.equivalent.erase(std::remove(f.equivalent.begin(), f.equivalent.end(), name), f.equivalent.end());
-      if (own != name) f.equivalent.insert(f.equivalent.begin(), own);
-    }
-    if (w && w->alarm >= 0 && i.alarm < 0) {
-      report_.alarms[static_cast<std::size_t>(w->alarm)].equivalent = f.equivalent;
-      continue;
-    }
-    i.told_for = w ? static_cast<int>(w - watched_.data()) : -1;
-    const bool wanted = f.active && (model_fits || f.kind != "fault" || i.alarm >= 0);
-    if (!wanted && i.alarm >= 0) end(i.alarm, time);
-    if (!wanted) continue;
-    if (w) {
-      f.effect = w->effect;
-      f.port = w->port;
-      f.text = w->text;
-      f.confidence = w->detection.confidence;
-      f.size_name = w->detector->size_name();
-      f.size_unit = w->detector->size_unit();
-      // The isolator's size, in the detector's words, where it weighed that very effect.
-      if (own_name && f.has_size && w->detection.per_effect > 0) {
-        f.size *= w->detection.per_effect;
-        f.low *= w->detection.per_effect;
-        f.high *= w->detection.per_effect;
-      } else {
-        f.has_size = w->detection.has_size;
-        f.size = w->detection.size;
-        f.low = w->detection.low;
-        f.high = w->detection.high;
-      }
-    }
-    if (i.alarm < 0) i.alarm = raise(f.kind, f.effect, f.port, AlarmLevel::error, f.since, time, f.text);
-    Alarm& alarm = report_.alarms[static_cast<std::size_t>(i.alarm)];
-    alarm.until = time;
-    if (alarm.effect != f.effect || alarm.port != f.port || alarm.kind != f.kind || alarm.text != f.text) {
-      alarm.kind = f.kind;
-      alarm.effect = f.effect;
-      alarm.port = f.port;
-      alarm.text = f.text;
-      ++changes_;
-    }
-    alarm.level = f.kind == "unknown" ? AlarmLevel::warning : AlarmLevel::error;
-    alarm.equivalent = f.equivalent;
-    alarm.has_size = f.has_size;
-    alarm.size_name = f.size_name;
-    alarm.size_unit = f.size_unit;
-    alarm.size = f.size;
-    alarm.low = f.low;
-    alarm.high = f.high;
-    alarm.confidence = f.confidence;
-  }
+const AlarmReport& AlarmStage::report() const {
+  report_.verdict = verdict();
+  report_.withheld.clear();
+  const auto add = [this](const Source& s, double since) {
+    if (s.reason != Reason::told && s.reason != Reason::absent)
+      report_.withheld.push_back({s.name, s.claim.kind, s.finding.effect, s.finding.port, since, s.reason});
+  };
+  for (const Watched& w : watched_) add(w, w.detection.since);
+  for (const Isolated& i : isolated_) add(i, i.finding.since);
+  return report_;
 }
 
 std::string AlarmStage::verdict() const {
-  const Alarm* chosen = nullptr;
-  int active = 0;
-  for (const Alarm& alarm : report_.alarms) {
-    if (!alarm.active) continue;
-    ++active;
-    if (!chosen || alarm.level > chosen->level) chosen = &alarm;
-  }
-  if (!chosen) return report_.alarms.empty() ? "No fault found." : "No fault now; there were alarms before.";
-  std::string text = chosen->text + size_text(*chosen) + ".";
+  const Alarm* first = headline(report_);
+  if (!first) return "No fault found.";
+  if (!first->active) return "No fault now; there were alarms before.";
+  const auto active =
+      std::count_if(report_.alarms.begin(), report_.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
+  std::string text = first->text + size_text(*first) + ".";
   if (active > 1) text += fmt::format(" {} more alarm{}.", active - 1, active > 2 ? "s" : "");
   return text;
 }

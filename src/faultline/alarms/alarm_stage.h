@@ -7,11 +7,15 @@
 // with commas between; where one of those is itself off, that fault is not raised. An isolator's alarm changes its place and size as it learns.
 // An isolator that overrules weighed every fault of the datasheet: while it names one, detections of faults, of sensors without an
 // effect and of unknown trouble that it does not confirm are not told; a detected fault waits for its judgement. What both found is one
-// alarm, by the detector's effect and size.
+// alarm, by the detector's effect and size. reason.h has these rules as a table.
 //
-// Data alarms: a channel that is missing or out of range (ends a second after the last such sample); a rig that fell silent
-// (stale: from the last sample plus `stale_after`). While the model does not fit (a detection of kind unknown), fault detections
-// are withheld: they rest on that model. While the data are bad, faults already raised stay as they are.
+// Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell silent
+// (stale: from the last sample plus a while; alarm_options.h has both). While the model does not fit (a detection of kind unknown),
+// faults are withheld: they rest on that model. While the data are bad, faults already raised stay as they are.
+//
+// Size of an alarm that ended: a size estimated while the cause fades is that of its rest, so what stays is the estimate that was most
+// certain, that is whose distance from no effect was the greatest in widths of its 90 % interval (without an interval: of the greatest
+// confidence, the latest of equals).
 #pragma once
 
 #include <memory>
@@ -19,14 +23,16 @@
 #include <vector>
 
 #include "faultline/alarms/alarm.h"
+#include "faultline/alarms/alarm_options.h"
 #include "faultline/detectors/detector.h"
 #include "faultline/isolation/isolator.h"
+#include "faultline/rig/reference.h"
 
 namespace faultline {
 
 class AlarmStage {
  public:
-  explicit AlarmStage(const Datasheet& sheet);
+  explicit AlarmStage(const Datasheet& sheet, const AlarmOptions& options = {});
 
   // What all estimators say about one sample, in the datasheet's order.
   void process(const std::vector<Estimate>& estimates);
@@ -36,65 +42,87 @@ class AlarmStage {
   void advance(double now);
   void reset();
 
-  // With the verdict as of the last sample.
-  const AlarmReport& report() const {
-    report_.verdict = verdict();
-    return report_;
-  }
+  // With the verdict and what is withheld as of the last sample.
+  const AlarmReport& report() const;
   // Counts up whenever an alarm is raised, ends, or changes level: what must be published at once.
   std::uint64_t changes() const { return changes_; }
 
+  // What its detectors and isolators have learnt of the healthy rig so far.
+  References references() const;
+  // Before the first sample: they judge by this at once instead of learning. reset() does not forget it. InputError, which names
+  // the stage, where a reference fits none of them.
+  void restore(const References& references);
+
  private:
-  struct Watched {
-    std::string name, kind, effect, port, text;
+  // A detector or an isolator with what it says now and what became of it.
+  struct Source {
+    std::string name;       // in the datasheet
     std::size_t stage = 0;  // whose estimates it reads
-    bool withholds = true;
-    std::vector<std::size_t> doubts;  // channels that isolators leave out while it is active
+    Finding finding;        // of a detector: its detection in the datasheet's words
+    Claim claim;
+    Reason reason = Reason::absent;
+    int alarm = -1;  // index into report_.alarms while active
+  };
+  struct Watched : Source {
     std::unique_ptr<Detector> detector;
     Detection detection;
-    int alarm = -1;       // index into report_.alarms while active
-    int unobserved = -1;  // index into report_.unobserved
+    std::string named;  // effect@port
+    bool withholds = true;
+    bool stands = false;              // as far as is known without the isolators
+    std::vector<std::size_t> doubts;  // channels that isolators leave out while it stands
+    int unobserved = -1;              // index into report_.unobserved
     double watched_to = 0;
   };
-  struct Isolated {
-    std::size_t stage = 0;
+  struct Isolated : Source {
     std::unique_ptr<Isolator> isolator;
-    Finding finding;
-    int alarm = -1;
     int told_for = -1;  // the detector that found the same, while this alarm tells it
+    // Names a cause, having weighed every other.
+    bool names_the_cause() const { return isolator->overrules() && finding.active; }
   };
   struct ChannelWatch {
     int alarm = -1;
     double last_bad = 0;
   };
-  int raise(const std::string& kind, const std::string& effect, const std::string& port, AlarmLevel level, double since,
+  // An estimate of an alarm's size.
+  struct Size {
+    double size = 0, low = 0, high = 0, confidence = 0;
+    double certainty = -1;  // widths of its interval; -1: none yet, 0: no interval
+  };
+  int raise(AlarmKind kind, const std::string& effect, const std::string& port, AlarmLevel level, double since,
             double raised, const std::string& text);
   void end(int& alarm, double time);
   void check_data(const Estimate& estimate);
   void process(const Estimate* estimates);
   void detect(const Estimate* estimates);
   void isolate(const Estimate* estimates);
+  void tell_detections(double time);
+  void tell_findings(double time);
+  void tell(Source& source, const Finding& finding, double time);  // writes it into the source's alarm
+  void keep_size(std::size_t alarm, double none);
   void hand_over();  // alarms to the detectors that still find what an isolator no longer does
-  void tell_findings(double time, bool model_fits);
   void watch_blindness(Watched& w, double time);
-  bool explained(const Watched& w) const;  // by an isolator that overrules
-  bool awaited(const Watched& w) const;    // its judgement of when the detection began
-  bool told(const Watched& w) const;       // by an isolator's alarm
+  bool explained(const Watched& w) const;
+  bool judgement_awaited(const Watched& w) const;
+  bool told_by_isolator(const Watched& w) const;
   // The detector that found what the finding names, or what cannot be told from it; null: none did.
+  Watched* detected(const Finding& finding);
   const Watched* detected(const Finding& finding) const;
   std::string verdict() const;
 
   Datasheet sheet_;
+  AlarmOptions options_;
   double stale_after_;
   std::vector<Watched> watched_;
   std::vector<Isolated> isolated_;
   std::vector<bool> doubted_;  // one per channel: its transducer is known to be off
   std::vector<ChannelWatch> channels_;
-  int stale_ = -1, gap_ = -1;
+  std::vector<Size> sizes_;  // one per alarm of the report: the most certain so far
+  int stale_ = -1;
+  bool model_fits_ = true;
   bool running_ = false;
-  double last_time_ = 0, first_time_ = 0;
+  double last_time_ = 0;
   std::uint64_t changes_ = 0;
-  mutable AlarmReport report_;  // its sentence is only written when somebody reads it
+  mutable AlarmReport report_;  // its verdict and what is withheld are only written when somebody reads it
 };
 
 }  // namespace faultline

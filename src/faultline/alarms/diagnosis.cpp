@@ -1,6 +1,5 @@
 #include "faultline/alarms/diagnosis.h"
 
-#include <algorithm>
 #include <array>
 
 #include <fmt/format.h>
@@ -20,13 +19,20 @@ std::vector<EstimatorStage> stages_of(const Datasheet& sheet) {
   return stages;
 }
 
-// Kinds of alarms from the worst to the mildest, and what each makes of the whole.
-struct Rank {
-  const char* kind;
-  const char* verdict;
-};
-constexpr std::array<Rank, 5> kRanks = {
-    {{"fault", "fault"}, {"sensor", "sensor"}, {"model", "unknown"}, {"unknown", "unknown"}, {"data", "data"}}};
+VerdictKind verdict_of(AlarmKind kind) {
+  switch (kind) {
+    case AlarmKind::fault:
+      return VerdictKind::fault;
+    case AlarmKind::sensor:
+      return VerdictKind::sensor;
+    case AlarmKind::data:
+      return VerdictKind::data;
+    case AlarmKind::model:
+    case AlarmKind::unknown:
+      break;
+  }
+  return VerdictKind::unknown;
+}
 
 // The sentence starts with a capital letter; a channel's name at its head stays as it is.
 std::string text_of(const Alarm& alarm, double start) {
@@ -55,20 +61,19 @@ bool Diagnosis::process(const Sample& sample) {
   return taken;
 }
 
+const char* to_string(VerdictKind kind) {
+  constexpr std::array<const char*, 5> kWords = {"healthy", "fault", "sensor", "unknown",
+                                                 "data"};  // in the enum's order
+  return kWords.at(static_cast<std::size_t>(kind));
+}
+
 Verdict verdict_of(const AlarmReport& report, double start, double end) {
-  for (const Rank& rank : kRanks) {
-    const Alarm* longest = nullptr;
-    for (const Alarm& alarm : report.alarms) {
-      if (alarm.kind != rank.kind) continue;
-      if (!longest || alarm.until - alarm.since > longest->until - longest->since) longest = &alarm;
-    }
-    if (!longest) continue;
-    std::string sentence = text_of(*longest, start);
-    const std::size_t more = report.alarms.size() - 1;
-    if (more > 0) sentence += fmt::format("; {} more alarm{}", more, more > 1 ? "s" : "");
-    return {rank.verdict, sentence + "."};
-  }
-  return {"healthy", fmt::format("No fault found in {:.1f} s.", end - start)};
+  const Alarm* first = headline(report);
+  if (!first) return {VerdictKind::healthy, fmt::format("No fault found in {:.1f} s.", end - start)};
+  std::string sentence = text_of(*first, start);
+  const std::size_t more = report.alarms.size() - 1;
+  if (more > 0) sentence += fmt::format("; {} more alarm{}", more, more > 1 ? "s" : "");
+  return {verdict_of(first->kind), sentence + "."};
 }
 
 }  // namespace faultline

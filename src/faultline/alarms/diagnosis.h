@@ -1,7 +1,8 @@
 // The diagnosis of one rig in one process: samples in, alarms out, by the same stages in the same order as the nodes run them
 // (the rig's estimators, then its alarm stage), and what a whole recording says in the end.
 //
-// A verdict over a recording counts ended alarms too: fault before sensor before unknown before data; healthy if there was none.
+// A verdict over a recording is that of its headline (alarm.h): what is there at the end before what ended, then fault before sensor
+// before unknown before data; healthy if there was no alarm.
 // Limits: the alarm stage starts over when time jumps back, and what it said before is then gone (SampleCheck counts such jumps).
 #pragma once
 
@@ -13,8 +14,11 @@
 
 namespace faultline {
 
+enum class VerdictKind { healthy, fault, sensor, unknown, data };
+const char* to_string(VerdictKind kind);
+
 struct Verdict {
-  std::string kind;      // healthy | fault | sensor | unknown | data
+  VerdictKind kind = VerdictKind::healthy;
   std::string sentence;  // one, with times in s from the recording's start
 };
 
@@ -22,6 +26,10 @@ class Diagnosis {
  public:
   // InputError where the datasheet names no estimator.
   explicit Diagnosis(const Datasheet& sheet);
+
+  // What the rig's detectors and isolators have learnt; and, before the first sample, to judge by that (AlarmStage).
+  References references() const { return alarms_.references(); }
+  void restore(const References& references) { alarms_.restore(references); }
 
   // False if the sample was not used (it is not newer than the last); estimate() then is still that of the last.
   bool process(const Sample& sample);

@@ -2,7 +2,8 @@
 //   quantity; change: delta, in the quantity's unit, or relative_change: in parts of the reference
 //   threshold_changes: lambda in units of delta; or false_alarms_per_hour, from which lambda follows (run_length.h) with the
 //     quantity's white noise `noise` (in its unit, or relative_noise in parts of the reference) at one sample every `period` s
-//   reference: mu_0; or learn: s over which it is learnt once armed, kept until the estimator begins anew
+//   reference: mu_0; or learn: s over which it is learnt once armed, kept until the estimator begins anew; one that was restored
+//     takes the place of what would be learnt
 //   armed_by, armed_above (arming.h), minimum_time, release_time
 // Size: mean of the quantity's offset since the change began; 90 % bounds from its scatter.
 #include <algorithm>
@@ -18,7 +19,8 @@
 namespace faultline {
 namespace {
 
-constexpr double kHour = 3600;  // s
+constexpr double kHour = 3600;        // s
+constexpr int kReferenceVersion = 1;  // mu_0
 
 class Cusum : public Detector {
  public:
@@ -83,6 +85,15 @@ class Cusum : public Detector {
     detection.confidence = 1 - 0.5 * test_.threshold / std::max(test_.threshold, std::max(test_.up, test_.down));
   }
 
+  std::optional<Reference> reference() const override {
+    if (learn_ <= 0 || !started_ || learning_ > 0) return {};
+    return Reference{"cusum", kReferenceVersion, {quantity_}, {reference_}};
+  }
+  void restore(const Reference& reference) override {
+    if (learn_ <= 0) throw InputError("its reference is given in the datasheet and not learnt");
+    check_reference(reference, "cusum", kReferenceVersion, {quantity_});
+    restored_ = reference.numbers[0];
+  }
   std::string size_name() const override { return quantity_; }
   std::string size_unit() const override { return unit_; }
 
@@ -98,6 +109,7 @@ class Cusum : public Detector {
     test_.reset();
     persistence_.reset();
     if (learn_ <= 0) set_reference(given_);
+    if (restored_) set_reference(*restored_);
   }
   void learn(const Estimate& estimate, double value) {
     if (learnt_ > 0) learning_ -= std::max(estimate.time - last_, 0.0);
@@ -118,6 +130,7 @@ class Cusum : public Detector {
   Arming arming_;
   bool relative_;
   double change_, learn_, given_, threshold_changes_ = 0;
+  std::optional<double> restored_;  // mu_0
   Persistence persistence_;
   TwoSidedCusum test_;
   bool started_ = false;

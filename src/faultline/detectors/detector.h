@@ -1,17 +1,20 @@
 // A detector turns estimates into a detection: whether something is there, since when, how large, how sure.
 // It reads quantities and innovation statistics only, so that it works the same live, in replay and offline. Settings of all:
-//   kind, effect, port, text   what a detection means (kind: fault, sensor, data, model, unknown)
+//   kind, effect, port, text   what a detection means (kind: a word of rig/alarm_kind.h)
 //   minimum_time  s            how long the condition must hold before it counts
 //   release_time  s            how long it must be gone before it ends
 #pragma once
 
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "faultline/estimators/estimate.h"
 #include "faultline/rig/datasheet.h"
+#include "faultline/rig/reference.h"
+#include "faultline/signal/error.h"
 
 namespace faultline {
 
@@ -42,6 +45,10 @@ class Detector {
   virtual Criterion criterion() const { return {}; }
   virtual std::string size_name() const { return ""; }
   virtual std::string size_unit() const { return ""; }
+  // What it learnt of the healthy rig, for later runs; none if there is nothing to learn or not yet learnt.
+  virtual std::optional<Reference> reference() const { return {}; }
+  // Before the first estimate: to judge by this at once instead of learning. InputError where it does not fit.
+  virtual void restore(const Reference&) { throw InputError("this type of detector keeps no reference"); }
 };
 
 struct DetectorType {

@@ -1,8 +1,9 @@
 // Redline: a measured quantity that stays beyond a fixed margin for a minimum time; what test benches stop by. Settings:
 //   quantity; margin: in the quantity's unit, or relative_margin: in parts of the expected value
-//   expected: the value to stay near; or learn: s over which it is learnt whenever the detector arms anew
+//   expected: the value to stay near; or learn: s over which it is learnt whenever the detector arms anew. The first that is learnt is
+//     the reference; one that was restored takes its place when the detector arms for the first time.
 //   armed_by, armed_above (arming.h), minimum_time, release_time
-// Size: the quantity itself, with no bounds of its own.
+// Size: the quantity itself while it was last beyond, with no bounds of its own.
 #include <algorithm>
 #include <cmath>
 
@@ -11,6 +12,8 @@
 
 namespace faultline {
 namespace {
+
+constexpr int kReferenceVersion = 1;  // the expected value
 
 class Redline : public Detector {
  public:
@@ -32,17 +35,21 @@ class Redline : public Detector {
     if (!started_ || estimate.restarted) begin(estimate);
     const double value = estimate.quantities[at_].value;
     if (!arming_.armed(estimate) || !std::isfinite(value)) {
-      if (learn_ > 0) learning_ = learn_, learnt_ = 0, sum_ = 0;
+      if (learn_ > 0 && armed_) learning_ = learn_, learnt_ = 0, sum_ = 0;
       persistence_.update(estimate.time, false);
       detection = Detection();
       return;
     }
+    armed_ = true;
     if (learning_ > 0) {
       if (learnt_ > 0) learning_ -= std::max(estimate.time - last_, 0.0);
       last_ = estimate.time;
       learnt_ += 1;
       sum_ += value;
-      if (learning_ <= 0) set_expected(sum_ / learnt_);
+      if (learning_ <= 0) {
+        if (!reference_) reference_ = sum_ / learnt_;
+        set_expected(sum_ / learnt_);
+      }
       detection = Detection();
       return;
     }
@@ -53,10 +60,20 @@ class Redline : public Detector {
     detection.active = true;
     detection.since = persistence_.since();
     detection.has_size = true;
-    detection.size = detection.low = detection.high = value;
+    if (beyond) beyond_ = value;
+    detection.size = detection.low = detection.high = beyond_;
     detection.confidence = 1;
   }
 
+  std::optional<Reference> reference() const override {
+    if (!reference_) return {};
+    return Reference{"redline", kReferenceVersion, {quantity_}, {*reference_}};
+  }
+  void restore(const Reference& reference) override {
+    if (learn_ <= 0) throw InputError("its expected value is given in the datasheet and not learnt");
+    check_reference(reference, "redline", kReferenceVersion, {quantity_});
+    restored_ = reference.numbers[0];
+  }
   std::string size_name() const override { return quantity_; }
   std::string size_unit() const override { return unit_; }
 
@@ -70,7 +87,10 @@ class Redline : public Detector {
     learnt_ = sum_ = 0;
     last_ = estimate.time;
     persistence_.reset();
+    armed_ = false;
+    reference_ = restored_;
     if (learn_ <= 0) set_expected(given_);
+    if (restored_) set_expected(*restored_);
   }
   void set_expected(double expected) {
     const double margin = relative_ ? margin_ * std::abs(expected) : margin_;
@@ -84,9 +104,10 @@ class Redline : public Detector {
   bool relative_;
   double margin_, learn_, given_;
   Persistence persistence_;
-  bool started_ = false;
+  std::optional<double> restored_, reference_;  // expected value: of a run before; the first of this one
+  bool started_ = false, armed_ = false;
   std::size_t at_ = 0;
-  double learning_ = 0, learnt_ = 0, sum_ = 0, last_ = 0, low_ = 0, high_ = 0;
+  double learning_ = 0, learnt_ = 0, sum_ = 0, last_ = 0, low_ = 0, high_ = 0, beyond_ = 0;
 };
 
 FAULTLINE_DETECTOR(redline, {"redline", make_detector_of<Redline>});

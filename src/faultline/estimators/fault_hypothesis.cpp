@@ -78,7 +78,7 @@ std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet, const Hypo
         h.effect = type->name;
         h.port = port.name;
         h.family = type->family;
-        h.kind = port.kind == PortKind::sensor ? "sensor" : "fault";
+        h.kind = port.kind == PortKind::sensor ? AlarmKind::sensor : AlarmKind::fault;
         h.parameter = p;
         h.size_name = type->parameters[p].name;
         h.size_unit = effect_unit(sheet, port, type->parameters[p].unit);

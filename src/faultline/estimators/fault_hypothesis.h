@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "faultline/rig/alarm_kind.h"
 #include "faultline/rig/datasheet.h"
 #include "faultline/rig/effect.h"
 
@@ -15,10 +16,10 @@ namespace faultline {
 
 struct FaultHypothesis {
   std::string effect, port, family;
-  std::string kind;                  // fault | sensor
-  std::string size_name, size_unit;  // of the parameter that is the size
-  std::size_t parameter = 0;         // its place in the effect's list
-  EffectSpec full;                   // at amplitude 1
+  AlarmKind kind = AlarmKind::fault;  // or sensor
+  std::string size_name, size_unit;   // of the parameter that is the size
+  std::size_t parameter = 0;          // its place in the effect's list
+  EffectSpec full;                    // at amplitude 1
   double none = 0;
   double lowest = 0, highest = 0;  // amplitudes that the datasheet's bounds allow
   double probe = 1;                // a small amplitude, for differences

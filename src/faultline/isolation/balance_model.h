@@ -10,14 +10,15 @@
 #include <string>
 #include <vector>
 
+#include "faultline/rig/alarm_kind.h"
 #include "faultline/rig/datasheet.h"
 
 namespace faultline {
 
 struct Hypothesis {
-  std::string kind;          // fault | sensor
-  std::string effect, port;  // of the datasheet
-  std::string text;          // one sentence
+  AlarmKind kind = AlarmKind::fault;  // or sensor
+  std::string effect, port;           // of the datasheet
+  std::string text;                   // one sentence
   std::string size_name, size_unit;
   double unit = 1;            // a small size, for differences
   double low = 0, high = 0;   // allowed sizes

@@ -4,24 +4,29 @@
 
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "faultline/estimators/estimate.h"
+#include "faultline/rig/alarm_kind.h"
 #include "faultline/rig/datasheet.h"
+#include "faultline/rig/reference.h"
+#include "faultline/signal/error.h"
 
 namespace faultline {
 
 struct Finding {
   bool active = false;
   double since = 0;                     // s, when it began, as estimated
-  std::string kind;                     // fault | sensor | unknown
+  AlarmKind kind = AlarmKind::unknown;  // fault, sensor or unknown
   std::string effect, port;             // of the datasheet; empty where none is claimed
   std::vector<std::string> equivalent;  // effect@port of what it cannot be told from
   std::string text;                     // one sentence, without size
   bool has_size = false;
   std::string size_name, size_unit;
   double size = 0, low = 0, high = 0;  // 90 % bounds
+  double none = 0;                     // the size that is no effect; may be infinite
   double confidence = 0;               // 0..1, that it is the effect named
 };
 
@@ -35,6 +40,9 @@ class Isolator {
   // detector takes for something else is then not told, and what a detector found waits until the isolator has judged that time.
   virtual bool overrules() const { return false; }
   virtual double judged_until() const { return std::numeric_limits<double>::infinity(); }  // s
+  // As Detector has them: what it learnt of the healthy rig, and to judge by that instead of learning.
+  virtual std::optional<Reference> reference() const { return {}; }
+  virtual void restore(const Reference&) { throw InputError("this type of isolator keeps no reference"); }
 };
 
 struct IsolatorType {

@@ -132,15 +132,16 @@ class ResponseIsolator : public Isolator {
     for (const std::string& name : finding.equivalent) rivals += (rivals.empty() ? "" : ", ") + name;
     if (!rivals.empty()) finding.text += "; this motion cannot tell it from " + rivals;
     if (finding.equivalent.size() > most_rivals_) {
-      finding.kind = "unknown";
+      finding.kind = AlarmKind::unknown;
       finding.effect = finding.port = "";
       finding.text = "Something changed that this motion cannot tell apart: " + h.name() + ", " + rivals;
     }
     const double amplitude = value(chosen, 1).value;
     const double std = std::hypot(std_factor_ * value(chosen, 1).std, model_error_ * amplitude);
-    finding.has_size = finding.kind != "unknown";
+    finding.has_size = finding.kind != AlarmKind::unknown;
     finding.size_name = h.size_name;
     finding.size_unit = h.size_unit;
+    finding.none = h.none;
     finding.size = h.size(amplitude);
     const double one = h.size(
                      std::max(amplitude - kNinetyPercent * std, std::isinf(h.none) ? 1e-3 * amplitude : h.lowest)),

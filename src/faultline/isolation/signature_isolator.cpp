@@ -26,6 +26,7 @@ constexpr double kCourseMiss = 0.35;    // that the early share may be off
 constexpr double kCourseCost = 100;     // chi-squared that a wrong course adds
 constexpr double kMoved = 4;            // sigmas by which sizes must scatter to show a stuck sensor
 constexpr double kStill = 0.15;         // of that, which a stuck sensor's own reading may scatter
+constexpr int kReferenceVersion = 1;    // mean features
 constexpr double kStraight = 0.9;       // correlation of size and time from which it is a ramp
 
 }  // namespace
@@ -77,7 +78,24 @@ void SignatureIsolator::begin(const Estimate& estimate) {
   named_ = -1;
   learn_count_ = 0;
   std::fill(sum_.begin(), sum_.end(), 0.0);
+  if (!restored_.empty()) set_reference(restored_);
   forget_window();
+}
+
+std::optional<Reference> SignatureIsolator::reference() const {
+  if (!learnt_) return {};
+  return Reference{"signatures", kReferenceVersion, feature_names_, sum_};
+}
+
+void SignatureIsolator::restore(const Reference& reference) {
+  check_reference(reference, "signatures", kReferenceVersion, feature_names_);
+  restored_ = reference.numbers;
+}
+
+void SignatureIsolator::set_reference(const std::vector<double>& features) {
+  sum_ = features;
+  model_->reference(sum_.data(), reference_.data());
+  learnt_ = true;
 }
 
 void SignatureIsolator::forget_window() {
@@ -94,8 +112,7 @@ void SignatureIsolator::learn() {
   learn_count_ += 1;
   if (learn_count_ * period_ < learn_) return;
   for (double& sum : sum_) sum /= learn_count_;
-  model_->reference(sum_.data(), reference_.data());
-  learnt_ = true;
+  set_reference(sum_);
   forget_window();
 }
 
@@ -270,7 +287,7 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   finding.since = onset_;
   finding.equivalent.clear();
   if (!known) {
-    finding.kind = "unknown";
+    finding.kind = AlarmKind::unknown;
     finding.effect = finding.port = "";
     finding.text = fmt::format("The balances have changed in a way that no single fault explains (nearest: {}@{})",
                                h.effect, h.port);
@@ -283,7 +300,7 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   finding.port = h.port;
   finding.text = h.text;
   if (rivals > kMostRivals) {
-    finding.kind = "unknown";
+    finding.kind = AlarmKind::unknown;
     finding.effect = finding.port = "";
     finding.text =
         fmt::format("The balances have changed by too little to say what it is (nearest: {}@{})", h.effect, h.port);
@@ -294,13 +311,14 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   for (std::size_t other = 0; other < matches_.size(); ++other)
     if (other != best && matches_[other].tried && matches_[other].size != 0 && matches_[other].chi2 - m.chi2 < rival_) {
       finding.equivalent.push_back(fmt::format("{}@{}", hypotheses_[other].effect, hypotheses_[other].port));
-      if (hypotheses_[other].kind == "fault") finding.kind = "fault";
+      if (hypotheses_[other].kind == AlarmKind::fault) finding.kind = AlarmKind::fault;
     }
   finding.confidence = total > 0 ? 1 / total : 1;
   finding.has_size = true;
   finding.size_name = h.size_name;
   finding.size_unit = h.size_unit;
   const double std = std::sqrt(m.variance + std::pow(relative_error_ * m.size, 2));
+  finding.none = h.shown_from;
   finding.size = h.shown_from + m.size;
   finding.low = finding.size - kNinetyPercent * std;
   finding.high = finding.size + kNinetyPercent * std;
@@ -330,7 +348,7 @@ void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double var
   if (h.feature >= 0 && sizes > kMoved * kMoved * variance &&
       shown_square_ / slope_n_ - std::pow(shown_ / slope_n_, 2) < kStill * kStill * sizes) {
     // Nothing else explains a reading that does not move.
-    finding.kind = "sensor";
+    finding.kind = AlarmKind::sensor;
     finding.effect = "stuck";
     finding.has_size = false;
     finding.equivalent.clear();
@@ -347,6 +365,7 @@ void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double var
   finding.effect = "drift";
   finding.size_name = "rate";
   finding.size_unit = h.drift_unit;
+  finding.none = 0;
   finding.size = rate;
   const double std = std::sqrt(spread * spread + std::pow(relative_error_ * rate, 2));
   finding.low = rate - kNinetyPercent * std;

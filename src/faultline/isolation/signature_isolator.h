@@ -17,7 +17,7 @@
 // The finding is given at `confirm` samples if at most three hypotheses are left, else at `patience` s, and then as unknown if
 // there are still more than six; not at all while nothing fits better than "no change" by `significance`. It is sharpened as samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its threshold.
 // One fault at a time: two at once are named as the one that fits best, or as unknown. A fault that is there from the start is
-// learnt as normal.
+// learnt as normal, unless a reference learnt before is restored.
 // Settings: stage, model, armed_by, armed_above, learn, false_alarms_per_hour, noise_limit, window, confirm, patience, rival,
 // significance, fit, relative_error (of a size, from tolerances), release_time; change_KIND and floor_KIND for each kind of residual of the model.
 #pragma once
@@ -37,6 +37,8 @@ class SignatureIsolator : public Isolator {
 
   void reset() override;
   void process(const Estimate& estimate, const std::vector<bool>& doubted, Finding& finding) override;
+  std::optional<Reference> reference() const override;
+  void restore(const Reference& reference) override;
 
  private:
   struct Match {
@@ -46,6 +48,7 @@ class SignatureIsolator : public Isolator {
   void begin(const Estimate& estimate);
   void forget_window();
   void learn();
+  void set_reference(const std::vector<double>& features);
   void set_thresholds();  // at the operating point of features_
   bool watch(const std::vector<bool>& doubted);
   void remember();
@@ -69,6 +72,7 @@ class SignatureIsolator : public Isolator {
 
   bool started_ = false, learnt_ = false, armed_ = false, event_ = false;
   std::vector<std::size_t> at_;
+  std::vector<double> restored_;  // mean features of a run before; empty: they are learnt
   std::vector<double> features_, sum_, reference_, residual_, noise_, error_, feature_noise_;
   std::vector<TwoSidedCusum> tests_;
   std::vector<bool> useless_, masked_;  // too noisy here; or resting on a doubted channel

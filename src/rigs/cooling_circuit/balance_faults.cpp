@@ -232,7 +232,7 @@ class CoolingCircuit : public BalanceModel {
       const int at = static_cast<int>(i);
       const auto leak = [&](Cause cause, const char* place, const char* where) {
         add(cause, at,
-            {"fault",
+            {AlarmKind::fault,
              "orifice_leakage",
              fmt::format("flow.{}_{}_ambient", b, place),
              fmt::format("Branch {}: leak {}", b, where),
@@ -249,7 +249,7 @@ class CoolingCircuit : public BalanceModel {
       leak(kLeakDrain, "drain", "from the outlet hose, after the flow meter");
       const auto clog = [&](Cause cause, const char* place, const char* where) {
         add(cause, at,
-            {"fault",
+            {AlarmKind::fault,
              "clogging",
              fmt::format("restriction.{}_{}", b, place),
              fmt::format("Branch {}: {} clogged", b, where),
@@ -267,7 +267,7 @@ class CoolingCircuit : public BalanceModel {
       const auto offset = [&](Cause cause, const char* quantity, const char* unit, double step, double most,
                               int channel, int feature) {
         add(cause, at,
-            {"sensor",
+            {AlarmKind::sensor,
              "offset",
              fmt::format("sensor.{}_{}", b, quantity),
              fmt::format("{}_{}: this transducer is off", b, quantity),
@@ -286,7 +286,7 @@ class CoolingCircuit : public BalanceModel {
       offset(kOffsetFlow, "mass_flow", "kg/s", 1e-3, 1, branch.flow, kFlow);
       offset(kOffsetCold, "inlet_temperature", "K", 0.1, 50, branch.cold, kCold);
       add(kWallHeat, at,
-          {"fault",
+          {AlarmKind::fault,
            "scale",
            fmt::format("heat.{}_wall", b),
            fmt::format("Branch {}: heat from the wall is off", b),
@@ -303,7 +303,7 @@ class CoolingCircuit : public BalanceModel {
       offset(kOffsetWarm, "outlet_temperature", "K", 0.1, 50, branch.warm, -1);
     }
     add(kDroop, -1,
-        {"fault",
+        {AlarmKind::fault,
          "droop",
          "source.supply",
          "Supply pressure is lost between tank and bench valve",
@@ -315,9 +315,19 @@ class CoolingCircuit : public BalanceModel {
          {},
          ""});
     add(kClogValve, -1,
-        {"fault", "clogging", "restriction.bench_valve", "Bench valve clogged", "fraction", "1", 1e-3, 0, 0.9, {}, ""});
+        {AlarmKind::fault,
+         "clogging",
+         "restriction.bench_valve",
+         "Bench valve clogged",
+         "fraction",
+         "1",
+         1e-3,
+         0,
+         0.9,
+         {},
+         ""});
     add(kOffsetSupply, -1,
-        {"sensor",
+        {AlarmKind::sensor,
          "offset",
          "sensor.supply_pressure",
          "supply_pressure: this transducer is off",
@@ -329,7 +339,7 @@ class CoolingCircuit : public BalanceModel {
          {supply_},
          "Pa/s"});
     add(kFiringHeat, -1,
-        {"fault",
+        {AlarmKind::fault,
          "scale",
          "command.heat_load_command",
          "All walls: heat differs from what is commanded",
@@ -344,7 +354,7 @@ class CoolingCircuit : public BalanceModel {
          -1,
          1});
     add(kWaterDrift, -1,
-        {"fault",
+        {AlarmKind::fault,
          "drift",
          "source.water",
          "Incoming water has changed its temperature",
@@ -356,7 +366,7 @@ class CoolingCircuit : public BalanceModel {
          {},
          ""});
     add(kViscosity, -1,
-        {"fault",
+        {AlarmKind::fault,
          "viscosity_drift",
          "source.water",
          "All cooling channels pass more or less than they did: viscosity",
