@@ -291,7 +291,7 @@ class Files(ReportCase):
                     process = subprocess.Popen([sys.executable, str(SCRIPTS / "report.py"), str(self.bag), "-o", str(self.out)],
                                                env=dict(os.environ, FAULTLINE_PROGRAM=str(program), TMPDIR=str(self.folder)),
                                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-                    while not caught(process.pid, number):
+                    while not caught(process.pid, signal.SIGHUP):  # the last that is set
                         time.sleep(0.01)
                     time.sleep(after)
                     process.send_signal(number)
