@@ -227,6 +227,8 @@ def check_output(path, inputs):
 
 def say(text):
     """On standard output, whose failure is told like any other. A file's name may hold bytes that are no text."""
+    if sys.stdout is None:
+        raise ReportError("standard output cannot be written: it is closed")
     try:
         print(text_of(text), flush=True)
     except OSError as error:

@@ -43,7 +43,11 @@ void run(const Options& options) {
   const ResponseSettings settings = settings_of(loaded.sheet);
   std::size_t stretches = 0;
   for (std::size_t k = 0; k < loaded.recording.rows(); ++k) {
-    if (!responses.add(loaded.recording.time[k] - loaded.start, loaded.recording.row(k), true)) continue;
+    const double* row = loaded.recording.row(k);
+    bool good = true;  // a number that is missing ends a stretch
+    for (std::size_t c = 0; c < loaded.sheet.channels.size(); ++c)
+      good = good && (std::isfinite(row[c]) || loaded.sheet.channels[c].ground_truth);
+    if (!responses.add(loaded.recording.time[k] - loaded.start, row, good)) continue;
     ++stretches;
     if (!options.trace) continue;
     fmt::print("{:8.2f} {:10.1f}", loaded.recording.time[k] - loaded.start, responses.evidence());
@@ -60,7 +64,8 @@ void run(const Options& options) {
   }
   if (options.trace) return;
   if (stretches == 0)
-    throw InputError(fmt::format("{}: too short; at least {:g} s are needed", options.run,
+    throw InputError(fmt::format("{}: too short; at least {:g} s without a gap or a missing number are needed",
+                                 options.run,
                                  static_cast<double>(settings.stretch_samples()) * loaded.sheet.sample_period));
   const std::vector<FaultHypothesis>& hypotheses = responses.hypotheses();
   const Eigen::MatrixXd cosines = responses.cosines();

@@ -72,6 +72,23 @@ void take_csv(const std::string& file, const std::string& rig, const std::string
     loaded.remarks.push_back(fmt::format("{}: no column '{}'; it is taken as 0", file, name));
 }
 
+// Numbers in another unit than the datasheet's lie outside its ranges.
+void remark_ranges(const std::string& file, LoadedRecording& loaded) {
+  const Recording& recording = loaded.recording;
+  for (std::size_t c = 0; c < recording.columns(); ++c) {
+    const Channel& channel = recording.channels[c];
+    std::size_t outside = 0;
+    for (std::size_t row = 0; row < recording.rows(); ++row) {
+      const double value = recording.row(row)[c];
+      outside += value < channel.minimum || value > channel.maximum;
+    }
+    if (2 * outside > recording.rows())
+      loaded.remarks.push_back(
+          fmt::format("{}: {} of {} numbers of '{}' are outside {:g} to {:g} {}: is that its unit?", file, outside,
+                      recording.rows(), channel.name, channel.minimum, channel.maximum, channel.unit));
+  }
+}
+
 }  // namespace
 
 Datasheet load_datasheet(const std::string& rig, const std::string& config) {
@@ -112,6 +129,7 @@ LoadedRecording load_recording(const std::string& file, const std::string& rig, 
                     file, loaded.findings.period, loaded.sheet.file, loaded.sheet.sample_period));
   for (const std::string& line : describe(loaded.findings, loaded.sheet.sample_period, loaded.start))
     loaded.remarks.push_back(file + ": " + line);
+  remark_ranges(file, loaded);
   return loaded;
 }
 

@@ -62,6 +62,7 @@ OutputFile::OutputFile(const std::string& file) : file_(file), target_(resolved(
   std::error_code error;
   const fs::file_status status = fs::status(target_, error);
   if (fs::is_directory(status)) throw InputError(fmt::format("{}: this is a folder; name a file in it", file));
+  if (fs::is_symlink(target_, error)) refuse("it is a link that leads nowhere");
   direct_ = fs::exists(status) && !fs::is_regular_file(status);
   // A file that nobody may write is not replaced either.
   if (fs::exists(status) && ::access(target_.c_str(), W_OK) != 0) refuse(std::strerror(errno));

@@ -3,9 +3,11 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -228,6 +230,75 @@ class BadInput(ReportCase):
         self.write()
         done = self.run_report(environment={"PYTHONPATH": str(self.folder)})
         self.assert_one_line(done, "install python3-matplotlib")
+
+
+def caught(pid, number):
+    """Whether the process has a handler for the signal yet: proc(5), SigCgt."""
+    status = pathlib.Path(f"/proc/{pid}/status").read_text()
+    return int(re.search(r"SigCgt:\s*(\w+)", status).group(1), 16) >> (number - 1) & 1
+
+
+class Files(ReportCase):
+    def test_the_report_takes_the_place_of_nothing_that_is_read(self):
+        self.write()
+        (self.folder / "own.yaml").write_text("title: own\n")
+        (self.folder / "link").symlink_to(self.bag)
+        os.link(self.bag, self.folder / "hard")
+        before = {path: path.read_bytes() for path in self.folder.iterdir()}
+        for name in ("run.bag", "link", "hard", "j.json", "s.csv", "own.yaml"):
+            done = self.run_report(str(self.bag), "-o", str(self.folder / name), "--config", str(self.folder / "own.yaml"))
+            self.assert_one_line(done, name, "this file is read")
+        self.assert_one_line(self.run_report(str(self.bag), "-o", str(ROOT / "config" / "servo_actuator.yaml")), "own datasheets")
+        self.assertEqual({path: path.read_bytes() for path in self.folder.iterdir()}, before)
+
+    def test_a_link_stays_a_link_and_a_device_a_device(self):
+        self.write()
+        (self.folder / "link.html").symlink_to(self.out)
+        self.assertEqual(self.run_report(str(self.bag), "-o", str(self.folder / "link.html")).returncode, 0)
+        self.assertTrue((self.folder / "link.html").is_symlink())
+        self.assertTrue(self.out.is_file())
+        self.assertEqual(self.run_report(str(self.bag), "-o", "/dev/null").returncode, 0)
+        self.assertTrue(pathlib.Path("/dev/null").is_char_device())
+
+    def test_names_that_are_no_text(self):
+        self.write()
+        bag = self.folder / os.fsdecode(b"run\xff.bag")
+        self.bag.rename(bag)
+        out = self.folder / os.fsdecode(b"out\xff.html")
+        done = self.run_report(str(bag), "-o", str(out), environment={"LC_ALL": "C.UTF-8"})
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        self.assertIn("run?.bag", out.read_text(encoding="utf-8"))
+        self.assert_one_line(self.run_report(str(self.folder / os.fsdecode(b"no\xff.bag")), environment={"LC_ALL": "C.UTF-8"}), "no such file")
+
+    def test_standard_output_that_takes_nothing(self):
+        self.write()
+        command = [sys.executable, str(SCRIPTS / "report.py"), str(self.bag), "-o", str(self.out), "--json", str(self.folder / "j.json"),
+                   "--series", str(self.folder / "s.csv")]
+        for target in ("> /dev/full", ">&-"):
+            done = subprocess.run(["bash", "-c", '"$@" ' + target, "bash", *command], stderr=subprocess.PIPE, text=True, timeout=120)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
+            self.assertIn("standard output", done.stderr)
+
+    def test_interrupted_at_any_moment(self):
+        program = self.folder / "faultline"
+        program.write_text("#!/bin/sh\nexec sleep 60\n")
+        program.chmod(0o755)
+        before = sorted(self.folder.iterdir())
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            for after in (0.0, 0.3, 3.0):  # while libraries are loaded, and while the diagnosis runs
+                with self.subTest(number=number, after=after):
+                    process = subprocess.Popen([sys.executable, str(SCRIPTS / "report.py"), str(self.bag), "-o", str(self.out)],
+                                               env=dict(os.environ, FAULTLINE_PROGRAM=str(program), TMPDIR=str(self.folder)),
+                                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+                    while not caught(process.pid, signal.SIGHUP):  # the last that is set
+                        time.sleep(0.01)
+                    time.sleep(after)
+                    process.send_signal(number)
+                    said, errors = process.communicate(timeout=20)
+                    self.assertEqual((process.returncode, said), (128 + number, ""), errors)
+                    self.assertEqual(errors, "faultline report: interrupted; nothing unfinished is left behind\n")
+                    self.assertEqual(sorted(self.folder.iterdir()), before)
 
 
 class Parts(unittest.TestCase):
