@@ -49,15 +49,17 @@ bool add_missing(std::vector<T>& things, const Names& asked) {
   return things.size() > before;
 }
 
+constexpr int kMostMadeUp = 50;  // of these the first is told anyway
+
 // What `make` looks up in the datasheet. A name that is not there is made up and `make` begins again, so that all are known.
 template <class Make>
 Asked what_it_asks(const Datasheet& sheet, Make&& make) {
   Datasheet watched = sheet;
   watched.asked = std::make_shared<Asked>();
-  for (;;) {
+  for (int made_up = 0; made_up < kMostMadeUp; ++made_up) {
     try {
       make(watched);
-      return *watched.asked;
+      break;
     } catch (const InputError&) {
       const bool channels = add_missing(watched.channels, asked_of(*watched.asked, "channels"));
       const bool parameters = add_missing(watched.parameters, asked_of(*watched.asked, "parameters"));
@@ -65,6 +67,7 @@ Asked what_it_asks(const Datasheet& sheet, Make&& make) {
       if (!channels && !parameters && !ports) throw;
     }
   }
+  return *watched.asked;
 }
 
 // What was asked for and is not listed: told at the entry that was probably meant, one that nobody asked for, else at the section.
@@ -102,6 +105,20 @@ void check_channels(const Datasheet& sheet, const Asked& asked) {
           "{} is '{}', a channel of role {} that the equations of {} never ask for; {}",
           sheet.place("channels." + channel.name), channel.name, to_string(channel.role), sheet.rig,
           channel.role == Role::output ? "what is measured and not predicted has the role input" : "take it out"));
+}
+
+// Where runs are simulated, what drives the equations needs a value.
+void check_inputs(const Datasheet& sheet, const Asked& asked) {
+  for (const Channel& channel : sheet.channels) {
+    if (sheet.profiles.empty() || channel.role != Role::input || !channel.predicted_by.empty()) continue;
+    const bool given = std::any_of(sheet.inputs.begin(), sheet.inputs.end(),
+                                   [&](const InputSignal& input) { return input.channel == channel.name; });
+    if (!given && asks(asked, "channels", channel.name))
+      throw InputError(
+          fmt::format("{} is '{}', which drives the equations and has no entry under 'inputs': it would be 0 "
+                      "in every simulated run",
+                      sheet.place("channels." + channel.name), channel.name));
+  }
 }
 
 void check_parameters(const Datasheet& sheet, const Asked& asked) {
@@ -189,6 +206,7 @@ void check_datasheet(const Datasheet& sheet) {
   check_nothing_lacks(sheet, by_all, "parameters", "parameter", sheet.parameters);
   check_ports(sheet, by_equations);
   check_channels(sheet, by_equations);
+  check_inputs(sheet, by_equations);
   check_parameters(sheet, by_equations);
   const EffectSet none(sheet, {}, sheet.sample_period, 0);
   check_states(sheet, *type->make(sheet, sheet.nominal(), none));
