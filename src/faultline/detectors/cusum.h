@@ -1,8 +1,10 @@
-// Two-sided cumulative sum test. Source: Page, "Continuous inspection schemes", Biometrika 41 (1954); seed of rig cooling_circuit, (19).
+// Two-sided cumulative sum test. Sources: Page, "Continuous inspection schemes", Biometrika 41 (1954); "Fault diagnosis
+// benchmark for a rocket engine demonstrator", CNES and ONERA (2014 campaign), (19).
 //
 //   up = max(up + r - delta/2, 0),  down = max(down - r - delta/2, 0);   alarm: up or down above lambda
-// r is the residual less its mean, in any unit; delta the smallest change that matters, lambda the threshold, both in that unit.
-// Both sums stop at twice lambda, so that an alarm ends soon after its cause. Not finite residuals must be kept away.
+// r is the residual less its mean, in any unit; delta the smallest change that matters, lambda the threshold, both in
+// that unit. Both sums stop at twice lambda, so that an alarm ends soon after its cause. Not finite residuals must be
+// kept away.
 #pragma once
 
 #include <algorithm>
