@@ -25,9 +25,9 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report);
 
 class AlarmPublisher {
  public:
-  // Listens to the estimates of all the rig's estimators. `patience`: s, see SilenceWatch. `reference`: a file of what detectors and
-  // isolators learnt; judged by if it is there, and written as far as they have still to learn; empty: none. InputError where it
-  // is refused.
+  // Listens to the estimates of all the rig's estimators. `patience`: s, see SilenceWatch. `reference`: a file of what
+  // detectors and isolators learnt; judged by if it is there, and written as far as they have still to learn; empty:
+  // none. InputError where it is refused.
   AlarmPublisher(const Datasheet& sheet, double patience, const std::string& reference);
 
  private:

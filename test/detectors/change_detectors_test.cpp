@@ -78,6 +78,33 @@ TEST(CusumDetector, LearnsItsReferenceOnceArmed) {
   EXPECT_FALSE(run.feed(9, 0));
 }
 
+TEST(CusumDetector, ARestoredReferenceNeedsNoLearning) {
+  const std::map<std::string, double> settings = {{"change", 1}, {"threshold_changes", 5}, {"learn", 0.5}};
+  const auto learner = make("cusum", settings, true);
+  Feeder healthy(*learner);
+  for (int k = 0; k < 500; ++k) {
+    healthy.feed(7);
+    ASSERT_FALSE(learner->reference().has_value()) << k;  // not learnt yet
+  }
+  healthy.feed(7);
+  ASSERT_TRUE(learner->reference().has_value());
+  EXPECT_EQ(learner->reference()->numbers, std::vector<double>{7});
+
+  const auto detector = make("cusum", settings, true);
+  detector->restore(*learner->reference());
+  Feeder run(*detector);
+  for (int pass = 0; pass < 2; ++pass) {
+    int delay = 1;
+    while (!run.feed(9)) ++delay;
+    EXPECT_EQ(delay, 4);  // 1.5 a sample up to 5, from the first on
+    detector->reset();    // forgets what it saw, not what it was told
+  }
+  EXPECT_EQ(detector->reference()->numbers, std::vector<double>{7});
+  const auto given = make("cusum", {{"change", 1}, {"threshold_changes", 5}, {"reference", 7}});
+  EXPECT_FALSE(given->reference().has_value());
+  EXPECT_THROW(given->restore(*learner->reference()), InputError);
+}
+
 TEST(RedlineDetector, NeedsItsMarginForItsTime) {
   const auto detector = make("redline", {{"relative_margin", 0.05}, {"learn", 0.2}, {"minimum_time", 0.2}}, true);
   Feeder run(*detector);
@@ -93,6 +120,31 @@ TEST(RedlineDetector, NeedsItsMarginForItsTime) {
   // Armed anew it learns anew: an operating point of its own.
   EXPECT_FALSE(run.feed(50, 0));
   for (int k = 0; k < 1000; ++k) ASSERT_FALSE(run.feed(50));
+}
+
+TEST(RedlineDetector, ARestoredReferenceHoldsForItsFirstArming) {
+  const std::map<std::string, double> settings = {
+      {"relative_margin", 0.05}, {"learn", 0.2}, {"minimum_time", 0.2}, {"release_time", 0.5}};
+  const auto learner = make("redline", settings, true);
+  Feeder healthy(*learner);
+  for (int k = 0; k < 300; ++k) healthy.feed(100);
+  healthy.feed(0, 0);
+  for (int k = 0; k < 300; ++k) healthy.feed(50);
+  ASSERT_TRUE(learner->reference().has_value());
+  EXPECT_NEAR(learner->reference()->numbers[0], 100, 1e-9);  // the first, not the latest
+
+  const auto detector = make("redline", settings, true);
+  detector->restore(*learner->reference());
+  Feeder run(*detector);
+  for (int k = 0; k < 300; ++k) ASSERT_FALSE(run.feed(0, 0));
+  int delay = 0;
+  while (!run.feed(110)) ++delay;
+  EXPECT_EQ(delay, 200);  // off from the start, and told after the minimum time
+  // While it ends, its size stays what it was when it was there.
+  for (int k = 0; k < 400; ++k) ASSERT_TRUE(run.feed(101));
+  EXPECT_EQ(run.detection.size, 110);
+  run.feed(0, 0);
+  for (int k = 0; k < 1000; ++k) ASSERT_FALSE(run.feed(50));  // of the next operating point it learns anew
 }
 
 TEST(InnovationTest, SilentOnWhiteNoiseAndQuickOnMore) {

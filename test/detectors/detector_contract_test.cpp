@@ -1,5 +1,5 @@
-// The contract of every detector type that is registered: a complete reset, finite numbers on extreme estimates, time that runs
-// backwards or stands still, silence on a rig where nothing is the matter, and settings that are refused.
+// The contract of every detector type that is registered: a complete reset, finite numbers on extreme estimates, time
+// that runs backwards or stands still, silence on a rig where nothing is the matter, and settings that are refused.
 #include <gtest/gtest.h>
 
 #include <limits>

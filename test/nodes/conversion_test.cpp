@@ -218,6 +218,10 @@ TEST(Conversion, AlarmsGoAroundUnchanged) {
   EXPECT_EQ(b.confidence, alarm.confidence);
   EXPECT_EQ(b.text, alarm.text);
   EXPECT_EQ(b.equivalent, alarm.equivalent);
+
+  faultline_msgs::AlarmArray foreign = to_message(report);
+  foreign.alarms[0].kind = "falt";
+  EXPECT_THROW(from_message(foreign), InputError);
 }
 
 TEST(ConversionLcm, SampleGoesThroughBytesUnchangedToTheMicrosecond) {

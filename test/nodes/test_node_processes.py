@@ -48,6 +48,7 @@ class BadParameters(unittest.TestCase):
         ("parameter_node", {"rig": "cooling_circuit", "stage": "branch_filter"}, ["~stage", "branch_filter", "balances"]),
         ("alarm_node", {"rig": RIG, "patience": 1000.0}, ["~patience", "1000", "0 to 60"]),
         ("alarm_node", {"rig": RIG, "patience": "long"}, ["~patience", "'long'", "number"]),
+        ("alarm_node", {"rig": RIG, "reference": __file__}, ["test_node_processes.py", "no file of references"]),
         ("rig_simulator_node", {"rig": RIG, "rate": 0}, ["~rate", "0.01 to 100"]),
         ("rig_simulator_node", {"rig": RIG, "output": "tcp"}, ["~output", "'tcp'", "lcm, ros"]),
         ("rig_simulator_node", {"rig": RIG, "profile": "waltz"}, ["waltz", "square"]),

@@ -6,11 +6,21 @@
 namespace faultline {
 namespace {
 
+bool names_a_cause(const Alarm& alarm) { return alarm.kind == AlarmKind::fault || alarm.kind == AlarmKind::sensor; }
+
 // Greater comes first.
 auto precedence(const Alarm& alarm) {
   const double duration = alarm.until - alarm.since;
-  return std::make_tuple(alarm.active, alarm.active && alarm.level == AlarmLevel::stale, -static_cast<int>(alarm.kind),
+  return std::make_tuple(alarm.active && alarm.level == AlarmLevel::stale, -static_cast<int>(alarm.kind),
                          alarm.confidence * duration, duration);
+}
+
+template <class Counts>
+const Alarm* first_of(const AlarmReport& report, const Counts& counts) {
+  const Alarm* first = nullptr;
+  for (const Alarm& alarm : report.alarms)
+    if (counts(alarm) && (!first || precedence(alarm) > precedence(*first))) first = &alarm;
+  return first;
 }
 
 }  // namespace
@@ -22,10 +32,17 @@ AlarmLevel worst(const AlarmReport& report) {
   return level;
 }
 
+const Alarm* headline_now(const AlarmReport& report) {
+  return first_of(report, [](const Alarm& alarm) { return alarm.active; });
+}
+
 const Alarm* headline(const AlarmReport& report) {
-  const auto first = std::max_element(report.alarms.begin(), report.alarms.end(),
-                                      [](const Alarm& a, const Alarm& b) { return precedence(a) < precedence(b); });
-  return first == report.alarms.end() ? nullptr : &*first;
+  const Alarm* now = headline_now(report);
+  if (!now) return first_of(report, [](const Alarm&) { return true; });
+  if (now->kind != AlarmKind::model && now->kind != AlarmKind::unknown) return now;
+  const Alarm* cause =
+      first_of(report, [now](const Alarm& alarm) { return names_a_cause(alarm) && alarm.until >= now->since; });
+  return cause ? cause : now;
 }
 
 }  // namespace faultline

@@ -56,9 +56,12 @@ struct AlarmReport {
 // Worst first: stale data hides everything else, then errors, then warnings.
 AlarmLevel worst(const AlarmReport& report);
 
-// The alarm that a person should read first; null if there is none. What is there now before what has ended; silence, which hides
-// everything else, before what was known until then; then the worse kind; then the greater confidence times duration, which puts a
-// cause that has stood for long before a first guess; then the longer; then the one that was raised first.
+// The alarm that a person should read first; null if there is none. Silence, which hides everything else, before what
+// was known until then; then the worse kind; then the greater confidence times duration, which puts a cause that has
+// stood for long before a first guess; then the longer; then the one that was raised first.
+const Alarm* headline_now(const AlarmReport& report);  // of those that are active
+// Of a whole recording: an active one before those that ended, unless it names no cause and began while there was an
+// alarm of a fault or a sensor: then it is taken for a consequence, and the cause comes first.
 const Alarm* headline(const AlarmReport& report);
 
 }  // namespace faultline

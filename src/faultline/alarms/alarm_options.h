@@ -6,17 +6,18 @@
 namespace faultline {
 
 struct AlarmOptions {
-  // s; a data alarm ends when this long no bad sample came. An alarm per dropped sample would say nothing: this is the time in which a
-  // person reads one line, and well above the pause between two bursts of a loose contact.
+  // s; a data alarm ends when this long no bad sample came. An alarm per dropped sample would say nothing: this is the
+  // time in which a person reads one line, and well above the pause between two bursts of a loose contact.
   double data_hold_s = 1.0;
 
-  // A rig that gave no sample for max(stale_periods sample periods, shortest_stale_s) is silent. A hundred periods are far beyond the
-  // jitter of a DAQ; operating system and network may hold samples of a fast rig back for 0.1 s without anything being wrong.
+  // A rig that gave no sample for max(stale_periods sample periods, shortest_stale_s) is silent. A hundred periods are
+  // far beyond the jitter of a DAQ; operating system and network may hold samples of a fast rig back for 0.1 s without
+  // anything being wrong.
   double stale_periods = 100;
   double shortest_stale_s = 0.1;
 
-  // Kept in the report; beyond that an ended alarm gives way. Bounds the memory of a node that runs for months and the size of its
-  // message, which holds them all; more than anybody reads.
+  // Kept in the report; beyond that an ended alarm gives way. Bounds the memory of a node that runs for months and the
+  // size of its message, which holds them all; more than anybody reads.
   std::size_t most_alarms = 1000;
 };
 

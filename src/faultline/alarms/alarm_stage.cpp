@@ -1,7 +1,6 @@
 #include "faultline/alarms/alarm_stage.h"
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
 
 #include <fmt/format.h>
@@ -48,20 +47,10 @@ bool among(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-// How far from no effect, in widths of the interval. Where no effect is an infinite size, its inverse is what grows.
-double certainty_of(const Alarm& alarm, double none) {
-  const auto effect = [none](double size) { return std::isinf(none) ? 1 / size : size - none; };
-  const double width = std::abs(effect(alarm.high) - effect(alarm.low));
-  const double certainty = std::abs(effect(alarm.size)) / width;
-  return width > 0 && std::isfinite(certainty) ? certainty : 0;
-}
-
 }  // namespace
 
 AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
-    : sheet_(sheet),
-      options_(options),
-      stale_after_(std::max(options.shortest_stale_s, options.stale_periods * sheet.sample_period)) {
+    : sheet_(sheet), data_(sheet, options), book_(options.most_alarms) {
   for (const StageSpec& spec : sheet_.detectors) {
     Watched w;
     w.name = spec.name;
@@ -91,8 +80,7 @@ AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
     isolated_.push_back(std::move(isolated));
   }
   doubted_.assign(sheet_.channels.size(), false);
-  channels_.resize(sheet_.channels.size());
-  report_.rig = sheet_.rig;
+  book_.report.rig = sheet_.rig;
 }
 
 void AlarmStage::reset() {
@@ -108,13 +96,10 @@ void AlarmStage::reset() {
     i.reason = Reason::absent;
     i.alarm = i.told_for = -1;
   }
-  std::fill(channels_.begin(), channels_.end(), ChannelWatch());
-  stale_ = -1;
+  data_.reset();
+  model_fits_ = true;
+  book_.clear();
   running_ = false;
-  report_.alarms.clear();
-  report_.unobserved.clear();
-  sizes_.clear();
-  ++changes_;
 }
 
 References AlarmStage::references() const {
@@ -147,88 +132,8 @@ void AlarmStage::restore(const References& references) {
   }
 }
 
-int AlarmStage::raise(AlarmKind kind, const std::string& effect, const std::string& port, AlarmLevel level,
-                      double since, double raised, const std::string& text) {
-  Alarm alarm;
-  alarm.kind = kind;
-  alarm.effect = effect;
-  alarm.port = port;
-  alarm.level = level;
-  alarm.since = alarm.until = since;
-  alarm.raised = raised;
-  alarm.active = true;
-  alarm.text = text;
-  ++changes_;
-  // Indices of active alarms must stay valid, so an ended alarm gives its place.
-  if (report_.alarms.size() >= options_.most_alarms)
-    for (std::size_t i = 0; i < report_.alarms.size(); ++i)
-      if (!report_.alarms[i].active) {
-        report_.alarms[i] = std::move(alarm);
-        sizes_[i] = Size();
-        return static_cast<int>(i);
-      }
-  report_.alarms.push_back(std::move(alarm));
-  sizes_.emplace_back();
-  return static_cast<int>(report_.alarms.size()) - 1;
-}
-
-void AlarmStage::end(int& alarm, double time) {
-  if (alarm < 0) return;
-  Alarm& a = report_.alarms[static_cast<std::size_t>(alarm)];
-  const Size& most_certain = sizes_[static_cast<std::size_t>(alarm)];
-  a.active = false;
-  a.until = time;
-  if (a.has_size && most_certain.certainty >= 0) {
-    a.size = most_certain.size;
-    a.low = most_certain.low;
-    a.high = most_certain.high;
-    a.confidence = most_certain.confidence;
-  }
-  alarm = -1;
-  ++changes_;
-}
-
-void AlarmStage::keep_size(std::size_t alarm, double none) {
-  const Alarm& a = report_.alarms[alarm];
-  Size& kept = sizes_[alarm];
-  if (!a.has_size) return;
-  const double certainty = certainty_of(a, none);
-  const bool better =
-      certainty > 0 || kept.certainty > 0 ? certainty > kept.certainty * (1 + 1e-9) : a.confidence >= kept.confidence;
-  if (better) kept = {a.size, a.low, a.high, a.confidence, certainty};
-}
-
-void AlarmStage::check_data(const Estimate& estimate) {
-  for (std::size_t c = 0; c < channels_.size() && c < estimate.channel_status.size(); ++c) {
-    const Channel& channel = sheet_.channels[c];
-    if (channel.role == Role::setpoint || channel.ground_truth) continue;
-    const ChannelStatus status = estimate.channel_status[c];
-    ChannelWatch& watch = channels_[c];
-    if (status != ChannelStatus::good) {
-      if (watch.alarm < 0) {
-        const std::string port = "sensor." + channel.name;
-        const bool has_port =
-            std::any_of(sheet_.ports.begin(), sheet_.ports.end(), [&](const Port& p) { return p.name == port; });
-        watch.alarm = raise(
-            AlarmKind::data, "", has_port ? port : "", AlarmLevel::error, estimate.time, estimate.time,
-            status == ChannelStatus::missing
-                ? fmt::format("{}: no number comes from this channel; check the cable and the converter", channel.name)
-                : fmt::format("{}: outside {:g}..{:g} {}; check transducer and scaling", channel.name, channel.minimum,
-                              channel.maximum, channel.unit));
-      }
-      watch.last_bad = estimate.time;
-    } else if (watch.alarm >= 0 && estimate.time - watch.last_bad > options_.data_hold_s) {
-      end(watch.alarm, watch.last_bad);
-    }
-    if (watch.alarm >= 0) report_.alarms[static_cast<std::size_t>(watch.alarm)].until = estimate.time;
-  }
-}
-
 void AlarmStage::advance(double now) {
-  if (!running_ || stale_ >= 0 || now - last_time_ <= stale_after_) return;
-  const double since = last_time_ + stale_after_;
-  stale_ = raise(AlarmKind::data, "", "", AlarmLevel::stale, since, since,
-                 fmt::format("no sample for more than {:g} s; check the driver and the DAQ", stale_after_));
+  if (running_) data_.advance(last_time_, now, book_);
 }
 
 void AlarmStage::process(const std::vector<Estimate>& estimates) {
@@ -252,18 +157,9 @@ void AlarmStage::process(const Estimate* estimates) {
     running_ = true;
     last_time_ = estimate.time;
   }
-  advance(estimate.time);
-  if (stale_ == static_cast<int>(report_.alarms.size()) - 1 && stale_ >= 0 &&
-      estimate.time - last_time_ <= stale_after_) {
-    // Told to advance too far: the sample was only on its way. Nothing was silent, so nothing is left of it.
-    report_.alarms.pop_back();
-    stale_ = -1;
-    ++changes_;
-  }
-  end(stale_, estimate.time);
-  last_time_ = estimate.time;
-  report_.time = estimate.time;
-  check_data(estimate);
+  data_.arrived(last_time_, estimate.time, book_);
+  last_time_ = book_.report.time = estimate.time;
+  data_.check_channels(estimate, book_);
   detect(estimates);
   isolate(estimates);
   hand_over();
@@ -273,7 +169,7 @@ void AlarmStage::process(const Estimate* estimates) {
 
 void AlarmStage::detect(const Estimate* estimates) {
   model_fits_ = true;
-  for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = channels_[c].alarm >= 0;
+  for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = data_.is_bad(c);
   const auto doubt = [this](const Watched& w) {
     for (const std::size_t channel : w.doubts) doubted_[channel] = true;
   };
@@ -313,7 +209,7 @@ void AlarmStage::tell_detections(double time) {
     }
     w.reason = reason_of(w.claim);
     if (w.reason != Reason::told) {
-      end(w.alarm, time);
+      book_.end(w.alarm, time);
       continue;
     }
     Finding& f = w.finding;
@@ -328,7 +224,7 @@ void AlarmStage::tell_detections(double time) {
     f.low = w.detection.low;
     f.high = w.detection.high;
     f.confidence = w.detection.confidence;
-    tell(w, f, time);
+    book_.tell(w.alarm, f, time);
   }
 }
 
@@ -345,9 +241,9 @@ void AlarmStage::tell_findings(double time) {
     if (!w) {
       i.told_for = -1;
       if (i.reason == Reason::told)
-        tell(i, i.finding, time);
+        book_.tell(i.alarm, i.finding, time);
       else
-        end(i.alarm, time);
+        book_.end(i.alarm, time);
       continue;
     }
     // By the detector's name: of what explains it equally well, that is what the rig is watched for.
@@ -356,7 +252,7 @@ void AlarmStage::tell_findings(double time) {
     f.equivalent.erase(std::remove(f.equivalent.begin(), f.equivalent.end(), w->named), f.equivalent.end());
     if (own != w->named) f.equivalent.insert(f.equivalent.begin(), own);
     if (i.reason == Reason::told_by_another) {
-      w->finding.equivalent = report_.alarms[static_cast<std::size_t>(w->alarm)].equivalent = f.equivalent;
+      w->finding.equivalent = book_.at(w->alarm).equivalent = f.equivalent;
       continue;
     }
     i.told_for = static_cast<int>(w - watched_.data());
@@ -379,44 +275,18 @@ void AlarmStage::tell_findings(double time) {
       f.low = w->detection.low;
       f.high = w->detection.high;
     }
-    tell(i, f, time);
+    book_.tell(i.alarm, f, time);
   }
-}
-
-void AlarmStage::tell(Source& source, const Finding& f, double time) {
-  const AlarmLevel level = f.kind == AlarmKind::unknown ? AlarmLevel::warning : AlarmLevel::error;
-  if (source.alarm < 0) source.alarm = raise(f.kind, f.effect, f.port, level, f.since, time, f.text);
-  const auto at = static_cast<std::size_t>(source.alarm);
-  Alarm& alarm = report_.alarms[at];
-  alarm.until = time;
-  if (alarm.effect != f.effect || alarm.port != f.port || alarm.size_name != f.size_name) sizes_[at] = Size();
-  if (alarm.effect != f.effect || alarm.port != f.port || alarm.kind != f.kind || alarm.text != f.text) {
-    alarm.kind = f.kind;
-    alarm.effect = f.effect;
-    alarm.port = f.port;
-    alarm.text = f.text;
-    ++changes_;
-  }
-  alarm.level = level;
-  alarm.equivalent = f.equivalent;
-  alarm.has_size = f.has_size;
-  alarm.size_name = f.size_name;
-  alarm.size_unit = f.size_unit;
-  alarm.size = f.size;
-  alarm.low = f.low;
-  alarm.high = f.high;
-  alarm.confidence = f.confidence;
-  keep_size(at, f.none);
 }
 
 void AlarmStage::watch_blindness(Watched& w, double time) {
   if (!w.detection.blind && w.unobserved < 0) return;
   if (w.unobserved < 0) {
-    w.unobserved = static_cast<int>(report_.unobserved.size());
-    report_.unobserved.push_back({w.name, w.finding.effect, w.finding.port, 0, false});
+    w.unobserved = static_cast<int>(book_.report.unobserved.size());
+    book_.report.unobserved.push_back({w.name, w.finding.effect, w.finding.port, 0, false});
     w.watched_to = time;
   }
-  Unobserved& unobserved = report_.unobserved[static_cast<std::size_t>(w.unobserved)];
+  Unobserved& unobserved = book_.report.unobserved[static_cast<std::size_t>(w.unobserved)];
   if (w.detection.blind) unobserved.seconds += time - w.watched_to;
   unobserved.now = w.detection.blind;
   w.watched_to = time;
@@ -459,7 +329,7 @@ void AlarmStage::hand_over() {
     if (i.alarm < 0 || i.finding.active || i.told_for < 0) continue;
     Watched& w = watched_[static_cast<std::size_t>(i.told_for)];
     if (!w.stands || w.alarm >= 0) continue;
-    w.finding.equivalent = report_.alarms[static_cast<std::size_t>(i.alarm)].equivalent;
+    w.finding.equivalent = book_.at(i.alarm).equivalent;
     w.finding.size_name = w.detector->size_name();
     w.finding.size_unit = w.detector->size_unit();
     w.alarm = i.alarm;
@@ -480,23 +350,24 @@ AlarmStage::Watched* AlarmStage::detected(const Finding& finding) {
 }
 
 const AlarmReport& AlarmStage::report() const {
-  report_.verdict = verdict();
-  report_.withheld.clear();
-  const auto add = [this](const Source& s, double since) {
+  AlarmReport& report = book_.report;
+  report.verdict = verdict();
+  report.withheld.clear();
+  const auto add = [&](const Source& s, double since) {
     if (s.reason != Reason::told && s.reason != Reason::absent)
-      report_.withheld.push_back({s.name, s.claim.kind, s.finding.effect, s.finding.port, since, s.reason});
+      report.withheld.push_back({s.name, s.claim.kind, s.finding.effect, s.finding.port, since, s.reason});
   };
   for (const Watched& w : watched_) add(w, w.detection.since);
   for (const Isolated& i : isolated_) add(i, i.finding.since);
-  return report_;
+  return report;
 }
 
 std::string AlarmStage::verdict() const {
-  const Alarm* first = headline(report_);
-  if (!first) return "No fault found.";
-  if (!first->active) return "No fault now; there were alarms before.";
+  const AlarmReport& report = book_.report;
+  const Alarm* first = headline_now(report);
+  if (!first) return report.alarms.empty() ? "No fault found." : "No fault now; there were alarms before.";
   const auto active =
-      std::count_if(report_.alarms.begin(), report_.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
+      std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
   std::string text = first->text + size_text(*first) + ".";
   if (active > 1) text += fmt::format(" {} more alarm{}.", active - 1, active > 2 ? "s" : "");
   return text;

@@ -1,29 +1,28 @@
-// From estimates to alarms: runs the rig's detectors and isolators, watches the data itself, keeps the life cycle of every alarm and
-// says the verdict. The nodes and the offline program call this same code in the same order.
+// From estimates to alarms: runs the rig's detectors and isolators, watches the data itself, keeps the life cycle of
+// every alarm and says the verdict. The nodes and the offline program call this same code in the same order.
 //
-// A detector or isolator reads the estimates of one of the rig's estimators: `stage`, by default the first. A detector whose
-// `withholds_faults` is no (a redline) says unknown without speaking against the model. Sensors that a detector or the data
-// already found off are named to the isolators, which leave them out; so are the channels that a detector of a fault lists in `doubts`,
-// with commas between; where one of those is itself off, that fault is not raised. An isolator's alarm changes its place and size as it learns.
-// An isolator that overrules weighed every fault of the datasheet: while it names one, detections of faults, of sensors without an
-// effect and of unknown trouble that it does not confirm are not told; a detected fault waits for its judgement. What both found is one
-// alarm, by the detector's effect and size. reason.h has these rules as a table.
+// A detector or isolator reads the estimates of one of the rig's estimators: `stage`, by default the first. A detector
+// whose `withholds_faults` is no (a redline) says unknown without speaking against the model. Sensors that a detector
+// or the data already found off are named to the isolators, which leave them out; so are the channels that a detector
+// of a fault lists in `doubts`, with commas between; where one of those is itself off, that fault is not raised. An
+// isolator's alarm changes its place and size as it learns. An isolator that overrules weighed every fault of the
+// datasheet: while it names one, detections of faults, of sensors without an effect and of unknown trouble that it does
+// not confirm are not told; a detected fault waits for its judgement. What both found is one alarm, by the detector's
+// effect and size. reason.h has these rules as a table.
 //
-// Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell silent
-// (stale: from the last sample plus a while; alarm_options.h has both). While the model does not fit (a detection of kind unknown),
-// faults are withheld: they rest on that model. While the data are bad, faults already raised stay as they are.
-//
-// Size of an alarm that ended: a size estimated while the cause fades is that of its rest, so what stays is the estimate that was most
-// certain, that is whose distance from no effect was the greatest in widths of its 90 % interval (without an interval: of the greatest
-// confidence, the latest of equals).
+// Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell
+// silent (stale: from the last sample plus a while; alarm_options.h has both). While the model does not fit (a
+// detection of kind unknown), faults are withheld: they rest on that model. While the data are bad, faults already
+// raised stay as they are.
 #pragma once
 
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "faultline/alarms/alarm.h"
+#include "faultline/alarms/alarm_book.h"
 #include "faultline/alarms/alarm_options.h"
+#include "faultline/alarms/data_watch.h"
 #include "faultline/detectors/detector.h"
 #include "faultline/isolation/isolator.h"
 #include "faultline/rig/reference.h"
@@ -37,20 +36,21 @@ class AlarmStage {
   // What all estimators say about one sample, in the datasheet's order.
   void process(const std::vector<Estimate>& estimates);
   void process(const Estimate& estimate);  // of a rig with one estimator
-  // The time went on to `now` [s] without a sample; raises the stale alarm where it is due. If the next sample shows that there
-  // was no such silence, the alarm is taken back, so that what is told never depends on how long a sample was on its way.
+  // The time went on to `now` [s] without a sample; raises the stale alarm where it is due. If the next sample shows
+  // that there was no such silence, the alarm is taken back, so that what is told never depends on how long a sample
+  // was on its way.
   void advance(double now);
   void reset();
 
   // With the verdict and what is withheld as of the last sample.
   const AlarmReport& report() const;
   // Counts up whenever an alarm is raised, ends, or changes level: what must be published at once.
-  std::uint64_t changes() const { return changes_; }
+  std::uint64_t changes() const { return book_.changes(); }
 
   // What its detectors and isolators have learnt of the healthy rig so far.
   References references() const;
-  // Before the first sample: they judge by this at once instead of learning. reset() does not forget it. InputError, which names
-  // the stage, where a reference fits none of them.
+  // Before the first sample: they judge by this at once instead of learning. reset() does not forget it. InputError,
+  // which names the stage, where a reference fits none of them.
   void restore(const References& references);
 
  private:
@@ -61,7 +61,7 @@ class AlarmStage {
     Finding finding;        // of a detector: its detection in the datasheet's words
     Claim claim;
     Reason reason = Reason::absent;
-    int alarm = -1;  // index into report_.alarms while active
+    int alarm = -1;  // of the book, while active
   };
   struct Watched : Source {
     std::unique_ptr<Detector> detector;
@@ -70,7 +70,7 @@ class AlarmStage {
     bool withholds = true;
     bool stands = false;              // as far as is known without the isolators
     std::vector<std::size_t> doubts;  // channels that isolators leave out while it stands
-    int unobserved = -1;              // index into report_.unobserved
+    int unobserved = -1;              // of the report
     double watched_to = 0;
   };
   struct Isolated : Source {
@@ -79,26 +79,11 @@ class AlarmStage {
     // Names a cause, having weighed every other.
     bool names_the_cause() const { return isolator->overrules() && finding.active; }
   };
-  struct ChannelWatch {
-    int alarm = -1;
-    double last_bad = 0;
-  };
-  // An estimate of an alarm's size.
-  struct Size {
-    double size = 0, low = 0, high = 0, confidence = 0;
-    double certainty = -1;  // widths of its interval; -1: none yet, 0: no interval
-  };
-  int raise(AlarmKind kind, const std::string& effect, const std::string& port, AlarmLevel level, double since,
-            double raised, const std::string& text);
-  void end(int& alarm, double time);
-  void check_data(const Estimate& estimate);
   void process(const Estimate* estimates);
   void detect(const Estimate* estimates);
   void isolate(const Estimate* estimates);
   void tell_detections(double time);
   void tell_findings(double time);
-  void tell(Source& source, const Finding& finding, double time);  // writes it into the source's alarm
-  void keep_size(std::size_t alarm, double none);
   void hand_over();  // alarms to the detectors that still find what an isolator no longer does
   void watch_blindness(Watched& w, double time);
   bool explained(const Watched& w) const;
@@ -110,19 +95,14 @@ class AlarmStage {
   std::string verdict() const;
 
   Datasheet sheet_;
-  AlarmOptions options_;
-  double stale_after_;
   std::vector<Watched> watched_;
   std::vector<Isolated> isolated_;
   std::vector<bool> doubted_;  // one per channel: its transducer is known to be off
-  std::vector<ChannelWatch> channels_;
-  std::vector<Size> sizes_;  // one per alarm of the report: the most certain so far
-  int stale_ = -1;
+  DataWatch data_;
   bool model_fits_ = true;
   bool running_ = false;
   double last_time_ = 0;
-  std::uint64_t changes_ = 0;
-  mutable AlarmReport report_;  // its verdict and what is withheld are only written when somebody reads it
+  mutable AlarmBook book_;  // the report's verdict and what is withheld are only written when somebody reads it
 };
 
 }  // namespace faultline

@@ -1,9 +1,10 @@
-// The diagnosis of one rig in one process: samples in, alarms out, by the same stages in the same order as the nodes run them
-// (the rig's estimators, then its alarm stage), and what a whole recording says in the end.
+// The diagnosis of one rig in one process: samples in, alarms out, by the same stages in the same order as the nodes
+// run them (the rig's estimators, then its alarm stage), and what a whole recording says in the end.
 //
-// A verdict over a recording is that of its headline (alarm.h): what is there at the end before what ended, then fault before sensor
-// before unknown before data; healthy if there was no alarm.
-// Limits: the alarm stage starts over when time jumps back, and what it said before is then gone (SampleCheck counts such jumps).
+// A verdict over a recording is that of its headline (alarm.h): what is there at the end before what ended, then fault
+// before sensor before unknown before data; healthy if there was no alarm.
+// Limits: the alarm stage starts over when time jumps back, and what it said before is then gone (SampleCheck counts
+// such jumps).
 #pragma once
 
 #include <string>

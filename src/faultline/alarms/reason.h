@@ -1,9 +1,10 @@
-// Why a claim is told or withheld. Every detection and every finding is a claim; the table in reason.cpp holds the reasons in the order
-// of their precedence, and the first whose predicate holds is the claim's.
+// Why a claim is told or withheld. Every detection and every finding is a claim; the table in reason.cpp holds the
+// reasons in the order of their precedence, and the first whose predicate holds is the claim's.
 //
-// Principles: what rests on a bad transducer or on a model that does not fit is not told; a stage that weighed every fault of the
-// datasheet overrules one that looked for a single one; one cause is one alarm; an alarm that was raised ends when its
-// condition ends or when it is explained by another cause, not because the circumstances under which it was raised have changed.
+// Principles: what rests on a bad transducer or on a model that does not fit is not told; a stage that weighed every
+// fault of the datasheet overrules one that looked for a single one; one cause is one alarm; an alarm that was raised
+// ends when its condition ends or when it is explained by another cause, not because the circumstances under which it
+// was raised have changed.
 #pragma once
 
 #include "faultline/rig/alarm_kind.h"

@@ -1,4 +1,5 @@
-// When a detector counts: while a quantity is above a value, for instance the time since a bench fires steadily. Settings:
+// When a detector counts: while a quantity is above a value, for instance the time since a bench fires steadily.
+// Settings:
 //   armed_by      a quantity; without it the detector always counts
 //   armed_above   its value, above which the detector counts
 #pragma once

@@ -1,4 +1,5 @@
-// Band: a quantity whose average leaves [low, high]. For redundancies and balances, which are near zero on a healthy rig.
+// Band: a quantity whose average leaves [low, high]. For redundancies and balances, which are near zero on a healthy
+// rig.
 //   average' = (x - average)/average_time;  condition: average < low or average > high
 // Size: the average itself, in the quantity's unit.
 #include <algorithm>

@@ -1,6 +1,7 @@
 // Consistency: the normalised innovation squared per observed row, averaged, stays below a limit while the model fits.
 //   average' = (nis/rows - average)/average_time;  condition: average > limit
-// A filter whose R is true has an average of 1; one with a generous R has less, so the limit is set from healthy recordings.
+// A filter whose R is true has an average of 1; one with a generous R has less, so the limit is set from healthy
+// recordings.
 #include <algorithm>
 #include <cmath>
 

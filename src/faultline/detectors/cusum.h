@@ -2,8 +2,9 @@
 // Piet-Lahanier et al., Fault diagnosis benchmark for a rocket engine demonstrator (2015), equation (19).
 //
 //   up = max(up + r - delta/2, 0),  down = max(down - r - delta/2, 0);   alarm: up or down above lambda
-// r is the residual less its mean, in any unit; delta the smallest change that matters, lambda the threshold, both in that unit.
-// Both sums stop at twice lambda, so that an alarm ends soon after its cause. Not finite residuals must be kept away.
+// r is the residual less its mean, in any unit; delta the smallest change that matters, lambda the threshold, both in
+// that unit. Both sums stop at twice lambda, so that an alarm ends soon after its cause. Not finite residuals must be
+// kept away.
 #pragma once
 
 #include <algorithm>

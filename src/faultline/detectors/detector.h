@@ -1,5 +1,6 @@
 // A detector turns estimates into a detection: whether something is there, since when, how large, how sure.
-// It reads quantities and innovation statistics only, so that it works the same live, in replay and offline. Settings of all:
+// It reads quantities and innovation statistics only, so that it works the same live, in replay and offline. Settings
+// of all:
 //   kind, effect, port, text   what a detection means (kind: a word of rig/alarm_kind.h)
 //   minimum_time  s            how long the condition must hold before it counts
 //   release_time  s            how long it must be gone before it ends

@@ -1,6 +1,7 @@
-// Frozen: a noisy transducer that gives the very same number `count` times on end. Where noise is well above the resolution two
-// equal numbers in a row are rare (probability p) and n of them p^(n-1).   Settings: quantity, count, release_time, armed_by,
-// armed_above (arming.h). No size. Blind where the signal is rounded coarser than its noise, or rests at the end of its range.
+// Frozen: a noisy transducer that gives the very same number `count` times on end. Where noise is well above the
+// resolution two equal numbers in a row are rare (probability p) and n of them p^(n-1).   Settings: quantity, count,
+// release_time, armed_by, armed_above (arming.h). No size. Blind where the signal is rounded coarser than its noise, or
+// rests at the end of its range.
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/persistence.h"
 

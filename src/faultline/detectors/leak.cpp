@@ -1,10 +1,12 @@
 // Leak: an estimated leak coefficient that stays above a threshold, beyond what its uncertainty allows.
 //
 //   mean' = w (C - mean)/average;  w = s0^2/(s0^2 + s^2) where the drive sqrt(dp) exceeds minimum_drive, else 0
-// The weight is small where the filter is uncertain (s), and zero where there is hardly a pressure difference: nothing flows then
-// whatever the coefficient, so the estimate only drifts.   condition: mean > threshold, after `average` s of evidence
-// Size: the mean coefficient times the mean of the drive sqrt(dp), as a volume flow in l/s, with 90 % bounds from the scatter
-// of the estimate and the datasheet's tolerance of what the estimate rests on (model_error, relative, and model_floor, absolute).
+// The weight is small where the filter is uncertain (s), and zero where there is hardly a pressure difference: nothing
+// flows then whatever the coefficient, so the estimate only drifts.
+//   condition: mean > threshold, after `average` s of evidence
+// Size: the mean coefficient times the mean of the drive sqrt(dp), as a volume flow in l/s, with 90 % bounds from the
+// scatter of the estimate and the datasheet's tolerance of what the estimate rests on (model_error, relative, and
+// model_floor, absolute).
 #include <algorithm>
 #include <cmath>
 

@@ -1,9 +1,11 @@
 // Noisy: a transducer whose white noise is larger than it was.
 //   v' = (min((x_k - 2 x_{k-1} + x_{k-2})^2/6, limit^2 noise^2 window/3) - v)/window;  condition: v > limit^2 noise^2
-// Each square is capped, so that a step, which makes two of them large, is not yet noise; four large ones within the window are.
-// Second differences leave slow signals out: a ramp gives nothing, a sine of frequency f gives (2 pi f T)^4/6 of its square.
-// Settings: quantity, noise (its healthy sigma, with rounding), limit, window (samples), armed_by, armed_above (arming.h),
-//   minimum_time, release_time.   Size: sigma of what is added, sqrt(v - noise^2), bounds from v having window/1.1 degrees of freedom.
+// Each square is capped, so that a step, which makes two of them large, is not yet noise; four large ones within the
+// window are. Second differences leave slow signals out: a ramp gives nothing, a sine of frequency f gives
+// (2 pi f T)^4/6 of its square.
+// Settings: quantity, noise (its healthy sigma, with rounding), limit, window (samples), armed_by, armed_above
+//   (arming.h), minimum_time, release_time.
+// Size: sigma of what is added, sqrt(v - noise^2), bounds from v having window/1.1 degrees of freedom.
 #include <algorithm>
 #include <cmath>
 
@@ -74,7 +76,8 @@ class Noisy : public Detector {
     detection.since = persistence_.since();
     detection.has_size = true;
     const auto added = [this](double v) { return std::sqrt(std::max(0.0, v - variance_)); };
-    // Squares of second differences have a relative standard deviation of 1.41, neighbours being alike for some 3 samples.
+    // Squares of second differences have a relative standard deviation of 1.41, neighbours being alike for some 3
+    // samples.
     const double spread = kNinetyPercentSigmas * 1.41 * std::sqrt(3 / std::max(long_rows_, 3.0));
     detection.size = added(long_mean_);
     detection.low = added(long_mean_ / (1 + spread));

@@ -1,5 +1,5 @@
-// Turns a condition that flickers into one that lasts: on after it held for `minimum` s, off after it was gone for `release` s.
-// `since` is when the condition began, not when it was believed.
+// Turns a condition that flickers into one that lasts: on after it held for `minimum` s, off after it was gone for
+// `release` s. `since` is when the condition began, not when it was believed.
 #pragma once
 
 namespace faultline {

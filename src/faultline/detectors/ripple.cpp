@@ -1,8 +1,8 @@
 // Ripple: a quantity that swings to and fro around its mean.
 //   mean' = (x - mean)/average; a swing is a passage from below mean - limit to above mean + limit, or back
 //   condition: at least `swings` of them within the last `average` s, none of them alone longer than that
-// A step or a drift makes one swing at most. Settings: quantity, limit (in its unit), swings, average (s), noise (the quantity's own
-// sigma), armed_by, armed_above (arming.h), release_time.
+// A step or a drift makes one swing at most. Settings: quantity, limit (in its unit), swings, average (s), noise (the
+// quantity's own sigma), armed_by, armed_above (arming.h), release_time.
 // Size: amplitude, sqrt(2 (variance - noise^2)) since it began, for a sine; bounds from the number of swings seen.
 #include <algorithm>
 #include <cmath>

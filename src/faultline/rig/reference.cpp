@@ -34,7 +34,8 @@ std::string check_sum(const std::string& text) {
   return fmt::format("{}{:08x}\n", kCheckSum, crc.checksum());
 }
 
-// The lines of a file whose check sum is right, one after the other. What does not read as it was written is of another form.
+// The lines of a file whose check sum is right, one after the other. What does not read as it was written is of another
+// form.
 class Lines {
  public:
   Lines(const std::string& text, const std::string& file) : stream_(text), file_(file) {}

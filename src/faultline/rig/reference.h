@@ -1,9 +1,10 @@
-// What a stage has learnt of the healthy rig, to be kept from one run to the next: a detector's steady value, mean features of an
-// isolator, later histograms. Dumb data; the stage that made it says what the numbers mean, and raises `version` when that changes.
+// What a stage has learnt of the healthy rig, to be kept from one run to the next: a detector's steady value, mean
+// features of an isolator, later histograms. Dumb data; the stage that made it says what the numbers mean, and raises
+// `version` when that changes.
 //
-// As a file it is text: a line `faultline references 1`, the rig, per stage a line with its name, type, version and count followed by one
-// `name value` each, and a CRC-32 of all that in the last line. A file that is damaged, cut off, of another form or of another rig
-// is refused as a whole.
+// As a file it is text: a line `faultline references 1`, the rig, per stage a line with its name, type, version and
+// count followed by one `name value` each, and a CRC-32 of all that in the last line. A file that is damaged, cut off,
+// of another form or of another rig is refused as a whole.
 #pragma once
 
 #include <string>
@@ -39,8 +40,8 @@ References parse_references(const std::string& text, const std::string& rig, con
 
 // InputError where the file cannot be read or is refused.
 References read_references(const std::string& file, const std::string& rig);
-// Whole or not at all. A file that is already there is replaced if it holds references of the same rig; InputError where it does not,
-// or cannot be written, and it stays as it is.
+// Whole or not at all. A file that is already there is replaced if it holds references of the same rig; InputError
+// where it does not, or cannot be written, and it stays as it is.
 void write_references(const References& references, const std::string& file);
 // The same refusal, before the work is done.
 void check_replaceable(const std::string& file, const std::string& rig);
