@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "faultline/estimators/estimator_stage.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -57,6 +58,7 @@ AlarmLevel worst(const AlarmReport& report) {
 
 AlarmStage::AlarmStage(const Datasheet& sheet)
     : sheet_(sheet), stale_after_(std::max(kShortestStale, kStalePeriods * sheet.sample_period)) {
+  while (clock_ + 1 < sheet.estimators.size() && speaks_on_news_only(sheet, sheet.estimators[clock_])) ++clock_;
   for (const StageSpec& spec : sheet_.detectors) {
     Watched w;
     w.name = spec.name;
@@ -198,7 +200,7 @@ void AlarmStage::process(const Estimate& estimate) {
 }
 
 void AlarmStage::process(const Estimate* estimates) {
-  const Estimate& estimate = estimates[0];
+  const Estimate& estimate = estimates[clock_];
   if (running_ && estimate.time < last_time_) reset();
   if (!running_) {
     running_ = true;
@@ -221,7 +223,7 @@ void AlarmStage::process(const Estimate* estimates) {
 }
 
 void AlarmStage::detect(const Estimate* estimates) {
-  const Estimate& estimate = estimates[0];
+  const Estimate& estimate = estimates[clock_];
   bool model_fits = true;
   for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = channels_[c].alarm >= 0;
   for (Watched& w : watched_) {

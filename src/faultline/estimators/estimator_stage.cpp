@@ -17,6 +17,7 @@ EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
           : is_fault_response(spec.type) ? make_response_core(sheet, spec)
                                          : make_filter_core(sheet, spec);
   spec.settings.check_used();
+  always_ = !speaks_on_news_only(sheet, spec);
   held_.assign(channels_.size(), 0);
 }
 
@@ -70,13 +71,18 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
   }
 
   ++counts_.used;
-  news_ = restart || core_->news();
+  news_ = restart || always_ || core_->news();
   if (!news_) return true;
   estimate.time = sample.time;
   estimate.sequence = sample.sequence;
   estimate.restarted = restart;
   core_->write(held_.data(), restart, estimate);
   return true;
+}
+
+bool speaks_on_news_only(const Datasheet& sheet, const StageSpec& spec) {
+  const auto on_news = [](const StageSpec& s) { return is_fault_response(s.type); };
+  return on_news(spec) && !std::all_of(sheet.estimators.begin(), sheet.estimators.end(), on_news);
 }
 
 }  // namespace faultline
