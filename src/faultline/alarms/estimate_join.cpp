@@ -2,13 +2,13 @@
 
 #include <algorithm>
 
-#include "faultline/estimators/stage_core.h"
+#include "faultline/estimators/estimator_stage.h"
 
 namespace faultline {
 
 std::vector<bool> occasional_stages(const Datasheet& sheet) {
   std::vector<bool> occasional;
-  for (const StageSpec& spec : sheet.estimators) occasional.push_back(is_fault_response(spec.type));
+  for (const StageSpec& spec : sheet.estimators) occasional.push_back(speaks_on_news_only(sheet, spec));
   return occasional;
 }
 

@@ -34,6 +34,7 @@ EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
   jump_ = spec.settings.number_or("jump", 0.1, 0, 1e6);
   core_ = make_core(sheet, spec);
   spec.settings.check_used();
+  always_ = !speaks_on_news_only(sheet, spec);
   held_.assign(channels_.size(), 0);
 }
 
@@ -87,13 +88,18 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
   }
 
   ++counts_.used;
-  news_ = restart || core_->news();
+  news_ = restart || always_ || core_->news();
   if (!news_) return true;
   estimate.time = sample.time;
   estimate.sequence = sample.sequence;
   estimate.restarted = restart;
   core_->write(held_.data(), restart, estimate);
   return true;
+}
+
+bool speaks_on_news_only(const Datasheet& sheet, const StageSpec& spec) {
+  const auto on_news = [](const StageSpec& s) { return is_fault_response(s.type); };
+  return on_news(spec) && !std::all_of(sheet.estimators.begin(), sheet.estimators.end(), on_news);
 }
 
 }  // namespace faultline

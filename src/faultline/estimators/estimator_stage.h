@@ -26,7 +26,8 @@ class EstimatorStage {
   // Writes the estimate after this sample; false if the sample was not used. Allocates only on the first call.
   bool process(const Sample& sample, Estimate& estimate);
   void reset();
-  // Whether the last sample that was used left anything to tell; else the estimate is still that of the last news.
+  // Whether the last sample that was used left anything to tell; else the estimate is still that of the last news. Always true where
+  // no stage of the rig speaks at every sample: the alarms need one that tells the time and the state of the channels.
   bool news() const { return news_; }
   const EstimatorCounts& counts() const { return counts_; }
   const std::string& name() const { return name_; }
@@ -44,9 +45,12 @@ class EstimatorStage {
   double gap_, jump_;  // s
   std::unique_ptr<StageCore> core_;
   std::vector<double> held_;
-  bool running_ = false, news_ = true;
+  bool running_ = false, news_ = true, always_ = false;
   double last_time_ = 0;
   EstimatorCounts counts_;
 };
+
+// Whether a stage of the rig speaks only when it has news; the others speak at every sample.
+bool speaks_on_news_only(const Datasheet& sheet, const StageSpec& spec);
 
 }  // namespace faultline

@@ -1,8 +1,8 @@
 // Isolation by responses: names the fault whose effect on the rig's model explains what is measured (estimators/fault_responses.h does
 // the work in a stage of its own; this tells its answer).
 //
-// Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What explains within `rival` of that evidence (a share,
-// and never less than `rival_least`) cannot be told from it and is listed as equivalent; if more than `most_rivals` are, the fault is
+// Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What explains within `rival`
+// of that evidence (a fraction, and never less than `rival_least`) cannot be told from it and is listed as equivalent; if more than `most_rivals` are, the fault is
 // unknown. Size with 90 % bounds from the curvature of the evidence and `model_error` (relative: what tolerances leave). The evidence's
 // variances are inflated to decide with care; `std_factor` takes that back for the bounds.
 // Where it has an answer, it stands against the detectors' (isolator.h).
@@ -23,6 +23,29 @@ namespace {
 
 constexpr double kNinetyPercent = 1.645;
 
+// All constants, by the datasheet's keys; it says why they have their values.
+struct ResponseIsolatorOptions {
+  bool second = false;                 // place: 2 tells what is wrong beside the fault
+  std::size_t confirm_judgements = 1;  // confirm: in a row that find something
+  double rival_fraction = 0;           // rival: of the evidence, within which hypotheses cannot be told apart ...
+  double rival_evidence = 0;           // rival_least: ... and at least this
+  std::size_t most_rivals = 0;         // beyond which naming the best would say nothing
+  double model_error_fraction = 0;     // model_error: of an amplitude, from the tolerances
+  double std_ratio = 1;                // std_factor: of the bounds' standard deviation to the inflated one
+};
+
+ResponseIsolatorOptions read_options(const Settings& s) {
+  ResponseIsolatorOptions o;
+  o.second = s.number_or("place", 1, 1, 2) > 1.5;
+  o.confirm_judgements = static_cast<std::size_t>(std::ceil(s.number_or("confirm", 1, 1, 1e6)));
+  o.rival_fraction = s.number("rival", 0, 1);
+  o.rival_evidence = s.number("rival_least", 0, 1e6);
+  o.most_rivals = static_cast<std::size_t>(s.number("most_rivals", 0, 100));
+  o.model_error_fraction = s.number("model_error", 0, 10);
+  o.std_ratio = s.number_or("std_factor", 1, 0.01, 10);
+  return o;
+}
+
 std::string spaced(std::string name) {
   std::replace(name.begin(), name.end(), '_', ' ');
   return name;
@@ -30,16 +53,11 @@ std::string spaced(std::string name) {
 
 class ResponseIsolator : public Isolator {
  public:
-  ResponseIsolator(const Datasheet& sheet, const StageSpec& spec) : hypotheses_(fault_hypotheses(sheet)) {
-    const Settings& s = spec.settings;
-    s.word_or("stage", "");
-    second_ = s.number_or("place", 1, 1, 2) > 1.5;
-    confirm_ = s.number_or("confirm", 1, 1, 1e6);
-    rival_ = s.number("rival", 0, 1);
-    rival_least_ = s.number("rival_least", 0, 1e6);
-    most_rivals_ = static_cast<std::size_t>(s.number("most_rivals", 0, 100));
-    model_error_ = s.number("model_error", 0, 10);
-    std_factor_ = s.number_or("std_factor", 1, 0.01, 10);
+  ResponseIsolator(const Datasheet& sheet, const StageSpec& spec)
+      : hypotheses_(fault_hypotheses(sheet)),
+        options_(read_options(spec.settings)),
+        new_judgement_s_(0.5 * sheet.sample_period) {
+    spec.settings.word_or("stage", "");
     for (const FaultHypothesis& h : hypotheses_) {
       std::string component = sheet.port(h.port).component;
       if (!component.empty()) component[0] = static_cast<char>(std::toupper(component[0]));
@@ -48,7 +66,7 @@ class ResponseIsolator : public Isolator {
   }
 
   void reset() override { at_.clear(); }
-  bool overrules() const override { return !second_; }
+  bool overrules() const override { return !options_.second; }
   double judged_until() const override { return judged_; }
 
   void process(const Estimate& estimate, const std::vector<bool>&, Finding& finding) override {
@@ -62,8 +80,12 @@ class ResponseIsolator : public Isolator {
       finding = Finding();
       told_ = named_ = -1;
       held_ = false;
+      judged_ = -kInfinity;
     }
-    judged_ = estimate.time - estimate.quantities[judged_at_].value;
+    // A stage that speaks at every sample repeats its last judgement.
+    const double judged = estimate.time - estimate.quantities[judged_at_].value;
+    const bool judged_anew = judged > judged_ + new_judgement_s_;
+    judged_ = judged;
     const double best = estimate.quantities[at_[0]].value;
     if (best < 0) {
       finding.active = held_ = false;
@@ -76,7 +98,8 @@ class ResponseIsolator : public Isolator {
       judgements_ = 0;
       finding.since = estimate.time - estimate.quantities[since_at_].value;
     }
-    if (++judgements_ < confirm_) return;
+    judgements_ += judged_anew;
+    if (judgements_ < options_.confirm_judgements) return;
     finding.active = true;
     if (best == told_ && evidence == told_evidence_) return;  // nothing new
     told_ = best;
@@ -87,9 +110,9 @@ class ResponseIsolator : public Isolator {
  private:
   void look_up(const Estimate& estimate) {
     at_.clear();
-    for (int k = 0; k < (second_ ? kRankedSecond : kRankedFirst); ++k)
+    for (int k = 0; k < (options_.second ? kRankedSecond : kRankedFirst); ++k)
       for (const char* what : {"hypothesis", "amplitude", "evidence"})
-        at_.push_back(find_quantity(estimate, ranked_name(second_, k, what)));
+        at_.push_back(find_quantity(estimate, ranked_name(options_.second, k, what)));
     since_at_ = find_quantity(estimate, "since");
     judged_at_ = find_quantity(estimate, "judged");
   }
@@ -100,7 +123,7 @@ class ResponseIsolator : public Isolator {
     };
     // A name that explains as well as the best stays.
     std::size_t chosen = 0;
-    const double tied = evidence - std::max(rival_ * evidence, rival_least_);
+    const double tied = evidence - std::max(options_.rival_fraction * evidence, options_.rival_evidence);
     for (std::size_t k = 1; 3 * k < at_.size(); ++k)
       if (value(k, 0).value >= 0 && value(k, 0).value == named_ && value(k, 2).value >= tied) chosen = k;
     // Twins at one place go by the name that the datasheet lists first.
@@ -122,7 +145,8 @@ class ResponseIsolator : public Isolator {
       const double behind = evidence - value(k, 2).value;
       sum += std::exp(-0.5 * behind);
       const FaultHypothesis& other = hypotheses_.at(static_cast<std::size_t>(value(k, 0).value));
-      if (behind > std::max(rival_ * evidence, rival_least_) || other.name() == h.name()) continue;
+      if (behind > std::max(options_.rival_fraction * evidence, options_.rival_evidence) || other.name() == h.name())
+        continue;
       if (std::find(finding.equivalent.begin(), finding.equivalent.end(), other.name()) == finding.equivalent.end())
         finding.equivalent.push_back(other.name());
     }
@@ -131,13 +155,13 @@ class ResponseIsolator : public Isolator {
     std::string rivals;
     for (const std::string& name : finding.equivalent) rivals += (rivals.empty() ? "" : ", ") + name;
     if (!rivals.empty()) finding.text += "; this motion cannot tell it from " + rivals;
-    if (finding.equivalent.size() > most_rivals_) {
+    if (finding.equivalent.size() > options_.most_rivals) {
       finding.kind = AlarmKind::unknown;
       finding.effect = finding.port = "";
       finding.text = "Something changed that this motion cannot tell apart: " + h.name() + ", " + rivals;
     }
     const double amplitude = value(chosen, 1).value;
-    const double std = std::hypot(std_factor_ * value(chosen, 1).std, model_error_ * amplitude);
+    const double std = std::hypot(options_.std_ratio * value(chosen, 1).std, options_.model_error_fraction * amplitude);
     finding.has_size = finding.kind != AlarmKind::unknown;
     finding.size_name = h.size_name;
     finding.size_unit = h.size_unit;
@@ -152,16 +176,16 @@ class ResponseIsolator : public Isolator {
 
   std::vector<FaultHypothesis> hypotheses_;
   std::vector<std::string> texts_;
-  bool second_;
-  double confirm_, rival_, rival_least_, model_error_, std_factor_;
-  std::size_t most_rivals_;
+  ResponseIsolatorOptions options_;
+  double new_judgement_s_;  // by which the end of a judged stretch must be later than the last
   std::vector<std::size_t> at_;
   std::uint64_t sequence_ = 0;
   double time_ = 0;  // s, of the last estimate
   std::size_t since_at_ = 0, judged_at_ = 0;
   double judged_ = -kInfinity;
   bool held_ = false;
-  double judgements_ = 0, told_ = -1, told_evidence_ = 0, named_ = -1;
+  std::size_t judgements_ = 0;
+  double told_ = -1, told_evidence_ = 0, named_ = -1;
 };
 
 FAULTLINE_ISOLATOR(response,

@@ -13,51 +13,50 @@ namespace faultline {
 namespace {
 
 constexpr double kNinetyPercent = 1.645;
-constexpr double kHour = 3600;          // s
-constexpr std::uint32_t kEvery = 20;    // samples from one evaluation to the next
-constexpr std::size_t kFewRivals = 3;   // hypotheses left, with which an event is told at once
-constexpr std::size_t kMostRivals = 6;  // beyond these it says nothing to name one
-constexpr double kErrors = 2;           // sigmas of a balance's own error that are no change
-constexpr double kDriftAge = 2;         // s of an event before its course says anything
-constexpr double kCourseAge = 0.9;      // of the window: when the course of an event is judged
-constexpr double kEarly = 0.02;         // s
-constexpr double kPlateau = 0.1;        // s at the end and in the middle, that must agree
-constexpr double kCourseMiss = 0.35;    // that the early share may be off
-constexpr double kCourseCost = 100;     // chi-squared that a wrong course adds
-constexpr double kMoved = 4;            // sigmas by which sizes must scatter to show a stuck sensor
-constexpr double kStill = 0.15;         // of that, which a stuck sensor's own reading may scatter
-constexpr int kReferenceVersion = 1;    // mean features
-constexpr double kStraight = 0.9;       // correlation of size and time from which it is a ramp
+constexpr double kHour = 3600;        // s
+constexpr double kLeastNoise = 1e-9;  // of a residual: a guard against division by zero
+constexpr int kReferenceVersion = 1;  // mean features
 
 }  // namespace
 
+SignatureOptions read_signature_options(const Settings& s, const std::vector<std::string>& kinds, double period) {
+  SignatureOptions o;
+  o.learn_s = s.number("learn", 10 * period, 1e4);
+  o.window_s = s.number("window", 10 * period, 60);
+  o.confirm_samples = static_cast<std::size_t>(s.number("confirm", 1, 1e4));
+  o.patience_s = s.number("patience", 0, 1e3);
+  o.noise_limit = s.number("noise_limit", 1e-9, 1e9);
+  o.rival_chi_squared = s.number("rival", 0, 1e6);
+  o.significance_chi_squared = s.number("significance", 0, 1e9);
+  o.fit_chi_squared_per_residual = s.number("fit", 1e-3, 1e9);
+  o.relative_error_fraction = s.number("relative_error", 0, 1);
+  o.release_time_s = s.number("release_time", 0, 1e4);
+  o.false_alarms_per_hour = s.number("false_alarms_per_hour", 1e-9, 1e6);
+  for (const std::string& kind : kinds) {
+    o.change.push_back(s.number("change_" + kind, 1e-9, 1e3));
+    o.floor.push_back(s.number("floor_" + kind, 1e-12, 1e3));
+  }
+  return o;
+}
+
 SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& spec)
+    : SignatureIsolator(sheet, spec, [](SignatureOptions&) {}) {}
+
+SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& spec,
+                                     const std::function<void(SignatureOptions&)>& adjust)
     : model_(make_balance_model(spec.settings.word("model"), sheet, spec.settings)),
       feature_names_(model_->features()),
       residual_names_(model_->residuals()),
       residual_channels_(model_->residual_channels()),
       hypotheses_(model_->hypotheses()),
       arming_(spec.settings),
-      period_(sheet.sample_period) {
-  const Settings& s = spec.settings;
+      period_(sheet.sample_period),
+      options_(read_signature_options(spec.settings, model_->residual_kinds(), sheet.sample_period)) {
+  adjust(options_);
   feature_noise_ = model_->feature_noise();
-  learn_ = s.number("learn", 10 * period_, 1e4);
-  window_ = s.number("window", 10 * period_, 60);
-  confirm_ = static_cast<std::uint32_t>(s.number("confirm", 1, 1e4));
-  patience_ = s.number("patience", 0, 1e3);
-  noise_limit_ = s.number("noise_limit", 1e-9, 1e9);
-  rival_ = s.number("rival", 0, 1e6);
-  significance_ = s.number("significance", 0, 1e9);
-  fit_ = s.number("fit", 1e-3, 1e9);
-  relative_error_ = s.number("relative_error", 0, 1);
-  release_time_ = s.number("release_time", 0, 1e4);
   const std::size_t n = residual_names_.size(), f = feature_names_.size();
-  samples_between_alarms_ = static_cast<double>(n) * kHour / period_ / s.number("false_alarms_per_hour", 1e-9, 1e6);
-  for (const std::string& kind : model_->residual_kinds()) {
-    change_.push_back(s.number("change_" + kind, 1e-9, 1e3));
-    floor_.push_back(s.number("floor_" + kind, 1e-12, 1e3));
-  }
-  capacity_ = static_cast<std::size_t>(window_ / period_) + 2;
+  samples_between_alarms_ = static_cast<double>(n) * kHour / period_ / options_.false_alarms_per_hour;
+  capacity_ = static_cast<std::size_t>(options_.window_s / period_) + 2;
   ring_.assign(capacity_ * f, 0);
   at_.resize(f);
   for (auto* v : {&features_, &sum_, &mean_, &window_mean_}) v->assign(f, 0);
@@ -110,7 +109,7 @@ void SignatureIsolator::forget_window() {
 void SignatureIsolator::learn() {
   for (std::size_t i = 0; i < sum_.size(); ++i) sum_[i] += features_[i];
   learn_count_ += 1;
-  if (learn_count_ * period_ < learn_) return;
+  if (learn_count_ * period_ < options_.learn_s) return;
   for (double& sum : sum_) sum /= learn_count_;
   set_reference(sum_);
   forget_window();
@@ -129,14 +128,14 @@ void SignatureIsolator::set_thresholds() {
   }
   model_->errors(features_.data(), sum_.data(), error_.data());
   for (std::size_t i = 0; i < noise_.size(); ++i) {
-    noise_[i] = std::max(std::sqrt(noise_[i]), 1e-9);
-    useless_[i] = noise_[i] > noise_limit_;
-    const double allowance = 0.5 * change_[i] + kErrors * error_[i];
+    noise_[i] = std::max(std::sqrt(noise_[i]), kLeastNoise);
+    useless_[i] = noise_[i] > options_.noise_limit;
+    const double allowance = 0.5 * options_.change[i] + options_.balance_error_sigma * error_[i];
     tests_[i].allowance = allowance;
     if (useless_[i]) continue;
     // However quiet a residual is, one sample beyond its change is not yet an event.
     tests_[i].threshold =
-        std::max(change_[i], noise_[i] * siegmund_threshold(allowance / noise_[i], samples_between_alarms_));
+        std::max(options_.change[i], noise_[i] * siegmund_threshold(allowance / noise_[i], samples_between_alarms_));
   }
 }
 
@@ -183,7 +182,7 @@ void SignatureIsolator::match(std::size_t h) {
   Match& m = matches_[h];
   m.size = 0;
   m.chi2 = weighed(h, 0);
-  for (int pass = 0; pass < 3; ++pass) {
+  for (std::size_t step = 0; step < options_.size_steps; ++step) {
     const std::size_t n = tried_.size();
     model_->residuals(mean_.data(), reference_.data(), static_cast<int>(h), m.size + hypothesis.unit, ahead_.data());
     double slope = 0, square = 0;
@@ -205,14 +204,13 @@ void SignatureIsolator::match(std::size_t h) {
 
 void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, Finding& finding) {
   const std::size_t f = features_.size();
-  const std::size_t n = std::min<std::size_t>(std::max<std::uint32_t>(age_, 1), filled_);
+  const std::size_t n = std::min(std::max<std::size_t>(age_, 1), filled_);
   const std::size_t tail = (head_ + capacity_ - n) % capacity_;
   for (std::size_t i = 0; i < f; ++i) mean_[i] = (ring_[head_ * f + i] - ring_[tail * f + i]) / static_cast<double>(n);
   for (std::size_t i = 0; i < weight_.size(); ++i)
-    weight_[i] =
-        masked_[i]
-            ? 0
-            : 1 / (noise_[i] * noise_[i] / static_cast<double>(n) + floor_[i] * floor_[i] + error_[i] * error_[i]);
+    weight_[i] = masked_[i] ? 0
+                            : 1 / (noise_[i] * noise_[i] / static_cast<double>(n) +
+                                   options_.floor[i] * options_.floor[i] + error_[i] * error_[i]);
   unexplained_ = weighed(0, 0);
   for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
     matches_[h].tried = true;
@@ -227,8 +225,10 @@ void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, 
       const double rise = hypotheses_[h].rise;
       if (rise < 0) continue;
       // What a step of it would have shown in the first moments.
-      const double share = rise == 0 ? 1 : 1 - rise / kEarly * (1 - std::exp(-kEarly / rise));
-      if (std::abs(course_ - share) > kCourseMiss) matches_[h].chi2 += kCourseCost;
+      const double early = options_.early_s;
+      const double expected = rise == 0 ? 1 : 1 - rise / early * (1 - std::exp(-early / rise));
+      if (std::abs(course_ - expected) > options_.course_miss_fraction)
+        matches_[h].chi2 += options_.course_cost_chi_squared;
     }
   tell(time, finding);
 }
@@ -244,9 +244,10 @@ double SignatureIsolator::window_residual(std::size_t row, std::size_t from, std
 
 void SignatureIsolator::judge_course() {
   // Judged once an event, while the window still reaches back to its beginning.
-  const std::size_t age = age_, early = static_cast<std::size_t>(kEarly / period_);
-  const std::size_t plateau = static_cast<std::size_t>(kPlateau / period_);
-  if (course_ >= 0 || age > filled_ || static_cast<double>(age) < kCourseAge * window_ / period_ ||
+  const std::size_t age = age_, early = static_cast<std::size_t>(options_.early_s / period_);
+  const std::size_t plateau = static_cast<std::size_t>(options_.plateau_s / period_);
+  if (course_ >= 0 || age > filled_ ||
+      static_cast<double>(age) < options_.course_age_fraction * options_.window_s / period_ ||
       age < early + 2 * plateau)
     return;
   weighed(0, 0);
@@ -256,9 +257,10 @@ void SignatureIsolator::judge_course() {
   const double last = window_residual(row, plateau, 0);
   const double middle = window_residual(row, age / 2 + plateau / 2, age / 2 - plateau / 2);
   const double first = window_residual(row, age, age - early);
-  course_ = std::abs(last - middle) < 0.15 * std::abs(last) ? std::clamp(first / last, 0.0, 2.0) : 0.0;
-  course_known_ = std::abs(last - middle) < 0.15 * std::abs(last) &&
-                  noise_[row] / std::sqrt(kEarly / period_) < 0.1 * std::abs(last);
+  const bool steady = std::abs(last - middle) < options_.plateau_change_fraction * std::abs(last);
+  course_ = steady ? std::clamp(first / last, 0.0, 2.0) : 0.0;
+  course_known_ =
+      steady && noise_[row] / std::sqrt(options_.early_s / period_) < options_.early_noise_fraction * std::abs(last);
 }
 
 void SignatureIsolator::tell(double time, Finding& finding) {
@@ -266,21 +268,21 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   for (std::size_t h = 0; h < matches_.size(); ++h)
     if (matches_[h].tried && (best == hypotheses_.size() || matches_[h].chi2 < matches_[best].chi2 - 1e-9)) best = h;
   if (best == hypotheses_.size()) return;
-  if (!finding.active && unexplained_ - matches_[best].chi2 < significance_) return;
+  if (!finding.active && unexplained_ - matches_[best].chi2 < options_.significance_chi_squared) return;
   std::size_t rivals = 0;
   double total = 0;
   for (std::size_t h = 0; h < matches_.size(); ++h) {
     if (!matches_[h].tried || matches_[h].size == 0) continue;
     const double behind = matches_[h].chi2 - matches_[best].chi2;
     total += std::exp(-0.5 * behind);
-    rivals += h != best && behind < rival_;
+    rivals += h != best && behind < options_.rival_chi_squared;
   }
-  const double age = age_ * period_;
-  if (!finding.active && rivals >= kFewRivals && age < patience_) return;
+  const double age = static_cast<double>(age_) * period_;
+  if (!finding.active && rivals >= options_.few_rivals && age < options_.patience_s) return;
 
   const Hypothesis& h = hypotheses_[best];
   const Match& m = matches_[best];
-  const bool known = m.chi2 < fit_ * static_cast<double>(tried_.size()) && m.size != 0;
+  const bool known = m.chi2 < options_.fit_chi_squared_per_residual * static_cast<double>(tried_.size()) && m.size != 0;
   if (named_ != static_cast<int>(best)) slope_n_ = slope_t_ = slope_tt_ = slope_a_ = slope_ta_ = slope_aa_ = 0;
   named_ = known ? static_cast<int>(best) : -1;
   finding.active = true;
@@ -299,7 +301,7 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   finding.effect = h.effect;
   finding.port = h.port;
   finding.text = h.text;
-  if (rivals > kMostRivals) {
+  if (rivals > options_.most_rivals) {
     finding.kind = AlarmKind::unknown;
     finding.effect = finding.port = "";
     finding.text =
@@ -309,7 +311,8 @@ void SignatureIsolator::tell(double time, Finding& finding) {
     return;
   }
   for (std::size_t other = 0; other < matches_.size(); ++other)
-    if (other != best && matches_[other].tried && matches_[other].size != 0 && matches_[other].chi2 - m.chi2 < rival_) {
+    if (other != best && matches_[other].tried && matches_[other].size != 0 &&
+        matches_[other].chi2 - m.chi2 < options_.rival_chi_squared) {
       finding.equivalent.push_back(fmt::format("{}@{}", hypotheses_[other].effect, hypotheses_[other].port));
       if (hypotheses_[other].kind == AlarmKind::fault) finding.kind = AlarmKind::fault;
     }
@@ -317,7 +320,7 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   finding.has_size = true;
   finding.size_name = h.size_name;
   finding.size_unit = h.size_unit;
-  const double std = std::sqrt(m.variance + std::pow(relative_error_ * m.size, 2));
+  const double std = std::sqrt(m.variance + std::pow(options_.relative_error_fraction * m.size, 2));
   finding.none = h.shown_from;
   finding.size = h.shown_from + m.size;
   finding.low = finding.size - kNinetyPercent * std;
@@ -343,10 +346,11 @@ void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double var
     shown_ += shown - shown_first_;
     shown_square_ += (shown - shown_first_) * (shown - shown_first_);
   }
-  if (t < kDriftAge || slope_n_ < 10) return;
+  if (t < options_.drift_age_s || slope_n_ < static_cast<double>(options_.drift_least_evaluations)) return;
   const double sizes = slope_aa_ / slope_n_ - std::pow(slope_a_ / slope_n_, 2);
-  if (h.feature >= 0 && sizes > kMoved * kMoved * variance &&
-      shown_square_ / slope_n_ - std::pow(shown_ / slope_n_, 2) < kStill * kStill * sizes) {
+  const double moved = options_.stuck_scatter_sigma, still = options_.stuck_reading_fraction;
+  if (h.feature >= 0 && sizes > moved * moved * variance &&
+      shown_square_ / slope_n_ - std::pow(shown_ / slope_n_, 2) < still * still * sizes) {
     // Nothing else explains a reading that does not move.
     finding.kind = AlarmKind::sensor;
     finding.effect = "stuck";
@@ -357,17 +361,17 @@ void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double var
   }
   const double tt = slope_tt_ - slope_t_ * slope_t_ / slope_n_, aa = slope_aa_ - slope_a_ * slope_a_ / slope_n_;
   const double ta = slope_ta_ - slope_t_ * slope_a_ / slope_n_;
-  if (!(tt > 0) || !(aa > 0) || std::abs(ta) < kStraight * std::sqrt(tt * aa)) return;
+  if (!(tt > 0) || !(aa > 0) || std::abs(ta) < options_.straight_correlation * std::sqrt(tt * aa)) return;
   const double rate = ta / tt;
   // A step whose window is only filling also rises: a drift goes on by most of what it has become.
-  if (std::abs(rate) * t < 0.5 * std::abs(a)) return;
+  if (std::abs(rate) * t < options_.drift_size_fraction * std::abs(a)) return;
   const double spread = std::sqrt(std::max(0.0, aa - ta * ta / tt) / std::max(slope_n_ - 2, 1.0) / tt);
   finding.effect = "drift";
   finding.size_name = "rate";
   finding.size_unit = h.drift_unit;
   finding.none = 0;
   finding.size = rate;
-  const double std = std::sqrt(spread * spread + std::pow(relative_error_ * rate, 2));
+  const double std = std::sqrt(spread * spread + std::pow(options_.relative_error_fraction * rate, 2));
   finding.low = rate - kNinetyPercent * std;
   finding.high = rate + kNinetyPercent * std;
   for (std::string& other : finding.equivalent)
@@ -414,19 +418,21 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
     event_ = true;
     course_ = -1;
     course_known_ = false;
-    onset_ = estimate.time - age_ * period_;
+    onset_ = estimate.time - static_cast<double>(age_) * period_;
     raised_from_ = estimate.time;
   } else {
     ++age_;
-    if (estimate.time - last_beyond_ > (finding.active ? release_time_ : 0)) {
+    if (estimate.time - last_beyond_ > (finding.active ? options_.release_time_s : 0)) {
       event_ = false;
       named_ = -1;
       finding = Finding();
       return;
     }
   }
-  const bool due = finding.active ? age_ % kEvery == 0 : age_ == confirm_ || (age_ > confirm_ && age_ % kEvery == 0);
-  if (beyond && (due || (!finding.active && age_ > confirm_ && estimate.time == raised_from_)))
+  const std::size_t confirm = options_.confirm_samples;
+  const bool turn = age_ % options_.every_samples == 0;
+  const bool due = finding.active ? turn : age_ == confirm || (age_ > confirm && turn);
+  if (beyond && (due || (!finding.active && age_ > confirm && estimate.time == raised_from_)))
     evaluate(estimate.time, doubted, finding);
 }
 

@@ -11,29 +11,34 @@
 //    floor_i stands for what the balances themselves get wrong, error_i for what more of it a change of operating point brings. The least chi2_h names the fault; all within `rival` of it are
 //    told as equivalent; a least chi2_h above `fit` per residual is an unknown fault.
 // 4. Rivals that only the speed of their step tells apart (a warmed wall acts through the water's heat capacity, a thermocouple's offset
-//    at once): half a window after the beginning, the first 20 ms of the residual concerned are held against its plateau.
+//    at once): once the window is nearly full, the first moments of the residual concerned are held against its plateau.
 // 5. A sensor's offset that grows in proportion to the time since the beginning is a drift; one that makes up for every change, so that
 //    the sensor itself shows none, means that it is stuck.
-// The finding is given at `confirm` samples if at most three hypotheses are left, else at `patience` s, and then as unknown if
-// there are still more than six; not at all while nothing fits better than "no change" by `significance`. It is sharpened as samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its threshold.
+// The finding is given at `confirm` samples if few hypotheses are left, else at `patience` s, and then as unknown if
+// there are still many; not at all while nothing fits better than "no change" by `significance`. It is sharpened as samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its threshold.
 // One fault at a time: two at once are named as the one that fits best, or as unknown. A fault that is there from the start is
 // learnt as normal, unless a reference learnt before is restored.
-// Settings: stage, model, armed_by, armed_above, learn, false_alarms_per_hour, noise_limit, window, confirm, patience, rival,
+// Settings (signature_options.h): stage, model, armed_by, armed_above, learn, false_alarms_per_hour, noise_limit, window, confirm, patience, rival,
 // significance, fit, relative_error (of a size, from tolerances), release_time; change_KIND and floor_KIND for each kind of residual of the model.
 #pragma once
 
 #include <cstddef>
+#include <functional>
 
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/cusum.h"
 #include "faultline/isolation/balance_model.h"
 #include "faultline/isolation/isolator.h"
+#include "faultline/isolation/signature_options.h"
 
 namespace faultline {
 
 class SignatureIsolator : public Isolator {
  public:
   SignatureIsolator(const Datasheet& sheet, const StageSpec& spec);
+  // With other options than the datasheet's, for studies: `adjust` changes what was read.
+  SignatureIsolator(const Datasheet& sheet, const StageSpec& spec,
+                    const std::function<void(SignatureOptions&)>& adjust);
 
   void reset() override;
   void process(const Estimate& estimate, const std::vector<bool>& doubted, Finding& finding) override;
@@ -65,10 +70,9 @@ class SignatureIsolator : public Isolator {
   std::vector<std::vector<int>> residual_channels_;
   std::vector<Hypothesis> hypotheses_;
   Arming arming_;
-  double period_, learn_, samples_between_alarms_, window_, patience_, noise_limit_, rival_, significance_, fit_,
-      relative_error_, release_time_;
-  std::uint32_t confirm_;
-  std::vector<double> change_, floor_;
+  double period_;
+  SignatureOptions options_;
+  double samples_between_alarms_;
 
   bool started_ = false, learnt_ = false, armed_ = false, event_ = false;
   std::vector<std::size_t> at_;
@@ -79,7 +83,7 @@ class SignatureIsolator : public Isolator {
   std::vector<double> ring_;            // running sums of the features, capacity_ rows
   std::size_t capacity_, head_ = 0, filled_ = 0;
   double learn_count_ = 0, onset_ = 0, raised_from_ = 0, last_beyond_ = 0;
-  std::uint32_t age_ = 0;  // samples since the event began
+  std::size_t age_ = 0;  // samples since the event began
   std::vector<double> mean_, window_mean_, weight_, tried_, ahead_;
   std::vector<Match> matches_;
   int named_ = -1;

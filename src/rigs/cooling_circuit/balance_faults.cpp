@@ -89,6 +89,7 @@ class CoolingCircuit : public BalanceModel {
       feature_noise_.insert(feature_noise_.end(),
                             {noise(b.inlet), noise(b.outlet), noise(b.flow), noise(b.cold), noise(b.warm), 0});
     feature_noise_.insert(feature_noise_.end(), {noise(supply_), 0});
+    for (auto* per_branch : {&feed_flow_, &feed_open_, &feed_pressure_}) per_branch->assign(branches_.size(), 0);
     make_hypotheses();
   }
 
@@ -385,7 +386,7 @@ class CoolingCircuit : public BalanceModel {
   std::vector<Case> cases_;
   double density_, drain_pressure_, drain_pressure_error_, feed_error_ = 0;
   int supply_;
-  mutable double feed_flow_[16] = {}, feed_open_[16] = {}, feed_pressure_[16] = {};
+  mutable std::vector<double> feed_flow_, feed_open_, feed_pressure_;  // of residuals(), per branch
 };
 
 FAULTLINE_BALANCE_MODEL(cooling_circuit, {"cooling_circuit", make_balance_model_of<CoolingCircuit>});
