@@ -11,7 +11,7 @@
 #include "cli/load_recording.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
-#include "faultline/estimators/fault_responses.h"
+#include "faultline/estimators/response_core.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -29,19 +29,7 @@ struct Options {
 };
 
 ResponseSettings settings_of(const Datasheet& sheet) {
-  ResponseSettings settings;
-  for (const StageSpec& stage : sheet.estimators)
-    if (stage.type == "fault_response") {
-      settings.segment =
-          static_cast<std::size_t>(stage.settings.number_or("segment", static_cast<double>(settings.segment), 20, 1e5));
-      settings.segments = static_cast<std::size_t>(
-          stage.settings.number_or("segments", static_cast<double>(settings.segments), 1, 1000));
-      settings.inflation = stage.settings.number_or("inflation", settings.inflation, 1, 1e6);
-      settings.threshold = stage.settings.number_or("threshold", settings.threshold, 1e-6, 1e9);
-      settings.recent =
-          static_cast<std::size_t>(stage.settings.number_or("recent", static_cast<double>(settings.recent), 1, 1000));
-      settings.every = stage.settings.number_or("every", settings.every, 1e-6, 1e6);
-    }
+  ResponseSettings settings = response_settings(sheet);
   settings.memory = kAllStretches;
   settings.jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   return settings;
@@ -50,8 +38,8 @@ ResponseSettings settings_of(const Datasheet& sheet) {
 void run(const Options& options) {
   const LoadedRecording loaded = load_recording(options.run, options.rig, options.config);
   print_remarks("isolability", loaded.remarks);
-  FaultResponses responses(loaded.sheet, settings_of(loaded.sheet));
   const ResponseSettings settings = settings_of(loaded.sheet);
+  FaultResponses responses(loaded.sheet, settings);
   std::size_t stretches = 0;
   for (std::size_t k = 0; k < loaded.recording.rows(); ++k) {
     if (k % kInterruptEvery == 0) check_interrupt();

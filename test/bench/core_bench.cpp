@@ -117,7 +117,7 @@ void detector(benchmark::State& state, const std::string& name) {
   for (std::size_t k = 0; k < samples().size(); ++k) estimator.process(samples()[k], estimates[k]);
   for (const StageSpec& spec : servo().detectors) {
     if (spec.name != name) continue;
-    const auto made = make_detector(spec);
+    const auto made = make_detector(servo(), spec);
     Detection detection;
     measure(state, [&](std::size_t k) { made->process(estimates[k], detection); });
   }

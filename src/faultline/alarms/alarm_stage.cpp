@@ -72,7 +72,7 @@ AlarmStage::AlarmStage(const Datasheet& sheet)
           w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(port.channel)));
     for (const std::string& channel : split(spec.settings.word_or("doubts", "")))
       w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
-    w.detector = make_detector(spec);
+    w.detector = make_detector(sheet_, spec);
     spec.settings.check_used();
     watched_.push_back(std::move(w));
   }

@@ -13,9 +13,7 @@ EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
     : name_(spec.name), channels_(sheet.channels), period_(sheet.sample_period) {
   gap_ = spec.settings.number_or("gap", 0.1, period_, 1e6);
   jump_ = spec.settings.number_or("jump", 0.1, 0, 1e6);
-  core_ = is_least_squares(spec.type)    ? make_relation_core(sheet, spec)
-          : is_fault_response(spec.type) ? make_response_core(sheet, spec)
-                                         : make_filter_core(sheet, spec);
+  estimator_ = estimator_type(spec).make(sheet, spec);
   spec.settings.check_used();
   held_.assign(channels_.size(), 0);
 }
@@ -26,7 +24,7 @@ void EstimatorStage::reset() {
 }
 
 void EstimatorStage::begin(const Sample& sample) {
-  core_->begin(held_.data());
+  estimator_->begin(held_.data());
   running_ = true;
   last_time_ = sample.time;
   ++counts_.restarts;
@@ -65,17 +63,16 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
     // Lost samples: the model runs on in steps of the sample period with the last commands held.
     const int steps = std::max(1, static_cast<int>(std::lround(dt / period_)));
     last_time_ = sample.time;
-    restart = !core_->advance(held_.data(), estimate.channel_status.data(), dt, steps);
+    restart = !estimator_->advance(held_.data(), estimate.channel_status.data(), dt, steps);
     if (restart) begin(sample);
   }
 
   ++counts_.used;
-  news_ = restart || core_->news();
-  if (!news_) return true;
+  news_ = restart || estimator_->news();
   estimate.time = sample.time;
   estimate.sequence = sample.sequence;
   estimate.restarted = restart;
-  core_->write(held_.data(), restart, estimate);
+  if (news_) estimator_->write(held_.data(), restart, estimate);
   return true;
 }
 

@@ -3,14 +3,6 @@
 #include <stdexcept>
 
 namespace faultline {
-namespace {
-
-std::vector<RigType>& registry() {
-  static std::vector<RigType> types;
-  return types;
-}
-
-}  // namespace
 
 const std::vector<std::pair<int, int>>& Rig::jacobian_entries() const {
   throw std::logic_error("a stiff rig must have a Jacobian");
@@ -18,19 +10,6 @@ const std::vector<std::pair<int, int>>& Rig::jacobian_entries() const {
 
 void Rig::jacobian(double, const double*, const double*, double*, double*, double*) {
   throw std::logic_error("a stiff rig must have a Jacobian");
-}
-
-const std::vector<RigType>& rig_types() { return registry(); }
-
-const RigType* find_rig_type(const std::string& name) {
-  for (const auto& type : registry())
-    if (type.name == name) return &type;
-  return nullptr;
-}
-
-bool register_rig(RigType type) {
-  registry().push_back(std::move(type));
-  return true;
 }
 
 }  // namespace faultline
