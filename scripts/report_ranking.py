@@ -6,7 +6,7 @@ import warnings
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 import report_pictures as base
 from report_units import Scale, show, words
@@ -15,6 +15,19 @@ ROWS = 6  # causes that are shown, each in a strip of its own
 SOFT, OTHER, BEHIND = "#5a646e", "#1f5f99", "#e4e8ec"
 LEAST_EVIDENCE = 1.0  # what is less is drawn as this, for the logarithm
 NUMBERED = 45  # judgements, up to which there is room for the ranks
+MOST = 300  # judgements that are drawn
+
+
+def fewer(judgements, end, most=MOST):
+    """Of a long run, the judgement of most evidence in each of `most` equal stretches: a fault that was there for short is not lost."""
+    if len(judgements) <= most:
+        return judgements
+    kept = {}
+    for judgement in judgements:
+        slot = min(most - 1, int(most * judgement["time"] / end))
+        if slot not in kept or (judgement["evidence"] or 0.0) > (kept[slot]["evidence"] or 0.0):
+            kept[slot] = judgement
+    return [kept[slot] for slot in sorted(kept)]
 
 
 def cause_name(hypothesis):
@@ -27,30 +40,31 @@ def spans(judgements, end):
     return [(judgement, times[i], max(times[i], times[i + 1])) for i, judgement in enumerate(judgements)]
 
 
-def leading(judgements, which, most=ROWS):
-    """Causes, the one that leads longest first; each by its best rank, how often it has that, and its evidence."""
+def share_of(hypothesis, ranked):
+    """Its evidence over the leader's, 0 to 1."""
+    best, own = ranked[0]["evidence"], hypothesis["evidence"]
+    return min(1.0, max(0.0, own / best)) if best and own else 0.0
+
+
+def leading(judgements, which, first=(), most=ROWS):
+    """Causes by how much of the leader's evidence they have over the run, those of `first` before all; and how many more there are."""
     weight = {}
     for judgement in judgements:
-        for rank, hypothesis in enumerate(judgement[which]):
-            best = judgement[which][0]["evidence"]
-            weight.setdefault(cause_name(hypothesis), []).append((rank, hypothesis["evidence"] / best if best else 0.0))
-
-    def order(cause):
-        ranks = [rank for rank, _ in weight[cause]]
-        return -ranks.count(0), -sum(share for _, share in weight[cause])
-
-    return sorted(weight, key=order)[:most], max(0, len(weight) - most)
+        for hypothesis in judgement[which]:
+            name = cause_name(hypothesis)
+            weight[name] = weight.get(name, 0.0) + share_of(hypothesis, judgement[which])
+    order = sorted(weight, key=lambda name: (list(first).index(name) if name in first else len(first), -weight[name]))
+    return order[:most], max(0, len(order) - most)
 
 
-def named_cause(judgements, alarms):
-    """The cause whose size is told: what an alarm names, else what leads longest; None while nothing is wrong."""
-    ranked = {cause_name(h) for judgement in judgements for h in judgement["first"]}
-    named = [alarm for alarm in alarms if "{}@{}".format(alarm.get("effect"), alarm.get("port")) in ranked]
-    if named:
-        longest = max(named, key=lambda alarm: alarm["until"] - alarm["since"])
-        return longest["effect"] + "@" + longest["port"]
-    causes, _ = leading(judgements, "first", 1)
-    return causes[0] if causes else None
+def named(judgements, alarms, which):
+    """What the longest alarm of a cause of this ranking names, then what it says cannot be told from it; empty: no alarm names one."""
+    ranked = {cause_name(h) for judgement in judgements for h in judgement[which]}
+    naming = [alarm for alarm in alarms if "{}@{}".format(alarm.get("effect"), alarm.get("port")) in ranked]
+    if not naming:
+        return []
+    longest = max(naming, key=lambda alarm: alarm["until"] - alarm["since"])
+    return [longest["effect"] + "@" + longest["port"]] + list(longest.get("equivalent") or [])
 
 
 def sizes_of(judgements, cause, end):
@@ -82,19 +96,23 @@ def _evidence(axis, judgements, end, threshold):
               color=base.KIND_COLOURS["fault"], fontsize=8.5, va="bottom", zorder=5)
     axis.yaxis.set_major_locator(LogLocator(numticks=8))
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "{:g}".format(value)))
-    axis.yaxis.set_minor_formatter(NullFormatter())
+    axis.minorticks_off()
     axis.set_ylabel("evidence")
     base._title(axis, "Is something wrong? Evidence of the best cause, as judged so far")
 
 
-def _strips(axis, judgements, which, causes, left_out, sheet, end, title):
-    """One strip per cause: dark where it leads, paler the less of the leader's evidence it has; its rank where there is room."""
+def _strips(axis, judgements, which, causes, told, left_out, sheet, end, title):
+    """One strip per cause, the paler the less of the leader's evidence it has, with its rank where there is room."""
     numbered = len(judgements) <= NUMBERED
     for row, cause in enumerate(causes):
         effect, port = cause.split("@", 1)
         component = sheet.component(port)
-        axis.text(0, row - 0.31, words(effect) + (", " + component if component else ""), fontsize=9, fontweight="bold",
-                  color="#20272e", va="center")
+        remark = "named" if told[:1] == [cause] else "cannot be told from it" if cause in told else ""
+        axis.annotate(words(effect) + (", " + component if component else ""), (0, row - 0.31), fontsize=9, fontweight="bold",
+                      color="#20272e", va="center", annotation_clip=False)
+        if remark:
+            axis.text(0.5 * end, row - 0.31, remark, fontsize=8.5, va="center",
+                      color=colour_of(judgements, which, cause) if remark == "named" else OTHER)
         axis.text(end, row - 0.31, cause, fontsize=8.2, color=SOFT, va="center", ha="right", family="monospace")
         axis.barh(row + 0.14, end, height=0.42, color=BEHIND, alpha=0.35, linewidth=0, zorder=1)
         for judgement, begin, until in spans(judgements, end):
@@ -102,9 +120,8 @@ def _strips(axis, judgements, which, causes, left_out, sheet, end, title):
             rank = next((k for k, h in enumerate(ranked) if cause_name(h) == cause), None)
             if rank is None:
                 continue
-            share = max(0.0, min(1.0, ranked[rank]["evidence"] / ranked[0]["evidence"])) if ranked[0]["evidence"] else 0.0
-            colour = base.KIND_COLOURS.get(ranked[rank]["kind"], OTHER) if rank == 0 else OTHER
-            alpha = 0.92 if rank == 0 else 0.08 + 0.6 * share**2
+            colour = base.KIND_COLOURS.get(ranked[rank]["kind"], OTHER) if told[:1] == [cause] else OTHER
+            alpha = 0.06 + (0.86 if told[:1] == [cause] else 0.62) * share_of(ranked[rank], ranked) ** 2
             axis.barh(row + 0.14, until - begin, left=begin, height=0.42, color=colour, alpha=alpha, linewidth=0, zorder=2)
             if numbered and until - begin > 0.012 * end:
                 axis.text(0.5 * (begin + until), row + 0.15, str(rank + 1), fontsize=7.6, ha="center", va="center",
@@ -115,10 +132,15 @@ def _strips(axis, judgements, which, causes, left_out, sheet, end, title):
     axis.grid(False)
     base._title(axis, title)
     if left_out:
-        base._remark(axis, "{} more that never came close are left out".format(left_out))
+        axis.set_title("and {} more".format(left_out), loc="right", pad=6, fontsize=8.5, fontweight="normal", color=SOFT)
 
 
-def _size(axis, rows, name, unit, cause):
+def colour_of(judgements, which, cause):
+    kinds = [h["kind"] for judgement in judgements for h in judgement[which] if cause_name(h) == cause]
+    return base.KIND_COLOURS.get(kinds[-1] if kinds else "", OTHER)
+
+
+def _size(axis, rows, name, unit, cause, colour):
     scale = Scale(unit)
     begin, until = rows[:, 0], rows[:, 1]
     value, low, high = (scale.factor * rows[:, column] + scale.shift for column in (2, 3, 4))
@@ -126,13 +148,14 @@ def _size(axis, rows, name, unit, cause):
     power = int(np.floor(np.log10(largest))) if largest > 0 else 0
     power = power if not -4 <= power < 5 else 0
     value, low, high = (part / 10.0**power for part in (value, low, high))
-    colour = base.KIND_COLOURS["fault"]
     for k in range(len(rows)):
         axis.fill_between([begin[k], until[k]], low[k], high[k], color=colour, alpha=0.2, linewidth=0, zorder=2)
         axis.plot([begin[k], until[k]], [value[k]] * 2, color=colour, linewidth=1.6, zorder=4)
-    # Early intervals may be wide: what came after the first quarter sets the scale, and the values all of it.
+    # An interval may be wide at first: what came after the first quarter sets the scale, and the values all of it.
     late = slice(len(rows) // 4, None)
-    base._limits(axis, [value, low[late], high[late], np.zeros(1)])
+    least, most = min(0.0, value.min(), low[late].min()), max(0.0, value.max(), high[late].max())
+    room = 0.1 * (most - least) or 1.0
+    axis.set_ylim(least - (room if least < 0 else 0), most + room)
     axis.set_ylabel(base.raised(power) + scale.unit)
     effect = words(cause.partition("@")[0])
     base._title(axis, "How much? {} of the {}, with its 90 % interval".format(words(name).capitalize(), effect), entries=False)
@@ -142,9 +165,11 @@ def _size(axis, rows, name, unit, cause):
 
 def picture(judgements, sheet, alarms, end, label):
     """Of one stage."""
-    first, first_out = leading(judgements, "first")
-    second, second_out = leading(judgements, "second", 3)
-    cause = named_cause(judgements, alarms)
+    judgements = fewer(judgements, end)
+    told, told_beside = (named(judgements, alarms, which) for which in ("first", "second"))
+    first, first_out = leading(judgements, "first", told)
+    second, second_out = leading(judgements, "second", told_beside, 3)
+    cause = first[0] if first else None
     rows, name, unit = sizes_of(judgements, cause, end) if cause else (np.zeros((0, 5)), "", "")
     strip = 0.44
     heights = [1.15] + [strip * len(causes) + 0.1 for causes in (first, second) if causes] + ([1.25] if len(rows) else [])
@@ -154,12 +179,12 @@ def picture(judgements, sheet, alarms, end, label):
         base._shade(axis, [alarm for alarm in alarms if alarm["kind"] in ("fault", "sensor")])
     _evidence(axes.pop(0), judgements, end, judgements[-1]["threshold"])
     if first:
-        _strips(axes.pop(0), judgements, "first", first, first_out, sheet, end,
-                "What is it? Causes by rank; the paler, the less of the leader's evidence")
+        _strips(axes.pop(0), judgements, "first", first, told, first_out, sheet, end,
+                "What is it? Causes and their rank; the paler, the less of the leader's evidence")
     if second:
-        _strips(axes.pop(0), judgements, "second", second, second_out, sheet, end, "What else is wrong beside the first?")
+        _strips(axes.pop(0), judgements, "second", second, told_beside, second_out, sheet, end, "What else is wrong beside it?")
     if len(rows):
-        _size(axes.pop(0), rows, name, unit, cause)
+        _size(axes.pop(0), rows, name, unit, cause, colour_of(judgements, "first", cause))
     return base._svg(figure, label)
 
 

@@ -45,7 +45,7 @@ class Diagnose(ProgramTest):
         self.assertIn("still there at the end", report["sentence"])
 
     def test_rankings_over_the_run(self):
-        bag = self.simulate("a.bag", "--effect", "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=6.3", duration=14)
+        bag = self.simulate("a.bag", "--effect", "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=6.6", duration=14)
         report = self.report(bag)
         rankings = report["rankings"]
         self.assertEqual([round(judgement["time"], 1) for judgement in rankings], [1.5, 3.5, 5.5, 7.5, 9.5, 11.5, 13.5])

@@ -9,7 +9,7 @@
 namespace faultline {
 namespace {
 
-constexpr double kOnset = 6.3;  // s
+constexpr double kOnset = 6.6;  // s
 constexpr double kLeak = 1.5e-8;
 
 const StageSpec& responses() { return servo().estimators[servo().estimator("responses")]; }
@@ -21,7 +21,7 @@ struct Told {
 
 TEST(ResponseStage, RanksTheLeakOnceItIsThere) {
   SimulationSetup setup = off_nominal("random", 4);
-  setup.effects.push_back(parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=6.3"));
+  setup.effects.push_back(parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=6.6"));
   Simulator simulator(servo(), setup);
   EstimatorStage stage(servo(), responses());
   Estimate estimate;

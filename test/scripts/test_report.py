@@ -178,7 +178,7 @@ class WholeReport(ReportCase):
         drawn = page[page.index("Ranking of causes"):page.index("<h2>Estimates")]
         shown = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", drawn))
         for part in ("threshold 15", "orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b",
-                     "What else is wrong", "viscous_friction@force.piston", "How much?", "last: 1.50 (1.20 to 1.80) 10⁻⁸ m³/(s √Pa)"):
+                     "What else is wrong", "named", "viscous_friction@force.piston", "How much?", "last: 1.50 (1.20 to 1.80) 10⁻⁸ m³/(s √Pa)"):
             self.assertIn(part, shown)
         names = re.findall(r'\bid="([^"]+)"', page)
         self.assertEqual(len(names), len(set(names)))
@@ -281,18 +281,28 @@ class BadInput(ReportCase):
 
 
 class Rankings(unittest.TestCase):
-    def test_causes_in_the_order_of_their_lead(self):
-        causes, left_out = report_ranking.leading(make_rankings(), "first")
-        self.assertEqual(causes, ["orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b"])
-        self.assertEqual(left_out, 0)
-        self.assertEqual(report_ranking.leading(make_rankings(), "first", 1), (causes[:1], 1))
+    LEAK, LAMINAR = "orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b"
 
-    def test_the_named_cause_is_the_alarms(self):
-        rankings = make_rankings()
-        alarm = {"effect": "laminar_leakage", "port": "flow.chamber_a_chamber_b", "since": 10, "until": 20}
-        self.assertEqual(report_ranking.named_cause(rankings, [alarm]), "laminar_leakage@flow.chamber_a_chamber_b")
-        self.assertEqual(report_ranking.named_cause(rankings, []), "orifice_leakage@flow.chamber_a_chamber_b")
-        self.assertIsNone(report_ranking.named_cause(rankings[:3], []))
+    def test_causes_in_the_order_of_their_evidence(self):
+        self.assertEqual(report_ranking.leading(make_rankings(), "first"), ([self.LEAK, self.LAMINAR], 0))
+        self.assertEqual(report_ranking.leading(make_rankings(), "first", [self.LAMINAR]), ([self.LAMINAR, self.LEAK], 0))
+        self.assertEqual(report_ranking.leading(make_rankings(), "first", most=1), ([self.LEAK], 1))
+
+    def test_what_alarms_name_and_cannot_tell_from_it(self):
+        alarm = {"effect": "laminar_leakage", "port": "flow.chamber_a_chamber_b", "since": 10, "until": 20, "equivalent": [self.LEAK]}
+        other = {"effect": "", "port": "sensor.position", "since": 0, "until": 30}
+        self.assertEqual(report_ranking.named(make_rankings(), [other, alarm], "first"), [self.LAMINAR, self.LEAK])
+        self.assertEqual(report_ranking.named(make_rankings(), [other, alarm], "second"), [])
+        self.assertEqual(report_ranking.named(make_rankings()[:3], [alarm], "first"), [])
+
+    def test_a_short_fault_of_a_long_run_is_kept(self):
+        long = [dict(make_rankings()[0], time=2.0 * k, evidence=1.0) for k in range(5000)]
+        long[1234] = dict(make_rankings()[-1], time=2468.0)
+        kept = report_ranking.fewer(long, 10000.0)
+        self.assertLessEqual(len(kept), report_ranking.MOST)
+        self.assertIn(long[1234], kept)
+        self.assertEqual([judgement["time"] for judgement in kept], sorted(judgement["time"] for judgement in kept))
+        self.assertIs(report_ranking.fewer(long[:300], 600.0)[0], long[0])
 
     def test_a_judgement_stands_until_the_next(self):
         rows, name, unit = report_ranking.sizes_of(make_rankings(), "orifice_leakage@flow.chamber_a_chamber_b", DURATION)
