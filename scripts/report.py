@@ -32,7 +32,17 @@ try:
     import matplotlib
     import numpy
     import report_pictures as pictures
-    from report_data import Datasheet, ReportError, config_folders, datasheet_path, flatten, read_answer, read_series, text_of
+    import report_ranking
+    from report_data import (
+        Datasheet,
+        ReportError,
+        config_folders,
+        datasheet_path,
+        flatten,
+        read_answer,
+        read_series,
+        text_of,
+    )
     from report_units import Scale, decimals_for, show, words
 except ImportError as missing:
     print("faultline report: {}; install python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml".format(missing),
@@ -182,6 +192,7 @@ def render(answer, series, sheet, facts):
                 for name, value in flatten(answer.get("counts") or {})],
         pictures={name: markupsafe.Markup(svg) if svg else None
                   for name, svg in pictures.draw_all(answer, series, sheet, end).items()},
+        rankings=[(stage, markupsafe.Markup(svg)) for stage, svg in report_ranking.draw_all(answer, sheet, end)],
         colours=pictures.KIND_COLOURS, has_truth=any(sheet.ground_truth(name) for name in series.channels()), facts=facts)
 
 

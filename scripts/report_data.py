@@ -141,6 +141,11 @@ def read_answer(path):
         for key in ("since", "until", "raised", "confidence"):
             if not _is_number(alarm.get(key)) and (key == "since" or alarm.get(key) is not None):
                 raise ReportError("{}: alarm {}: key '{}' is not a number; {}".format(path, i, key, remedy))
+    rankings = answer.get("rankings", [])
+    if not isinstance(rankings, list):
+        raise ReportError("{}: key 'rankings' is not a list; {}".format(path, remedy))
+    for i, judgement in enumerate(rankings):
+        _check_judgement(judgement, "{}: ranking {}".format(path, i), remedy)
     return answer
 
 
@@ -148,6 +153,21 @@ def config_folders(here):
     """config/ of the source tree, or of share/faultline in an install space."""
     shares = (os.environ.get("FAULTLINE_SHARE", ""), os.path.dirname(here), os.path.join(here, "..", "..", "share", "faultline"))
     return [os.path.join(share, "config") for share in shares if share]
+
+
+def _check_judgement(judgement, where, remedy):
+    for key, kind in (("stage", str), ("time", (int, float)), ("threshold", (int, float)), ("first", list), ("second", list)):
+        if not isinstance(judgement, dict) or not isinstance(judgement.get(key), kind):
+            raise ReportError("{}: key '{}' is missing or of the wrong kind; {}".format(where, key, remedy))
+    for value in [judgement.get("evidence")] + [h.get("evidence") if isinstance(h, dict) else "" for h in
+                                                judgement["first"] + judgement["second"]]:
+        if value is not None and not _is_number(value):
+            raise ReportError("{}: key 'evidence' is not a number; {}".format(where, remedy))
+    for hypothesis in judgement["first"] + judgement["second"]:
+        size = hypothesis.get("size")
+        if not all(isinstance(hypothesis.get(key), str) for key in ("effect", "port", "kind")) or not isinstance(size, dict) \
+                or not {"name", "value", "unit", "low", "high"} <= set(size):
+            raise ReportError("{}: a hypothesis lacks effect, port, kind or size; {}".format(where, remedy))
 
 
 def datasheet_path(rig, here):

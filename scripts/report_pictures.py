@@ -83,16 +83,21 @@ def _svg(figure, label):
 
 
 def _panels(count, height, end, gap=0.5):
+    return _panels_of([height] * count, end, gap)
+
+
+def _panels_of(heights, end, gap=0.5):
     """A column of panels that share the time axis; sizes in inches, so that all pictures of the page line up."""
     top, bottom, left, right = 0.32, 0.5, LEFT, RIGHT
-    total = top + bottom + count * height + (count - 1) * gap
+    total = top + bottom + sum(heights) + (len(heights) - 1) * gap
     figure = plt.figure(figsize=(WIDTH, total))
     axes = []
-    for i in range(count):
-        low = total - top - (i + 1) * height - i * gap
+    low = total - top + gap
+    for i, height in enumerate(heights):
+        low -= height + gap
         axis = figure.add_axes([left / WIDTH, low / total, (WIDTH - left - right) / WIDTH, height / total])
         axis.set_xlim(0, end)
-        if i < count - 1:
+        if i < len(heights) - 1:
             axis.tick_params(labelbottom=False)
         axes.append(axis)
     axes[-1].set_xlabel("time from the start [s]")
@@ -124,6 +129,11 @@ def _title(axis, text, entries=True):
 
 def _remark(axis, text, colour="#5a646e"):
     axis.text(1.0, 1.05, text, transform=axis.transAxes, ha="right", va="bottom", fontsize=8.5, color=colour)
+
+
+def raised(power):
+    """`10⁻⁸ ` for a label; nothing where there is no power."""
+    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")) + " " if power else ""
 
 
 def chi_square_99(degrees):
@@ -251,8 +261,7 @@ def estimates(series, sheet, alarms, end, label="estimates"):
             axis.plot(at, true, color=TRUTH, linewidth=0.8, zorder=3, alpha=0.85, label="flow meter" if unit == "m^3/s" else "measured")
             parts.append(true)
         _limits(axis, parts)
-        raised = "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")) + " " if power else ""
-        axis.set_ylabel(raised + scale.unit)
+        axis.set_ylabel(raised(power) + scale.unit)
         _title(axis, words(name).capitalize())
     return _svg(figure, label)
 

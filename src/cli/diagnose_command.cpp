@@ -26,6 +26,33 @@ struct Options {
   std::string input, rig, config, json, series, reference, keep_reference;
 };
 
+// One judgement of a stage that ranks causes.
+struct Judgement {
+  double time = 0;  // s, when it was told
+  std::string stage;
+  std::shared_ptr<const Ranking> ranking;
+};
+
+// Every judgement of the run, in the order in which they were told.
+class Judgements {
+ public:
+  explicit Judgements(const Diagnosis& diagnosis) : diagnosis_(diagnosis), last_(diagnosis.estimators()) {}
+  void add() {
+    for (std::size_t i = 0; i < last_.size(); ++i) {
+      const Estimate& estimate = diagnosis_.estimate(i);
+      if (estimate.ranking == last_[i]) continue;
+      last_[i] = estimate.ranking;
+      if (last_[i] && !estimate.restarted) all_.push_back({estimate.time, diagnosis_.estimator(i).name(), last_[i]});
+    }
+  }
+  const std::vector<Judgement>& all() const { return all_; }
+
+ private:
+  const Diagnosis& diagnosis_;
+  std::vector<std::shared_ptr<const Ranking>> last_;
+  std::vector<Judgement> all_;
+};
+
 // s from the recording's start; a double at today's epoch is good to a quarter of a microsecond.
 double rounded(double time) { return std::round(time * 1e6) / 1e6; }
 
@@ -67,7 +94,38 @@ Json alarm_json(const Alarm& alarm, double start) {
   return json;
 }
 
-Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, const Verdict& verdict) {
+Json hypotheses_json(const std::vector<RankedHypothesis>& ranked) {
+  Json json = Json::array();
+  for (const RankedHypothesis& h : ranked) {
+    const SizeInterval sizes = h.sizes(h.std);
+    json.push_back({{"effect", h.effect},
+                    {"port", h.port},
+                    {"kind", to_string(h.kind)},
+                    {"size",
+                     {{"name", h.size_name},
+                      {"value", finite(h.size())},
+                      {"unit", h.size_unit},
+                      {"low", finite(sizes.low)},
+                      {"high", finite(sizes.high)}}},
+                    {"evidence", finite(h.evidence)}});
+  }
+  return json;
+}
+
+Json judgement_json(const Judgement& judgement, double start) {
+  const Ranking& ranking = *judgement.ranking;
+  return {{"stage", judgement.stage},
+          {"time", rounded(judgement.time - start)},
+          {"judged_until", rounded(ranking.judged_until - start)},
+          {"since", ranking.first.empty() ? Json() : Json(rounded(ranking.since - start))},
+          {"threshold", ranking.threshold},
+          {"evidence", finite(ranking.evidence)},
+          {"first", hypotheses_json(ranking.first)},
+          {"second", hypotheses_json(ranking.second)}};
+}
+
+Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, const Verdict& verdict,
+                 const std::vector<Judgement>& judgements) {
   const SampleFindings& found = loaded.findings;
   const EstimatorCounts& used = diagnosis.estimator().counts();
   Json json = {{"rig", loaded.sheet.rig},
@@ -76,6 +134,7 @@ Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, cons
                {"sentence", verdict.sentence},
                {"alarms", Json::array()},
                {"not_observable", Json::array()},
+               {"rankings", Json::array()},
                {"counts",
                 {{"samples", found.samples},
                  {"used", used.used},
@@ -95,6 +154,7 @@ Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, cons
                                       {"port", u.port},
                                       {"seconds", rounded(u.seconds)},
                                       {"at_the_end", u.now}});
+  for (const Judgement& judgement : judgements) json["rankings"].push_back(judgement_json(judgement, loaded.start));
   return json;
 }
 
@@ -141,18 +201,22 @@ void run(const Options& options) {
   std::unique_ptr<Series> series;
   if (!options.series.empty()) series = std::make_unique<Series>(loaded.sheet, diagnosis, recording.rows());
 
+  Judgements judgements(diagnosis);
   Sample sample;
   sample.values.resize(recording.columns());
   for (std::size_t row = 0; row < recording.rows(); ++row) {
     sample.time = recording.time[row];
     sample.sequence = recording.sequence[row];
     std::copy_n(recording.row(row), recording.columns(), sample.values.begin());
-    if (diagnosis.process(sample) && series) series->add(sample.time - loaded.start, sample);
+    if (!diagnosis.process(sample)) continue;
+    judgements.add();
+    if (series) series->add(sample.time - loaded.start, sample);
   }
 
   const Verdict verdict = verdict_of(diagnosis.report(), loaded.start, loaded.end);
   if (series) write_text(options.series, series->csv());
-  if (!options.json.empty()) write_text(options.json, json_text(report_json(loaded, diagnosis, verdict)));
+  if (!options.json.empty())
+    write_text(options.json, json_text(report_json(loaded, diagnosis, verdict, judgements.all())));
   std::vector<std::string> remarks = loaded.remarks;
   if (loaded.findings.backward > 0)
     remarks.push_back(options.input +

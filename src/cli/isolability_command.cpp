@@ -11,7 +11,7 @@
 #include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
-#include "faultline/estimators/fault_responses.h"
+#include "faultline/estimators/response_core.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -28,9 +28,7 @@ struct Options {
 };
 
 ResponseSettings settings_of(const Datasheet& sheet) {
-  ResponseSettings settings;
-  for (const StageSpec& stage : sheet.estimators)
-    if (stage.type == "fault_response") settings = read_response_settings(stage.settings, sheet.sample_period);
+  ResponseSettings settings = response_settings(sheet);
   settings.memory_stretches = kAllStretches;
   settings.jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   return settings;
@@ -39,8 +37,8 @@ ResponseSettings settings_of(const Datasheet& sheet) {
 void run(const Options& options) {
   const LoadedRecording loaded = load_recording(options.run, options.rig, options.config);
   print_remarks("isolability", loaded.remarks);
-  FaultResponses responses(loaded.sheet, settings_of(loaded.sheet));
   const ResponseSettings settings = settings_of(loaded.sheet);
+  FaultResponses responses(loaded.sheet, settings);
   std::size_t stretches = 0;
   for (std::size_t k = 0; k < loaded.recording.rows(); ++k) {
     const double* row = loaded.recording.row(k);

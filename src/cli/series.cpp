@@ -27,8 +27,9 @@ void Series::name_columns() {
   for (std::size_t i = 0; i < diagnosis_.estimators(); ++i) {
     for (const State& state : diagnosis_.estimator(i).states()) text_ += fmt::format(",x.{0},x.{0}.std", state.name);
     for (const Quantity& q : diagnosis_.estimate(i).quantities) text_ += fmt::format(",q.{0},q.{0}.std", q.name);
-    for (const std::string& name : diagnosis_.estimator(i).innovation_names())
-      text_ += fmt::format(",i.{0},i.{0}.std", name);
+    const std::vector<std::string> innovation = diagnosis_.estimator(i).innovation_names();
+    for (const std::string& name : innovation) text_ += fmt::format(",i.{0},i.{0}.std", name);
+    if (innovation.empty()) continue;
     text_ += i == 0 ? ",normalised_innovation" : ",normalised_innovation." + diagnosis_.estimator(i).name();
   }
   text_ += '\n';
@@ -52,7 +53,7 @@ void Series::add(double time, const Sample& sample) {
       values_.push_back(estimate.innovation[i]);
       values_.push_back(estimate.innovation_std[i]);
     }
-    values_.push_back(estimate.normalised_innovation);
+    if (!estimate.innovation.empty()) values_.push_back(estimate.normalised_innovation);
   }
   if (stretch_ == 1) {
     row(time, values_);

@@ -1,7 +1,7 @@
 // The course of a diagnosis as a table of at most 4000 rows, for plots. A longer recording is cut into 2000 stretches and each gives
 // two rows: per column its smallest and its largest value there, in the order in which they came, so that no spike is lost.
 // Columns: t; every channel; x.STATE and x.STATE.std in the model's units; q.QUANTITY and q.QUANTITY.std; i.CHANNEL and i.CHANNEL.std
-// (innovation, model's units); normalised_innovation.
+// (innovation, model's units); normalised_innovation, of stages that have an innovation.
 #pragma once
 
 #include <string>

@@ -9,19 +9,20 @@
 
 #include <CLI/CLI.hpp>
 
+#include "faultline/signal/registry.h"
+
 namespace faultline {
 
 struct Subcommand {
+  static constexpr const char* kKind = "subcommand";
   std::string name;
   std::string meaning;  // one line
   std::string example;  // shown below the options by --help
   std::function<void()> (*add)(CLI::App& app);
 };
 
-const std::vector<Subcommand>& subcommands();  // sorted by name
-bool register_subcommand(Subcommand subcommand);
+inline const std::vector<Subcommand>& subcommands() { return registry<Subcommand>().all(); }  // sorted by name
 
 }  // namespace faultline
 
-#define FAULTLINE_SUBCOMMAND(name, ...) \
-  const bool registered_subcommand_##name = ::faultline::register_subcommand(__VA_ARGS__)
+#define FAULTLINE_SUBCOMMAND(name, ...) FAULTLINE_REGISTER(Subcommand, name, __VA_ARGS__)

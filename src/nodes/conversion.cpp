@@ -56,6 +56,62 @@ Alarm from_message(const faultline_msgs::Alarm& message) {
   return alarm;
 }
 
+faultline_msgs::RankedHypothesis to_message(const RankedHypothesis& hypothesis) {
+  faultline_msgs::RankedHypothesis message;
+  message.effect = hypothesis.effect;
+  message.port = hypothesis.port;
+  message.kind = to_string(hypothesis.kind);
+  message.size_name = hypothesis.size_name;
+  message.size_unit = hypothesis.size_unit;
+  message.order = hypothesis.order;
+  message.none = hypothesis.none;
+  message.full = hypothesis.full;
+  message.lowest = hypothesis.lowest;
+  message.amplitude = hypothesis.amplitude;
+  message.std = hypothesis.std;
+  message.evidence = hypothesis.evidence;
+  return message;
+}
+
+RankedHypothesis from_message(const faultline_msgs::RankedHypothesis& message) {
+  RankedHypothesis hypothesis;
+  hypothesis.effect = message.effect;
+  hypothesis.port = message.port;
+  hypothesis.kind = parse_alarm_kind(message.kind, "ranking message");
+  hypothesis.size_name = message.size_name;
+  hypothesis.size_unit = message.size_unit;
+  hypothesis.order = message.order;
+  hypothesis.none = message.none;
+  hypothesis.full = message.full;
+  hypothesis.lowest = message.lowest;
+  hypothesis.amplitude = message.amplitude;
+  hypothesis.std = message.std;
+  hypothesis.evidence = message.evidence;
+  return hypothesis;
+}
+
+faultline_msgs::Ranking to_message(const Ranking& ranking) {
+  faultline_msgs::Ranking message;
+  message.since = ranking.since;
+  message.judged_until = ranking.judged_until;
+  message.threshold = ranking.threshold;
+  message.evidence = ranking.evidence;
+  for (const RankedHypothesis& hypothesis : ranking.first) message.first.push_back(to_message(hypothesis));
+  for (const RankedHypothesis& hypothesis : ranking.second) message.second.push_back(to_message(hypothesis));
+  return message;
+}
+
+Ranking from_message(const faultline_msgs::Ranking& message) {
+  Ranking ranking;
+  ranking.since = message.since;
+  ranking.judged_until = message.judged_until;
+  ranking.threshold = message.threshold;
+  ranking.evidence = message.evidence;
+  for (const auto& hypothesis : message.first) ranking.first.push_back(from_message(hypothesis));
+  for (const auto& hypothesis : message.second) ranking.second.push_back(from_message(hypothesis));
+  return ranking;
+}
+
 }  // namespace
 
 ros::Time to_stamp(double seconds) {
@@ -152,6 +208,7 @@ faultline_msgs::Estimate to_message(const Estimate& estimate, const EstimateName
     message.quantities[i].value = estimate.quantities[i].value;
     message.quantities[i].std = estimate.quantities[i].std;
   }
+  if (estimate.ranking) message.ranking.push_back(to_message(*estimate.ranking));
   return message;
 }
 
@@ -174,6 +231,10 @@ Estimate from_message(const faultline_msgs::Estimate& message) {
   }
   for (const faultline_msgs::Quantity& quantity : message.quantities)
     estimate.quantities.push_back({quantity.name, quantity.unit, quantity.value, quantity.std});
+  if (message.ranking.size() > 1)
+    throw InputError(fmt::format("an estimate has {} rankings; one or none is allowed", message.ranking.size()));
+  if (!message.ranking.empty())
+    estimate.ranking = std::make_shared<const Ranking>(from_message(message.ranking.front()));
   return estimate;
 }
 

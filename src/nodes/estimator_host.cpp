@@ -1,10 +1,12 @@
 #include "nodes/estimator_host.h"
 
-#include <vector>
+#include <algorithm>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <ros/ros.h>
 
+#include "faultline/alarms/estimate_join.h"
 #include "faultline/signal/error.h"
 #include "nodes/node_main.h"
 
@@ -13,43 +15,47 @@ namespace {
 
 constexpr double kSubscriberWait = 10;  // s
 
-std::vector<StageSpec> find_stages(const Datasheet& sheet, EstimatorFamily family, const std::string& name) {
+// Places among the datasheet's estimators.
+std::vector<std::size_t> find_stages(const Datasheet& sheet, const std::vector<std::string>& families,
+                                     const std::string& name) {
   if (sheet.estimators.empty())
     throw InputError(fmt::format("{}: the datasheet names no estimator; this rig cannot be diagnosed yet", sheet.file));
-  std::vector<StageSpec> found;
+  std::vector<std::size_t> found;
   std::vector<std::string> known;
-  for (const StageSpec& spec : sheet.estimators) {
-    if (is_least_squares(spec.type) != (family == EstimatorFamily::least_squares)) continue;
-    if (name.empty() || spec.name == name) found.push_back(spec);
+  for (std::size_t i = 0; i < sheet.estimators.size(); ++i) {
+    const StageSpec& spec = sheet.estimators[i];
+    if (std::find(families.begin(), families.end(), estimator_type(spec).family) == families.end()) continue;
+    if (name.empty() || spec.name == name) found.push_back(i);
     known.push_back(spec.name);
   }
   if (known.empty())
-    throw InputError(
-        fmt::format("{}: the datasheet names no estimator of this family; leave this node out", sheet.file));
+    throw InputError(fmt::format("{}: the datasheet names no estimator of the family {}; leave this node out",
+                                 sheet.file, fmt::join(families, " or ")));
   if (found.empty())
-    throw InputError(fmt::format("parameter ~stage: {} has no estimator '{}' of this family; there are: {}", sheet.file,
-                                 name, fmt::join(known, ", ")));
+    throw InputError(fmt::format("parameter ~stage: {} has no estimator '{}' of the family {}; there are: {}",
+                                 sheet.file, name, fmt::join(families, " or "), fmt::join(known, ", ")));
   return found;
 }
 
-std::string title(const std::vector<StageSpec>& stages) {
+std::string title(const Datasheet& sheet, const std::vector<std::size_t>& stages) {
   std::vector<std::string> names;
-  for (const StageSpec& spec : stages) names.push_back(spec.name);
+  for (const std::size_t i : stages) names.push_back(sheet.estimators[i].name);
   return fmt::format("{}", fmt::join(names, ", "));
 }
 
 }  // namespace
 
-EstimatorHost::EstimatorHost(const Datasheet& sheet, EstimatorFamily family, const std::string& stage)
+EstimatorHost::EstimatorHost(const Datasheet& sheet, const std::vector<std::string>& families, const std::string& stage)
     : sheet_(sheet),
       private_node_("~"),
       input_(sheet, [this](const Sample& sample) { take(sample); }),
-      health_(sheet.rig, title(find_stages(sheet, family, stage)),
+      health_(sheet.rig, title(sheet, find_stages(sheet, families, stage)),
               [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }) {
-  for (const StageSpec& spec : find_stages(sheet, family, stage)) {
-    EstimatorStage made(sheet, spec);
+  const std::vector<bool> occasional = occasional_stages(sheet);
+  for (const std::size_t i : find_stages(sheet, families, stage)) {
+    EstimatorStage made(sheet, sheet.estimators[i]);
     EstimateNames names = names_of(sheet, made);
-    hosted_.push_back({std::move(made), std::move(names), Estimate(), is_fault_response(spec.type), false});
+    hosted_.push_back({std::move(made), std::move(names), Estimate(), occasional[i], false});
   }
   estimates_ = node_.advertise<faultline_msgs::Estimate>(topic(sheet.rig, "estimate"), kQueue);
   service_ = private_node_.advertiseService("reset", &EstimatorHost::reset, this);
@@ -61,11 +67,11 @@ void EstimatorHost::start(int wait_for) {
 }
 
 void EstimatorHost::take(const Sample& sample) {
-  for (Hosted& h : hosted_) h.taken = h.stage.process(sample, h.estimate) && h.stage.news();
+  for (Hosted& h : hosted_) h.due = h.stage.process(sample, h.estimate) && (!h.occasional || h.stage.news());
   // Those that speak now and then come first: who joins the estimates of a sample (estimate_join.h) has then heard them.
   for (const bool occasional : {true, false})
     for (const Hosted& h : hosted_)
-      if (h.taken && h.occasional == occasional) estimates_.publish(to_message(h.estimate, h.names));
+      if (h.due && h.occasional == occasional) estimates_.publish(to_message(h.estimate, h.names));
 }
 
 bool EstimatorHost::reset(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -88,6 +94,19 @@ void EstimatorHost::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("restarts of the estimator", counts.restarts);
   status.add("values missing", counts.missing);
   status.add("values out of range", counts.out_of_range);
+}
+
+int run_estimator_node(int argc, char** argv, const std::string& name, const std::vector<std::string>& families) {
+  return run_node(argc, argv, name, [&](Parameters& parameters) {
+    const Datasheet sheet = read_rig(parameters);
+    const std::string stage = parameters.word("stage", "");
+    const int wait_for = static_cast<int>(parameters.integer("wait_for", 0, 0, 100));
+    parameters.check_used();
+    EstimatorHost node(sheet, families, stage);
+    node.start(wait_for);
+    ros::spin();
+    return 0;
+  });
 }
 
 }  // namespace faultline

@@ -1,5 +1,6 @@
-// Hosts the estimator stages of one family of a rig: /RIG/sample in, /RIG/estimate out (one message a stage and sample), the
+// Hosts the estimator stages of some families of a rig: /RIG/sample in, /RIG/estimate out (one message a stage and sample), the
 // service ~reset. Only header stamps matter: the same stages fed offline with the same samples give the same estimates.
+// Which types there are, and of which family, the types themselves say (estimators/estimator.h).
 #pragma once
 
 #include <functional>
@@ -16,12 +17,10 @@
 
 namespace faultline {
 
-enum class EstimatorFamily { kalman, least_squares };
-
 class EstimatorHost {
  public:
-  // `stage`: of the datasheet's estimators of this family; empty: all of them. Throws InputError that lists the stages there are.
-  EstimatorHost(const Datasheet& sheet, EstimatorFamily family, const std::string& stage);
+  // `stage`: of the datasheet's estimators of these families; empty: all of them. Throws InputError that lists the stages there are.
+  EstimatorHost(const Datasheet& sheet, const std::vector<std::string>& families, const std::string& stage);
   // Subscribes once /RIG/estimate has `wait_for` subscribers, so that they miss nothing.
   void start(int wait_for);
 
@@ -35,7 +34,8 @@ class EstimatorHost {
     EstimatorStage stage;
     EstimateNames names;
     Estimate estimate;
-    bool occasional, taken;
+    bool occasional;  // only news is told
+    bool due;
   };
   std::vector<Hosted> hosted_;
   ros::NodeHandle node_, private_node_;
@@ -44,5 +44,8 @@ class EstimatorHost {
   RigInput input_;
   NodeHealth health_;
 };
+
+// The whole of a node: parameters, host, spin.
+int run_estimator_node(int argc, char** argv, const std::string& name, const std::vector<std::string>& families);
 
 }  // namespace faultline

@@ -1,20 +1,7 @@
-// kalman_node: samples -> estimates, by an estimator of the Kalman family. Parameters, topics and services:
-// docs/nodes.md.
-#include <ros/ros.h>
-
+// kalman_node: samples -> estimates, by estimators of the families kalman and response. Parameters, topics and services:
+// docs/nodes.md. Both in one process: what a response says of a sample must come before the others' words on it (estimate_join.h).
 #include "nodes/estimator_host.h"
-#include "nodes/node_main.h"
 
 int main(int argc, char** argv) {
-  using namespace faultline;
-  return run_node(argc, argv, "kalman_node", [](Parameters& parameters) {
-    const Datasheet sheet = read_rig(parameters);
-    const std::string stage = parameters.word("stage", "");
-    const int wait_for = static_cast<int>(parameters.integer("wait_for", 0, 0, 100));
-    parameters.check_used();
-    EstimatorHost node(sheet, EstimatorFamily::kalman, stage);
-    node.start(wait_for);
-    ros::spin();
-    return 0;
-  });
+  return faultline::run_estimator_node(argc, argv, "kalman_node", {"kalman", "response"});
 }

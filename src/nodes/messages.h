@@ -24,6 +24,8 @@
 #include <faultline/Estimate.h>
 #include <faultline/Gap.h>
 #include <faultline/Quantity.h>
+#include <faultline/RankedHypothesis.h>
+#include <faultline/Ranking.h>
 #include <faultline/RigDescription.h>
 #include <faultline/Sample.h>
 // clang-format on

@@ -7,6 +7,7 @@
 #include "cooling_recordings.h"
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/signal/error.h"
+#include "servo_runs.h"
 
 namespace faultline {
 namespace {
@@ -75,14 +76,51 @@ TEST(EstimateJoin, WhatSpeaksNowAndThenIsNotWaitedFor) {
     EXPECT_EQ(set[0].sequence, k);
     EXPECT_EQ(set[1].normalised_innovation, 7);
   }
-  EXPECT_EQ(occasional_stages(cooling()), (std::vector<bool>{false, false}));
   EXPECT_EQ(join.dropped(), 0u);
+}
+
+TEST(EstimateJoin, WhatWasSaidBeforeIsOfThisSample) {
+  EstimateJoin join(std::vector<bool>{false, true});
+  std::vector<Estimate> set;
+  Estimate begun = at(3, 7);
+  begun.restarted = true;
+  begun.channel_status = {ChannelStatus::good};
+  join.add(1, begun, set);
+  for (std::uint64_t k = 3; k < 6; ++k) {
+    Estimate first = at(k, 1);
+    first.channel_status = {ChannelStatus::missing};
+    ASSERT_TRUE(join.add(0, first, set));
+    EXPECT_EQ(set[1].sequence, k);
+    EXPECT_EQ(set[1].time, set[0].time);
+    EXPECT_EQ(set[1].restarted, k == 3);
+    EXPECT_EQ(set[1].channel_status, set[0].channel_status);
+  }
+}
+
+TEST(EstimateJoin, TheTypesSayWhoSpeaksNowAndThen) {
+  EXPECT_EQ(occasional_stages(cooling()), (std::vector<bool>{false, false}));
+  EXPECT_EQ(occasional_stages(servo()), (std::vector<bool>{false, true}));
+  Datasheet alone = servo();
+  alone.estimators.erase(alone.estimators.begin());
+  EXPECT_EQ(occasional_stages(alone), std::vector<bool>{false});  // somebody must tell the time
 }
 
 TEST(AlarmStage, NeedsWhatAllEstimatorsSay) {
   AlarmStage stage(cooling());
   EXPECT_THROW(stage.process(Estimate()), InputError);
   EXPECT_THROW(stage.process(std::vector<Estimate>(1)), InputError);
+}
+
+// It speaks every 2 s only, but its samples come all the time.
+TEST(Diagnosis, AStageThatSpeaksNowAndThenMayBeTheOnlyOne) {
+  Datasheet alone = servo();
+  alone.estimators.erase(alone.estimators.begin());
+  alone.detectors.clear();
+  Simulator simulator(alone, servo_setup("random", 5));
+  Diagnosis whole(alone);
+  for (int k = 0; k < 5000; ++k) ASSERT_TRUE(whole.process(simulator.step()));
+  for (const Alarm& alarm : whole.report().alarms) ADD_FAILURE() << alarm.text;
+  EXPECT_NEAR(whole.report().time, 4.999, 1e-9);
 }
 
 TEST(Diagnosis, InterleavedMessagesGiveTheSameAlarms) {

@@ -56,8 +56,8 @@ void one_detector(benchmark::State& state, const std::string& type) {
     numbers.insert({{"relative_change", 0.005}, {"threshold_changes", 3}, {"learn", 1}});
   else
     numbers.insert({{"relative_margin", 0.05}, {"learn", 0.2}});
-  const auto made =
-      make_detector({type, type, Settings("bench", numbers, {}, {{"quantity", "t_c"}, {"armed_by", "steady_time"}})});
+  const auto made = make_detector(
+      cooling(), {type, type, Settings("bench", numbers, {}, {{"quantity", "t_c"}, {"armed_by", "steady_time"}})});
   EstimatorStage stage(cooling(), cooling().estimators.front());
   std::vector<Estimate> estimates(64);  // as few as stay in the cache: in a diagnosis an estimate has just been written
   for (std::size_t k = 0; k < 6000; ++k) {

@@ -123,7 +123,7 @@ void detector(benchmark::State& state, const std::string& name) {
   const std::vector<std::vector<Estimate>> estimates = estimates_of(servo_filter());
   for (const StageSpec& spec : servo().detectors) {
     if (spec.name != name) continue;
-    const auto made = make_detector(spec);
+    const auto made = make_detector(servo(), spec);
     Detection detection;
     return measure(state, [&](std::size_t k) { made->process(estimates[k].front(), detection); });
   }

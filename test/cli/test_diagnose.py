@@ -1,6 +1,7 @@
 """diagnose: the JSON form keeps its contract, finds the leak it is shown, and says the same of a bag and of its CSV file."""
 import json
 import pathlib
+import shutil
 import sys
 import unittest
 
@@ -42,6 +43,42 @@ class Diagnose(ProgramTest):
         self.assertLess(fault["size"]["low"], fault["size"]["value"])
         self.assertLess(fault["size"]["value"], fault["size"]["high"])
         self.assertIn("still there at the end", report["sentence"])
+
+    def test_rankings_over_the_run(self):
+        bag = self.simulate("a.bag", "--effect", "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=6.6", duration=14)
+        report = self.report(bag)
+        rankings = report["rankings"]
+        self.assertEqual([round(judgement["time"], 1) for judgement in rankings], [1.5, 3.5, 5.5, 7.5, 9.5, 11.5, 13.5])
+        for judgement in rankings:
+            self.assertEqual((judgement["stage"], judgement["threshold"]), ("responses", 15))
+            self.assertAlmostEqual(judgement["time"] - judgement["judged_until"], 1, places=2)
+            if judgement["time"] < 9:
+                self.assertEqual((judgement["first"], judgement["since"]), ([], None))
+                self.assertLess(judgement["evidence"], 15)
+                continue
+            best = judgement["first"][0]
+            self.assertEqual((best["effect"], best["port"], best["kind"]), ("orifice_leakage", "flow.chamber_a_chamber_b", "fault"))
+            self.assertEqual((best["size"]["name"], best["size"]["unit"]), ("coefficient", "m^3/(s sqrt(Pa))"))
+            self.assertLess(best["size"]["low"], 1.5e-8)
+            self.assertGreater(best["size"]["high"], 1.5e-8)
+            self.assertAlmostEqual(best["size"]["value"], 1.5e-8, delta=0.3e-8)
+            self.assertGreater(best["evidence"], 100)
+            self.assertAlmostEqual(judgement["since"], 8, places=2)
+            evidences = [cause["evidence"] for cause in judgement["first"]]
+            self.assertEqual(evidences, sorted(evidences, reverse=True))
+
+    def test_unknown_types_are_refused_with_their_line(self):
+        bag = self.simulate("a.bag", duration=1)
+        for kind, given in (("estimator", "fault_response"), ("detector", "consistency"), ("isolator", "response")):
+            folder = self.folder / kind / "servo_actuator"
+            shutil.copytree(ROOT / "config/servo_actuator", folder)
+            stages = folder / "stages.yaml"
+            lines = stages.read_text().splitlines()
+            at = next(k for k, line in enumerate(lines) if line.strip() == "type: " + given)
+            lines[at] = lines[at].replace(given, "wishful")
+            stages.write_text("\n".join(lines) + "\n")
+            said = self.complains(("diagnose", bag, "--config", folder), "there is no " + kind + " type 'wishful'", given)
+            self.assertIn("stages.yaml:{}:".format(at), said)  # the stage's first line, which names it
 
     def test_bag_and_csv_say_the_same(self):
         bag = self.simulate("a.bag", "--command", "leak_valve_command:5=0,5.001=5", duration=40)

@@ -16,7 +16,7 @@ std::unique_ptr<Detector> make(const std::string& type, std::map<std::string, do
   if (type == "frozen") numbers.erase("minimum_time");
   std::map<std::string, std::string> words = {{"quantity", "x"}};
   if (arming) words["armed_by"] = "armed", numbers["armed_above"] = 0.5;
-  return make_detector({type, type, Settings("test", numbers, {}, words)});
+  return make_detector(Datasheet(), {type, type, Settings("test", numbers, {}, words)});
 }
 
 // Feeds values at 1 kHz; remembers when it spoke.

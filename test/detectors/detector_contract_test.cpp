@@ -14,7 +14,7 @@ namespace {
 
 std::vector<std::string> types() {
   std::vector<std::string> names;
-  for (const DetectorType& type : detector_types()) names.push_back(type.name);
+  for (const DetectorType& type : registry<DetectorType>().all()) names.push_back(type.name);
   return names;
 }
 
@@ -78,7 +78,7 @@ bool sound(const Detection& d) {
 
 class EveryDetector : public ::testing::TestWithParam<std::string> {
  protected:
-  std::unique_ptr<Detector> detector_ = make_detector(stage(GetParam()));
+  std::unique_ptr<Detector> detector_ = make_detector(servo(), stage(GetParam()));
   Detection detection_;
 };
 
@@ -130,7 +130,7 @@ TEST_P(EveryDetector, ResetIsComplete) {
 TEST_P(EveryDetector, RestartOfTheEstimatorIsAReset) {
   for (int k = 0; k < 30000; ++k) detector_->process(loud(k * 1e-3), detection_);
   EXPECT_TRUE(detection_.active);
-  auto fresh = make_detector(stage(GetParam()));
+  auto fresh = make_detector(servo(), stage(GetParam()));
   Detection expected;
   for (int k = 0; k < 10000; ++k) {
     Estimate estimate = quiet(100 + k * 1e-3);
@@ -168,16 +168,28 @@ TEST_P(EveryDetector, TimeMayStandStillOrRunBack) {
 TEST_P(EveryDetector, RefusesUnknownAndMissingSettings) {
   StageSpec spec = stage(GetParam());
   spec.settings = Settings("test", {}, {}, {});
-  EXPECT_THROW(make_detector(spec), InputError);
+  EXPECT_THROW(make_detector(servo(), spec), InputError);
 }
 
 INSTANTIATE_TEST_SUITE_P(Types, EveryDetector, ::testing::ValuesIn(types()));
+
+struct SeesTheDatasheet : Detector {
+  SeesTheDatasheet(const Datasheet& sheet, const StageSpec& spec) : name(sheet.rig + " " + spec.name) {}
+  void reset() override {}
+  void process(const Estimate&, Detection&) override {}
+  std::string name;
+};
+
+TEST(Detector, MaySeeTheDatasheet) {
+  const auto made = make_detector_of<SeesTheDatasheet>(servo(), stage("band"));
+  EXPECT_EQ(static_cast<SeesTheDatasheet&>(*made).name, "servo_actuator pressure_redundancy");
+}
 
 TEST(Detector, UnknownTypeAndQuantityAreNamed) {
   StageSpec spec = stage("band");
   spec.type = "oracle";
   try {
-    make_detector(spec);
+    make_detector(servo(), spec);
     FAIL();
   } catch (const InputError& e) {
     EXPECT_NE(std::string(e.what()).find("consistency"), std::string::npos);

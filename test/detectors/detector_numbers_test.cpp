@@ -20,7 +20,7 @@ std::unique_ptr<Detector> of_sheet(const std::string& name) {
                                                                                   {"minimum_time", 1}})
         spec.settings.set(key, value);
     }
-    return make_detector(spec);
+    return make_detector(servo(), spec);
   }
   return nullptr;
 }

@@ -194,10 +194,32 @@ TEST_F(Stage, AllocatesNothingAfterTheFirstSample) {
 TEST(EstimatorStage, UnknownModelTypeOrSettingIsRefused) {
   StageSpec spec = servo().estimators.front();
   spec.type = "wishful";
-  EXPECT_THROW(EstimatorStage(servo(), spec), InputError);
+  try {
+    EstimatorStage(servo(), spec);
+    FAIL();
+  } catch (const InputError& error) {
+    const std::string said = error.what();
+    EXPECT_NE(said.find("stages.yaml:"), std::string::npos) << said;
+    EXPECT_NE(said.find("there is no estimator type 'wishful'; there are "), std::string::npos) << said;
+    for (const char* type : {"divided_difference_2", "recursive_least_squares", "fault_response"})
+      EXPECT_NE(said.find(type), std::string::npos) << said;
+  }
   spec = servo().estimators.front();
   spec.settings.set("surplus", 1);
   EXPECT_THROW(EstimatorStage(servo(), spec), InputError);
+}
+
+TEST(EstimatorTypes, SayTheirFamilyAndWhetherTheySpeakAtEverySample) {
+  const auto is = [](const char* name, const char* family, bool occasional) {
+    const EstimatorType* type = registry<EstimatorType>().find(name);
+    return type && type->family == family && type->occasional == occasional;
+  };
+  EXPECT_TRUE(is("divided_difference_1", "kalman", false));
+  EXPECT_TRUE(is("divided_difference_2", "kalman", false));
+  EXPECT_TRUE(is("extended_kalman", "kalman", false));
+  EXPECT_TRUE(is("unscented_kalman", "kalman", false));
+  EXPECT_TRUE(is("recursive_least_squares", "parameter", false));
+  EXPECT_TRUE(is("fault_response", "response", true));
 }
 
 }  // namespace

@@ -166,9 +166,69 @@ TEST(Conversion, EstimateGoesAroundUnchanged) {
   EXPECT_EQ(back.quantities[0].value, 1e-5);
   EXPECT_EQ(back.quantities[0].std, 1e-7);
 
+  EXPECT_FALSE(back.ranking);
+
   faultline_msgs::Estimate unknown = message;
   unknown.channel_status[0] = 9;
   EXPECT_THROW(from_message(unknown), InputError);
+}
+
+TEST(Conversion, RankingsGoAroundUnchanged) {
+  RankedHypothesis leak;
+  leak.effect = "orifice_leakage";
+  leak.port = "flow.chamber_a_chamber_b";
+  leak.kind = "fault";
+  leak.size_name = "coefficient";
+  leak.size_unit = "m^3/(s sqrt(Pa))";
+  leak.order = 17;
+  leak.none = std::numeric_limits<double>::infinity();
+  leak.full = 2e-8;
+  leak.lowest = -0.25;
+  leak.amplitude = 0.7;
+  leak.std = 0.03;
+  leak.evidence = 123.4;
+  RankedHypothesis offset = leak;
+  offset.effect = "offset";
+  offset.port = "sensor.pressure";
+  offset.kind = "sensor";
+  offset.order = 18;
+  Ranking ranking;
+  ranking.since = 1.7e9 + 1.0 / 3;  // no stamp holds these
+  ranking.judged_until = 1.0 / 7;
+  ranking.threshold = 15;
+  ranking.evidence = 130.5;
+  ranking.first = {leak, offset};
+  ranking.second = {offset};
+  Estimate estimate;
+  estimate.ranking = std::make_shared<Ranking>(ranking);
+  const faultline_msgs::Estimate message = to_message(estimate, EstimateNames());
+  const Estimate back = from_message(message);
+  ASSERT_TRUE(back.ranking);
+  EXPECT_EQ(back.ranking->since, ranking.since);
+  EXPECT_EQ(back.ranking->judged_until, ranking.judged_until);
+  EXPECT_EQ(back.ranking->threshold, 15);
+  EXPECT_EQ(back.ranking->evidence, 130.5);
+  ASSERT_EQ(back.ranking->first.size(), 2u);
+  ASSERT_EQ(back.ranking->second.size(), 1u);
+  const RankedHypothesis& b = back.ranking->first[0];
+  EXPECT_EQ(b.effect, leak.effect);
+  EXPECT_EQ(b.port, leak.port);
+  EXPECT_EQ(b.kind, "fault");
+  EXPECT_EQ(b.size_name, leak.size_name);
+  EXPECT_EQ(b.size_unit, leak.size_unit);
+  EXPECT_EQ(b.order, 17u);
+  EXPECT_EQ(b.none, leak.none);
+  EXPECT_EQ(b.full, leak.full);
+  EXPECT_EQ(b.lowest, leak.lowest);
+  EXPECT_EQ(b.amplitude, leak.amplitude);
+  EXPECT_EQ(b.std, leak.std);
+  EXPECT_EQ(b.evidence, leak.evidence);
+  EXPECT_EQ(back.ranking->first[1].name(), "offset@sensor.pressure");
+  EXPECT_EQ(back.ranking->second[0].name(), "offset@sensor.pressure");
+
+  faultline_msgs::Estimate twice = message;
+  twice.ranking.push_back(twice.ranking.front());
+  EXPECT_THROW(from_message(twice), InputError);
 }
 
 TEST(Conversion, AlarmsGoAroundUnchanged) {

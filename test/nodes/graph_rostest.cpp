@@ -40,7 +40,10 @@ class Graph : public ::testing::Test {
     estimates_ = node_.subscribe<faultline_msgs::Estimate>(
         "/servo_actuator/estimate", 4 * kQueue,
         [this](const faultline_msgs::Estimate::ConstPtr& message) {
-          if (message->stage == sheet_->estimators.front().name) heard_.push_back(from_message(*message));
+          if (message->stage == sheet_->estimators.front().name)
+            heard_.push_back(from_message(*message));
+          else
+            heard_rankings_.push_back(from_message(*message));
         },
         {}, fast);
     alarms_ = node_.subscribe<faultline_msgs::AlarmArray>(
@@ -94,6 +97,8 @@ class Graph : public ::testing::Test {
       for (std::size_t i = 0; i < stages_.size(); ++i) taken = stages_[i].process(sample, estimates_here_[i]);
       if (taken) {
         expected_.push_back(estimates_here_.front());
+        for (std::size_t i = 1; i < stages_.size(); ++i)
+          if (stages_[i].news()) expected_rankings_.push_back(estimates_here_[i]);
         alarm_stage_.process(estimates_here_);
       }
       if (row % 500 == 0) {
@@ -114,6 +119,26 @@ class Graph : public ::testing::Test {
       ASSERT_EQ(heard_[i].state, expected_[i].state);  // bit for bit
       ASSERT_EQ(heard_[i].covariance, expected_[i].covariance);
       ASSERT_EQ(heard_[i].channel_status, expected_[i].channel_status);
+    }
+  }
+
+  // Of the stage that ranks causes: what it said, and nothing in between.
+  void expect_same_rankings() {
+    ASSERT_EQ(heard_rankings_.size(), expected_rankings_.size());
+    for (std::size_t i = 0; i < heard_rankings_.size(); ++i) {
+      ASSERT_EQ(heard_rankings_[i].sequence, expected_rankings_[i].sequence);
+      ASSERT_EQ(heard_rankings_[i].restarted, expected_rankings_[i].restarted);
+      ASSERT_TRUE(heard_rankings_[i].ranking && expected_rankings_[i].ranking);
+      const Ranking &heard = *heard_rankings_[i].ranking, &expected = *expected_rankings_[i].ranking;
+      ASSERT_EQ(heard.since, expected.since);  // bit for bit
+      ASSERT_EQ(heard.judged_until, expected.judged_until);
+      ASSERT_EQ(heard.evidence, expected.evidence);
+      ASSERT_EQ(heard.first.size(), expected.first.size());
+      for (std::size_t k = 0; k < heard.first.size(); ++k) {
+        ASSERT_EQ(heard.first[k].name(), expected.first[k].name());
+        ASSERT_EQ(heard.first[k].amplitude, expected.first[k].amplitude);
+        ASSERT_EQ(heard.first[k].std, expected.first[k].std);
+      }
     }
   }
 
@@ -139,6 +164,7 @@ class Graph : public ::testing::Test {
   ros::Publisher description_, samples_;
   ros::Subscriber estimates_, alarms_, diagnostics_;
   std::vector<Estimate> heard_, expected_;
+  std::vector<Estimate> heard_rankings_, expected_rankings_;
   AlarmReport report_;
   int level_ = -1;
   std::vector<EstimatorStage> stages_;
@@ -152,6 +178,9 @@ Datasheet* Graph::sheet_ = nullptr;
 TEST_F(Graph, Test1FindsALeakAndSaysTheSameAsTheStagesHere) {
   run(record(3, 60, true), kStart, 0);
   expect_same_estimates();
+  expect_same_rankings();
+  EXPECT_GT(expected_rankings_.size(), 20u);
+  EXPECT_FALSE(expected_rankings_.back().ranking->first.empty());
   expect_same_alarms();
   const std::vector<Alarm>& alarms = report_.alarms;
   ASSERT_FALSE(alarms.empty());

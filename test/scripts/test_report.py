@@ -19,6 +19,7 @@ import numpy as np  # noqa: E402
 
 import report_data  # noqa: E402
 import report_pictures  # noqa: E402
+import report_ranking  # noqa: E402
 import report_units  # noqa: E402
 
 RATE, DURATION, LEAK = 100, 30.0, 3.2e-5  # Hz, s, m^3/s
@@ -58,6 +59,26 @@ def make_answer():
              "active": False, "confidence": 1.0, "text": "velocity: <no number> comes from this channel"}],
         "counts": {"samples": 3000, "lost": 12, "missing": {"velocity": 4}},
     }
+
+
+def cause(effect, port, value, evidence, kind="fault"):
+    return {"effect": effect, "port": port, "kind": kind, "evidence": evidence,
+            "size": {"name": "coefficient", "value": value, "unit": "m^3/(s sqrt(Pa))", "low": 0.8 * value, "high": 1.2 * value}}
+
+
+def make_rankings():
+    """A leak from 10 s on: nothing before, then the leak at the seal with a rival that falls behind, then friction beside it."""
+    rankings = []
+    for time in np.arange(1.5, DURATION, 2):
+        wrong = time > 11
+        evidence = 20 * time if wrong else 3.0
+        first = [cause("orifice_leakage", "flow.chamber_a_chamber_b", 1.5e-8, evidence),
+                 cause("laminar_leakage", "flow.chamber_a_chamber_b", 1e-11, 0.99 * evidence if time < 15 else 0.5 * evidence)]
+        second = [cause("viscous_friction", "force.piston", 50.0, 40.0)]
+        rankings.append({"stage": "responses", "time": time, "judged_until": time - 1, "since": 10.0 if wrong else None,
+                         "threshold": 15, "evidence": evidence, "first": first if wrong else [],
+                         "second": second if time > 20 else []})
+    return rankings
 
 
 class ReportCase(unittest.TestCase):
@@ -152,6 +173,25 @@ class WholeReport(ReportCase):
         columns["i.velocity"][1234] = -8.15
         self.assertIn("largest: 16 σ", self.page(columns=columns))
 
+    def test_ranking_of_causes_over_time(self):
+        page = self.page(dict(make_answer(), rankings=make_rankings()))
+        self.assertEqual(page.count("<svg "), 6)
+        self.assertIn("Ranking of causes", page)
+        drawn = page[page.index("Ranking of causes"):page.index("<h2>Estimates")]
+        shown = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", drawn))
+        for part in ("threshold 15", "orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b",
+                     "What else is wrong", "named", "viscous_friction@force.piston", "How much?", "last: 1.50 (1.20 to 1.80) 10⁻⁸ m³/(s √Pa)"):
+            self.assertIn(part, shown)
+        names = re.findall(r'\bid="([^"]+)"', page)
+        self.assertEqual(len(names), len(set(names)))
+
+    def test_ranking_while_nothing_is_wrong(self):
+        quiet = [judgement for judgement in make_rankings() if not judgement["first"]]
+        page = self.page(dict(make_answer(), alarms=[], verdict="healthy", sentence="No fault found.", rankings=quiet))
+        self.assertEqual(page.count("<svg "), 5)
+        self.assertIn("threshold 15", page)
+        self.assertNotIn("How much?", page)
+
     def test_unknown_rig_stands_for_itself(self):
         page = self.page(dict(make_answer(), rig="no_such_rig"))
         self.assertIn("no_such_rig", page)
@@ -190,6 +230,16 @@ class BadInput(ReportCase):
         answer["alarms"][0]["until"] = "late"
         self.write(answer)
         self.assert_one_line(self.run_report(), "alarm 0", "'until'")
+
+    def test_ranking_of_the_wrong_kind(self):
+        for spoil in (lambda r: r.pop("time"), lambda r: r.update(first=3), lambda r: r.update(evidence="much"),
+                      lambda r: r["first"][0].pop("port"), lambda r: r["first"][0].update(size=None)):
+            rankings = make_rankings()
+            spoil(rankings[7])
+            self.write(dict(make_answer(), rankings=rankings))
+            self.assert_one_line(self.run_report(), "j.json", "ranking 7")
+        self.write(dict(make_answer(), rankings={}))
+        self.assert_one_line(self.run_report(), "'rankings'")
 
     def test_not_json(self):
         self.write()
@@ -299,6 +349,38 @@ class Files(ReportCase):
                     self.assertEqual((process.returncode, said), (128 + number, ""), errors)
                     self.assertEqual(errors, "faultline report: interrupted; nothing unfinished is left behind\n")
                     self.assertEqual(sorted(self.folder.iterdir()), before)
+
+
+class Rankings(unittest.TestCase):
+    LEAK, LAMINAR = "orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b"
+
+    def test_causes_in_the_order_of_their_evidence(self):
+        self.assertEqual(report_ranking.leading(make_rankings(), "first"), ([self.LEAK, self.LAMINAR], 0))
+        self.assertEqual(report_ranking.leading(make_rankings(), "first", [self.LAMINAR]), ([self.LAMINAR, self.LEAK], 0))
+        self.assertEqual(report_ranking.leading(make_rankings(), "first", most=1), ([self.LEAK], 1))
+
+    def test_what_alarms_name_and_cannot_tell_from_it(self):
+        alarm = {"effect": "laminar_leakage", "port": "flow.chamber_a_chamber_b", "since": 10, "until": 20, "equivalent": [self.LEAK]}
+        other = {"effect": "", "port": "sensor.position", "since": 0, "until": 30}
+        self.assertEqual(report_ranking.named(make_rankings(), [other, alarm], "first"), [self.LAMINAR, self.LEAK])
+        self.assertEqual(report_ranking.named(make_rankings(), [other, alarm], "second"), [])
+        self.assertEqual(report_ranking.named(make_rankings()[:3], [alarm], "first"), [])
+
+    def test_a_short_fault_of_a_long_run_is_kept(self):
+        long = [dict(make_rankings()[0], time=2.0 * k, evidence=1.0) for k in range(5000)]
+        long[1234] = dict(make_rankings()[-1], time=2468.0)
+        kept = report_ranking.fewer(long, 10000.0)
+        self.assertLessEqual(len(kept), report_ranking.MOST)
+        self.assertIn(long[1234], kept)
+        self.assertEqual([judgement["time"] for judgement in kept], sorted(judgement["time"] for judgement in kept))
+        self.assertIs(report_ranking.fewer(long[:300], 600.0)[0], long[0])
+
+    def test_a_judgement_stands_until_the_next(self):
+        rows, name, unit = report_ranking.sizes_of(make_rankings(), "orifice_leakage@flow.chamber_a_chamber_b", DURATION)
+        self.assertEqual((name, unit), ("coefficient", "m^3/(s sqrt(Pa))"))
+        self.assertEqual([tuple(row[:2]) for row in rows[:2]], [(11.5, 13.5), (13.5, 15.5)])
+        self.assertEqual(rows[-1][1], DURATION)
+        np.testing.assert_allclose(rows[0][2:], [1.5e-8, 1.2e-8, 1.8e-8])
 
 
 class Parts(unittest.TestCase):

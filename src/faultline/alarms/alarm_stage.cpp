@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "faultline/estimators/estimator_stage.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -52,7 +51,6 @@ bool among(const std::vector<std::string>& names, const std::string& name) {
 
 AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
     : sheet_(sheet), data_(sheet, options), book_(options.most_alarms) {
-  while (clock_ + 1 < sheet.estimators.size() && speaks_on_news_only(sheet, sheet.estimators[clock_])) ++clock_;
   for (const StageSpec& spec : sheet_.detectors) {
     Watched w;
     w.name = spec.name;
@@ -69,7 +67,7 @@ AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
           w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(port.channel)));
     for (const std::string& channel : split(spec.settings.word_or("doubts", "")))
       w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
-    w.detector = make_detector(spec);
+    w.detector = make_detector(sheet_, spec);
     spec.settings.check_used();
     watched_.push_back(std::move(w));
   }
@@ -153,7 +151,7 @@ void AlarmStage::process(const Estimate& estimate) {
 }
 
 void AlarmStage::process(const Estimate* estimates) {
-  const Estimate& estimate = estimates[clock_];
+  const Estimate& estimate = estimates[0];
   if (running_ && estimate.time < last_time_) reset();
   if (!running_) {
     running_ = true;
@@ -177,7 +175,7 @@ void AlarmStage::detect(const Estimate* estimates) {
   };
   for (Watched& w : watched_) {
     w.detector->process(estimates[w.stage], w.detection);
-    watch_blindness(w, estimates[clock_].time);
+    watch_blindness(w, estimates[0].time);
     if (w.withholds && w.detection.active) model_fits_ = false;
     if (w.detection.active && w.finding.kind == AlarmKind::sensor) doubt(w);
   }

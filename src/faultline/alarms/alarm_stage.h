@@ -95,7 +95,6 @@ class AlarmStage {
   std::string verdict() const;
 
   Datasheet sheet_;
-  std::size_t clock_ = 0;  // the first estimator that speaks at every sample: its time and channels are the data's
   std::vector<Watched> watched_;
   std::vector<Isolated> isolated_;
   std::vector<bool> doubted_;  // one per channel: its transducer is known to be off

@@ -2,15 +2,19 @@
 
 #include <algorithm>
 
-#include "faultline/estimators/estimator_stage.h"
+#include "faultline/estimators/estimator.h"
 
 namespace faultline {
 
 std::vector<bool> occasional_stages(const Datasheet& sheet) {
   std::vector<bool> occasional;
-  for (const StageSpec& spec : sheet.estimators) occasional.push_back(speaks_on_news_only(sheet, spec));
+  for (const StageSpec& spec : sheet.estimators)
+    occasional.push_back(!occasional.empty() && estimator_type(spec).occasional);
   return occasional;
 }
+
+EstimateJoin::EstimateJoin(std::vector<bool> occasional)
+    : occasional_(std::move(occasional)), last_(occasional_.size()) {}
 
 bool EstimateJoin::add(std::size_t stage, Estimate estimate, std::vector<Estimate>& set) {
   if (occasional_[stage]) {
@@ -35,8 +39,18 @@ bool EstimateJoin::add(std::size_t stage, Estimate estimate, std::vector<Estimat
     return false;
   }
   set = std::move(found->estimates);
-  for (std::size_t i = 0; i < last_.size(); ++i)
-    if (occasional_[i]) set[i] = last_[i];
+  const auto regular =
+      static_cast<std::size_t>(std::find(occasional_.begin(), occasional_.end(), false) - occasional_.begin());
+  for (std::size_t i = 0; i < last_.size(); ++i) {
+    if (!occasional_[i]) continue;
+    set[i] = last_[i];
+    if (set[i].channel_status.empty()) continue;  // it has not spoken yet
+    // As the stage itself writes them: of this sample, on which it had nothing to say.
+    set[i].restarted = set[i].restarted && set[i].sequence == set[regular].sequence && set[i].time == set[regular].time;
+    set[i].time = set[regular].time;
+    set[i].sequence = set[regular].sequence;
+    set[i].channel_status = set[regular].channel_status;
+  }
   const auto until = found.base();  // all that came before will not be completed any more
   dropped_ += static_cast<std::uint64_t>(std::distance(waiting_.begin(), until)) - 1;
   waiting_.erase(waiting_.begin(), until);

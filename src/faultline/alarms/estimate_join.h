@@ -4,8 +4,8 @@
 // A set that is still incomplete when a later one is complete is dropped and counted: an estimator that restarts or lost its sample
 // will not bring it any more. At most kMostWaiting sets wait; then the oldest is dropped. One estimator passes straight through.
 //
-// Stages that speak only now and then (they have no state, stage_core.h) are never waited for: what they said last stands in every set,
-// an estimate without quantities until they spoke. Their node sends them ahead of its others of the same sample.
+// Stages that speak only now and then (EstimatorType::occasional) are never waited for: what they said last stands in every set, an
+// empty estimate until they spoke. Their node sends them ahead of its others of the same sample.
 #pragma once
 
 #include <cstdint>
@@ -23,8 +23,8 @@ class EstimateJoin {
   static constexpr std::size_t kMostWaiting = 10000;  // ten seconds at 1 kHz
 
   explicit EstimateJoin(std::size_t stages) : EstimateJoin(std::vector<bool>(stages, false)) {}
-  // One flag per stage: it speaks only now and then.
-  explicit EstimateJoin(std::vector<bool> occasional) : occasional_(std::move(occasional)), last_(occasional_.size()) {}
+  // One flag per stage: it speaks only now and then. At least one does not.
+  explicit EstimateJoin(std::vector<bool> occasional);
 
   // Takes the estimate of one stage. True: `set` holds the estimates of all stages for its sample.
   bool add(std::size_t stage, Estimate estimate, std::vector<Estimate>& set);
@@ -44,6 +44,8 @@ class EstimateJoin {
   std::uint64_t dropped_ = 0;
 };
 
+// For each of the datasheet's estimators whether its messages come now and then only. The first one's never do, whatever its type: the
+// alarm stage takes time and the state of the channels from it.
 std::vector<bool> occasional_stages(const Datasheet& sheet);
 
 }  // namespace faultline

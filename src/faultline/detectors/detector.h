@@ -10,12 +10,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "faultline/estimators/estimate.h"
 #include "faultline/rig/datasheet.h"
 #include "faultline/rig/reference.h"
 #include "faultline/signal/error.h"
+#include "faultline/signal/registry.h"
 
 namespace faultline {
 
@@ -53,17 +55,23 @@ class Detector {
 };
 
 struct DetectorType {
+  static constexpr const char* kKind = "detector type";
   std::string name;
-  std::unique_ptr<Detector> (*make)(const Settings& settings);
+  std::unique_ptr<Detector> (*make)(const Datasheet& sheet, const StageSpec& spec);
 };
 
-bool register_detector(DetectorType type);
-const std::vector<DetectorType>& detector_types();
-std::unique_ptr<Detector> make_detector(const StageSpec& spec);
-
+// For a T that asks for the datasheet too, or for its settings only.
 template <class T>
-std::unique_ptr<Detector> make_detector_of(const Settings& settings) {
-  return std::make_unique<T>(settings);
+std::unique_ptr<Detector> make_detector_of(const Datasheet& sheet, const StageSpec& spec) {
+  if constexpr (std::is_constructible_v<T, const Datasheet&, const StageSpec&>)
+    return std::make_unique<T>(sheet, spec);
+  else
+    return std::make_unique<T>(spec.settings);
+}
+
+// InputError that lists the known types where there is none of that name.
+inline std::unique_ptr<Detector> make_detector(const Datasheet& sheet, const StageSpec& spec) {
+  return registry<DetectorType>().require(spec.type, spec.settings.where()).make(sheet, spec);
 }
 
 // The place of a quantity in an estimate, looked up once; InputError that lists what there is.
@@ -71,5 +79,4 @@ std::size_t find_quantity(const Estimate& estimate, const std::string& name);
 
 }  // namespace faultline
 
-#define FAULTLINE_DETECTOR(name, ...) \
-  const bool registered_detector_##name = ::faultline::register_detector(__VA_ARGS__)
+#define FAULTLINE_DETECTOR(name, ...) FAULTLINE_REGISTER(DetectorType, name, __VA_ARGS__)

@@ -169,21 +169,16 @@ void DividedDifferenceFilter<States, Order>::covariance(double* row_major) const
 
 namespace {
 
-template <int States>
-std::unique_ptr<StateEstimator> make_sized(const ProcessModel& model, int order) {
-  if (order == 1) return std::make_unique<DividedDifferenceFilter<States, 1>>(model);
-  return std::make_unique<DividedDifferenceFilter<States, 2>>(model);
+// With matrices of fixed size where the model has six states, which is about twice as fast as the general form.
+template <int Order>
+std::unique_ptr<StateEstimator> make(const ProcessModel& model) {
+  if (model.states().size() == 6) return std::make_unique<DividedDifferenceFilter<6, Order>>(model);
+  return std::make_unique<DividedDifferenceFilter<Eigen::Dynamic, Order>>(model);
 }
+
+FAULTLINE_STATE_ESTIMATOR(divided_difference_1, make<1>);
+FAULTLINE_STATE_ESTIMATOR(divided_difference_2, make<2>);
 
 }  // namespace
-
-std::unique_ptr<StateEstimator> make_divided_difference(const ProcessModel& model, int order) {
-  switch (model.states().size()) {
-    case 6:
-      return make_sized<6>(model, order);
-    default:
-      return make_sized<Eigen::Dynamic>(model, order);
-  }
-}
 
 }  // namespace faultline

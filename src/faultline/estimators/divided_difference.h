@@ -20,10 +20,6 @@
 
 namespace faultline {
 
-// A filter of the given order, with matrices of fixed size where the model has six states (the servo actuator), which
-// is about twice as fast as the general form.
-std::unique_ptr<StateEstimator> make_divided_difference(const ProcessModel& model, int order);
-
 // States: the number of states, or Eigen::Dynamic for any up to kMaximumStates.
 template <int States, int Order>
 class DividedDifferenceFilter : public StateEstimator {

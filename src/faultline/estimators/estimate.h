@@ -1,9 +1,13 @@
-// What an estimator says about one sample: state with covariance, innovation, and quantities derived from them.
+// What an estimator says about one sample: state with covariance, innovation, quantities derived from them, and a ranking of what may
+// be wrong. Most estimators fill some of these only.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
+
+#include "faultline/rig/alarm_kind.h"
 
 namespace faultline {
 
@@ -20,6 +24,40 @@ struct Quantity {
   double std = 0;  // one sigma, of the estimate; 0 where it is a plain measurement
 };
 
+struct SizeInterval {
+  double low = 0, high = 0;
+};
+
+// The size of an effect at amplitude a: none + a (full - none), or full/a where its no-effect value is infinite (rig/effect.h).
+double effect_size(double none, double full, double amplitude);
+
+// A fault that may be there: an effect at a port, how much of it, and how well it explains what was measured. Its errors are normal in
+// the amplitude, so intervals are taken there.
+struct RankedHypothesis {
+  std::string effect, port;           // of the datasheet
+  AlarmKind kind = AlarmKind::fault;  // or sensor
+  std::string size_name, size_unit;   // of the effect's parameter that is its size
+  std::uint32_t order = 0;            // its place among the hypotheses of the datasheet, in which every one occurs once
+  double none = 0, full = 0;          // size at amplitude 0 (infinite for some effects) and 1
+  double lowest = 0;                  // amplitude that the datasheet's bounds allow at least
+  double amplitude = 0, std = 0;      // estimate and one sigma
+  double evidence = 0;                // log-likelihood ratio against no fault, times two
+
+  std::string name() const { return effect + "@" + port; }
+  double size() const { return effect_size(none, full, amplitude); }
+  SizeInterval sizes(double amplitude_std) const;  // two-sided 90 %, within what the datasheet allows
+};
+
+// The causes that explain what was measured, best first, as judged last. Times on the samples' clock.
+struct Ranking {
+  double since = 0;         // s, when the fault began to show; the judgement's own time while nothing is wrong
+  double judged_until = 0;  // s, end of the samples that were judged
+  double threshold = 0;     // evidence from which there is a fault
+  double evidence = 0;      // of the best of all hypotheses
+  std::vector<RankedHypothesis> first;   // what is wrong; empty: nothing is
+  std::vector<RankedHypothesis> second;  // what else is wrong, beside the best of the first
+};
+
 struct Estimate {
   double time = 0;  // s
   std::uint64_t sequence = 0;
@@ -32,6 +70,7 @@ struct Estimate {
   int observed = 0;                    // how many rows were used
   std::vector<ChannelStatus> channel_status;  // one per channel of the rig
   std::vector<Quantity> quantities;
+  std::shared_ptr<const Ranking> ranking;  // another one after each judgement; null: this estimator ranks nothing
 };
 
 }  // namespace faultline

@@ -5,23 +5,20 @@
 
 #include <fmt/format.h>
 
-#include "faultline/estimators/state_estimator.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
-
 namespace {
 
 // What an estimator refuses it may say without knowing where its settings stand.
-std::unique_ptr<StageCore> make_core(const Datasheet& sheet, const StageSpec& spec) {
+std::unique_ptr<Estimator> make_estimator(const Datasheet& sheet, const StageSpec& spec) {
+  const EstimatorType& type = estimator_type(spec);
   try {
-    if (!is_least_squares(spec.type) && !is_fault_response(spec.type)) check_state_estimator(spec.type);
-    return is_least_squares(spec.type)    ? make_relation_core(sheet, spec)
-           : is_fault_response(spec.type) ? make_response_core(sheet, spec)
-                                          : make_filter_core(sheet, spec);
+    return type.make(sheet, spec);
   } catch (const InputError& error) {
     const std::string text = error.what();
-    if (text.compare(0, sheet.file.size(), sheet.file) == 0) throw;
+    for (const std::string& file : {sheet.file, sheet.stages_file})
+      if (!file.empty() && text.rfind(file, 0) == 0) throw;
     throw InputError(spec.settings.where() + ": " + text);
   }
 }
@@ -32,9 +29,8 @@ EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
     : name_(spec.name), channels_(sheet.channels), period_(sheet.sample_period) {
   gap_ = spec.settings.number_or("gap", 0.1, period_, 1e6);
   jump_ = spec.settings.number_or("jump", 0.1, 0, 1e6);
-  core_ = make_core(sheet, spec);
+  estimator_ = make_estimator(sheet, spec);
   spec.settings.check_used();
-  always_ = !speaks_on_news_only(sheet, spec);
   held_.assign(channels_.size(), 0);
 }
 
@@ -44,7 +40,7 @@ void EstimatorStage::reset() {
 }
 
 void EstimatorStage::begin(const Sample& sample) {
-  core_->begin(held_.data());
+  estimator_->begin(held_.data());
   running_ = true;
   last_time_ = sample.time;
   ++counts_.restarts;
@@ -83,23 +79,17 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
     // Lost samples: the model runs on in steps of the sample period with the last commands held.
     const int steps = std::max(1, static_cast<int>(std::lround(dt / period_)));
     last_time_ = sample.time;
-    restart = !core_->advance(held_.data(), estimate.channel_status.data(), dt, steps);
+    restart = !estimator_->advance(held_.data(), estimate.channel_status.data(), dt, steps);
     if (restart) begin(sample);
   }
 
   ++counts_.used;
-  news_ = restart || always_ || core_->news();
-  if (!news_) return true;
+  news_ = restart || estimator_->news();
   estimate.time = sample.time;
   estimate.sequence = sample.sequence;
   estimate.restarted = restart;
-  core_->write(held_.data(), restart, estimate);
+  if (news_) estimator_->write(held_.data(), restart, estimate);
   return true;
-}
-
-bool speaks_on_news_only(const Datasheet& sheet, const StageSpec& spec) {
-  const auto on_news = [](const StageSpec& s) { return is_fault_response(s.type); };
-  return on_news(spec) && !std::all_of(sheet.estimators.begin(), sheet.estimators.end(), on_news);
 }
 
 }  // namespace faultline

@@ -1,5 +1,5 @@
-// One estimator of a rig, from samples to estimates: gates what is not fit to be used, restarts on time jumps, runs the filter or
-// the bank of least squares inside (stage_core.h).
+// One estimator of a rig, from samples to estimates: gates what is not fit to be used, restarts on time jumps, runs the estimator
+// inside (estimator.h), whatever its type.
 // The nodes and the offline program call this same code in the same order.
 //
 // Gating: a measured channel that is missing or out of its range is left out of the correction; a driving channel holds its last
@@ -10,7 +10,7 @@
 #include <memory>
 #include <vector>
 
-#include "faultline/estimators/stage_core.h"
+#include "faultline/estimators/estimator.h"
 #include "faultline/signal/sample.h"
 
 namespace faultline {
@@ -23,18 +23,17 @@ class EstimatorStage {
  public:
   EstimatorStage(const Datasheet& sheet, const StageSpec& spec);
 
-  // Writes the estimate after this sample; false if the sample was not used. Allocates only on the first call.
+  // Writes the estimate after this sample; false if the sample was not used. Time, sequence, restarted and channel_status are always
+  // those of the sample; the rest stays as it was where there is no news. Without news only the first call allocates.
   bool process(const Sample& sample, Estimate& estimate);
   void reset();
-  // Whether the last sample that was used left anything to tell; else the estimate is still that of the last news. Always true where
-  // no stage of the rig speaks at every sample: the alarms need one that tells the time and the state of the channels.
+  // Whether the last sample that was used left anything to tell.
   bool news() const { return news_; }
   const EstimatorCounts& counts() const { return counts_; }
   const std::string& name() const { return name_; }
-  std::vector<State> states() const { return core_->states(); }
-  std::vector<std::string> innovation_names() const {
-    return core_->innovation_names();
-  }  // what the innovation runs over
+  std::vector<State> states() const { return estimator_->states(); }
+  // What the innovation runs over.
+  std::vector<std::string> innovation_names() const { return estimator_->innovation_names(); }
 
  private:
   void begin(const Sample& sample);
@@ -43,14 +42,11 @@ class EstimatorStage {
   std::vector<Channel> channels_;
   double period_;
   double gap_, jump_;  // s
-  std::unique_ptr<StageCore> core_;
+  std::unique_ptr<Estimator> estimator_;
   std::vector<double> held_;
-  bool running_ = false, news_ = true, always_ = false;
+  bool running_ = false, news_ = true;
   double last_time_ = 0;
   EstimatorCounts counts_;
 };
-
-// Whether a stage of the rig speaks only when it has news; the others speak at every sample.
-bool speaks_on_news_only(const Datasheet& sheet, const StageSpec& spec);
 
 }  // namespace faultline

@@ -33,4 +33,10 @@ void ExtendedKalmanFilter::correct(const double* y, const bool* use) {
   }
 }
 
+namespace {
+
+FAULTLINE_STATE_ESTIMATOR(extended_kalman, make_state_estimator_of<ExtendedKalmanFilter>);
+
+}  // namespace
+
 }  // namespace faultline

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "faultline/estimators/estimate.h"
 #include "faultline/rig/effect_unit.h"
 
 namespace faultline {
@@ -60,9 +61,7 @@ EffectSpec FaultHypothesis::at(double amplitude) const {
 }
 
 double FaultHypothesis::size(double amplitude) const {
-  const double value = full.parameters[parameter];
-  if (std::isinf(none)) return value / std::max(amplitude, 1e-12);
-  return none + amplitude * (value - none);
+  return effect_size(none, full.parameters[parameter], amplitude);
 }
 
 std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet, const HypothesisOptions& options) {

@@ -1,15 +1,14 @@
-// A state estimator with its process model inside a stage (stage_core.h).
+// A state estimator with its process model inside a stage (estimator.h). Setting: model; the others are the model's.
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "faultline/estimators/stage_core.h"
 #include "faultline/estimators/state_estimator.h"
 
 namespace faultline {
 namespace {
 
-class FilterCore : public StageCore {
+class FilterCore : public Estimator {
  public:
   FilterCore(const Datasheet& sheet, const StageSpec& spec)
       : model_(make_process_model(spec.settings.word("model"), sheet, spec.settings)),
@@ -71,7 +70,7 @@ class FilterCore : public StageCore {
 
 }  // namespace
 
-std::unique_ptr<StageCore> make_filter_core(const Datasheet& sheet, const StageSpec& spec) {
+std::unique_ptr<Estimator> make_filter(const Datasheet& sheet, const StageSpec& spec) {
   return std::make_unique<FilterCore>(sheet, spec);
 }
 

@@ -9,6 +9,7 @@
 
 #include "faultline/estimators/estimate.h"
 #include "faultline/rig/datasheet.h"
+#include "faultline/signal/registry.h"
 
 namespace faultline {
 
@@ -54,21 +55,22 @@ class ProcessModel {
 };
 
 struct ProcessModelType {
+  static constexpr const char* kKind = "process model";
   std::string name;
   std::unique_ptr<ProcessModel> (*make)(const Datasheet& sheet, const Settings& settings);
 };
-
-bool register_process_model(ProcessModelType type);
-// InputError that lists the known models where there is none of that name.
-std::unique_ptr<ProcessModel> make_process_model(const std::string& name, const Datasheet& sheet,
-                                                 const Settings& settings);
 
 template <class T>
 std::unique_ptr<ProcessModel> make_process_model_of(const Datasheet& sheet, const Settings& settings) {
   return std::make_unique<T>(sheet, settings);
 }
 
+// InputError that lists the known models where there is none of that name.
+inline std::unique_ptr<ProcessModel> make_process_model(const std::string& name, const Datasheet& sheet,
+                                                        const Settings& settings) {
+  return registry<ProcessModelType>().require(name, settings.where()).make(sheet, settings);
+}
+
 }  // namespace faultline
 
-#define FAULTLINE_PROCESS_MODEL(name, ...) \
-  const bool registered_process_model_##name = ::faultline::register_process_model(__VA_ARGS__)
+#define FAULTLINE_PROCESS_MODEL(name, ...) FAULTLINE_REGISTER(ProcessModelType, name, __VA_ARGS__)

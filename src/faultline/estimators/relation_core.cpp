@@ -1,18 +1,18 @@
-// A bank of recursive least squares, one for each relation of a model, inside a stage (stage_core.h). Settings: forgetting,
+// A bank of recursive least squares, one for each relation of a model, inside a stage (estimator.h). Settings: forgetting,
 // initial_covariance (of the coefficients at the start, in units of noise variance over the square of the least excitation),
 // covariance_limit (times the initial covariance). The coefficients are the first quantities of the estimate.
 // The innovation is y - h' theta before the correction; its predicted sigma the running root mean square of itself.
 #include <array>
 #include <cmath>
 
+#include "faultline/estimators/estimator.h"
 #include "faultline/estimators/recursive_least_squares.h"
 #include "faultline/estimators/relation_model.h"
-#include "faultline/estimators/stage_core.h"
 
 namespace faultline {
 namespace {
 
-class RelationCore : public StageCore {
+class RelationCore : public Estimator {
  public:
   RelationCore(const Datasheet& sheet, const StageSpec& spec)
       : model_(make_relation_model(spec.settings.word("model"), sheet, spec.settings)),
@@ -92,12 +92,9 @@ class RelationCore : public StageCore {
   std::vector<bool> used_;
 };
 
+FAULTLINE_ESTIMATOR(recursive_least_squares,
+                    {"recursive_least_squares", "parameter", false, make_estimator_of<RelationCore>});
+
 }  // namespace
-
-std::unique_ptr<StageCore> make_relation_core(const Datasheet& sheet, const StageSpec& spec) {
-  return std::make_unique<RelationCore>(sheet, spec);
-}
-
-bool is_least_squares(const std::string& type) { return type == "recursive_least_squares"; }
 
 }  // namespace faultline

@@ -8,6 +8,7 @@
 
 #include "faultline/estimators/estimate.h"
 #include "faultline/rig/datasheet.h"
+#include "faultline/signal/registry.h"
 
 namespace faultline {
 
@@ -32,21 +33,22 @@ class RelationModel {
 };
 
 struct RelationModelType {
+  static constexpr const char* kKind = "relation model";
   std::string name;
   std::unique_ptr<RelationModel> (*make)(const Datasheet& sheet, const Settings& settings);
 };
-
-bool register_relation_model(RelationModelType type);
-// InputError that lists the known models where there is none of that name.
-std::unique_ptr<RelationModel> make_relation_model(const std::string& name, const Datasheet& sheet,
-                                                   const Settings& settings);
 
 template <class T>
 std::unique_ptr<RelationModel> make_relation_model_of(const Datasheet& sheet, const Settings& settings) {
   return std::make_unique<T>(sheet, settings);
 }
 
+// InputError that lists the known models where there is none of that name.
+inline std::unique_ptr<RelationModel> make_relation_model(const std::string& name, const Datasheet& sheet,
+                                                          const Settings& settings) {
+  return registry<RelationModelType>().require(name, settings.where()).make(sheet, settings);
+}
+
 }  // namespace faultline
 
-#define FAULTLINE_RELATION_MODEL(name, ...) \
-  const bool registered_relation_model_##name = ::faultline::register_relation_model(__VA_ARGS__)
+#define FAULTLINE_RELATION_MODEL(name, ...) FAULTLINE_REGISTER(RelationModelType, name, __VA_ARGS__)

@@ -1,17 +1,14 @@
-// Names of the quantities by which the stage `fault_response` tells what it found, for whoever reads its estimates: `evidence`, `since`
-// and `judged` (s, how long ago the fault began to show, and how long ago the last stretch ended), and for each place k in the ranking `first_k` and `second_k` (value: amplitude, std: its standard error; unit: effect@port of the
-// hypothesis is not in a quantity, its number in fault_hypotheses() is the value of `first_k_hypothesis`) and their evidence.
+// Settings of the estimator type `fault_response`, for the stage and for whoever asks what it would see (faultline isolability).
 #pragma once
 
-#include <string>
+#include "faultline/estimators/fault_responses.h"
 
 namespace faultline {
 
-constexpr int kRankedFirst = 6;
-constexpr int kRankedSecond = 3;
+// Settings: segment, segments, every, recent, memory, inflation, threshold; those of ResponseSettings where there is none given.
+ResponseSettings response_settings(const Datasheet& sheet, const StageSpec& spec);
 
-inline std::string ranked_name(bool second, int place, const char* what) {
-  return (second ? "second_" : "first_") + std::to_string(place) + "_" + what;
-}
+// Of the datasheet's first stage of the family response; without one those of ResponseSettings.
+ResponseSettings response_settings(const Datasheet& sheet);
 
 }  // namespace faultline

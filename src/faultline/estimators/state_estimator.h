@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "faultline/estimators/estimator.h"
 #include "faultline/estimators/process_model.h"
 
 namespace faultline {
@@ -28,10 +29,28 @@ class StateEstimator {
   virtual double normalised_innovation() const = 0;
 };
 
-// type: divided_difference_1, divided_difference_2, extended_kalman, unscented_kalman. InputError that lists the known ones
-// otherwise. `model` must outlive it.
-// InputError where there is no such type, without a look at what else the stage asks for.
-void check_state_estimator(const std::string& type);
-std::unique_ptr<StateEstimator> make_state_estimator(const std::string& type, const ProcessModel& model);
+struct StateEstimatorType {
+  static constexpr const char* kKind = "state estimator";
+  std::string name;
+  std::unique_ptr<StateEstimator> (*make)(const ProcessModel& model);  // `model` must outlive it
+};
+
+template <class T>
+std::unique_ptr<StateEstimator> make_state_estimator_of(const ProcessModel& model) {
+  return std::make_unique<T>(model);
+}
+
+// InputError that lists the known types where there is none of that name.
+inline std::unique_ptr<StateEstimator> make_state_estimator(const std::string& type, const ProcessModel& model) {
+  return registry<StateEstimatorType>().require(type, "estimator").make(model);
+}
+
+// The stage around a state estimator: `model` among the settings names its process model.
+std::unique_ptr<Estimator> make_filter(const Datasheet& sheet, const StageSpec& spec);
 
 }  // namespace faultline
+
+// Registers it twice: as what runs on a process model, and as a stage of that name, of the family kalman.
+#define FAULTLINE_STATE_ESTIMATOR(name, make)                  \
+  FAULTLINE_REGISTER(StateEstimatorType, name, {#name, make}); \
+  FAULTLINE_ESTIMATOR(name, {#name, "kalman", false, make_filter})

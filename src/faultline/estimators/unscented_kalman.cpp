@@ -74,4 +74,10 @@ void UnscentedKalmanFilter::correct(const double* y, const bool* use) {
   s_.correct_rows(y, use, c_);
 }
 
+namespace {
+
+FAULTLINE_STATE_ESTIMATOR(unscented_kalman, make_state_estimator_of<UnscentedKalmanFilter>);
+
+}  // namespace
+
 }  // namespace faultline

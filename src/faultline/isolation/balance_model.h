@@ -12,6 +12,7 @@
 
 #include "faultline/rig/alarm_kind.h"
 #include "faultline/rig/datasheet.h"
+#include "faultline/signal/registry.h"
 
 namespace faultline {
 
@@ -51,20 +52,22 @@ class BalanceModel {
 };
 
 struct BalanceModelType {
+  static constexpr const char* kKind = "balance model";
   std::string name;
   std::unique_ptr<BalanceModel> (*make)(const Datasheet& sheet, const Settings& settings);
 };
-
-bool register_balance_model(BalanceModelType type);
-std::unique_ptr<BalanceModel> make_balance_model(const std::string& name, const Datasheet& sheet,
-                                                 const Settings& settings);
 
 template <class T>
 std::unique_ptr<BalanceModel> make_balance_model_of(const Datasheet& sheet, const Settings& settings) {
   return std::make_unique<T>(sheet, settings);
 }
 
+// InputError that lists the known models where there is none of that name.
+inline std::unique_ptr<BalanceModel> make_balance_model(const std::string& name, const Datasheet& sheet,
+                                                        const Settings& settings) {
+  return registry<BalanceModelType>().require(name, settings.where()).make(sheet, settings);
+}
+
 }  // namespace faultline
 
-#define FAULTLINE_BALANCE_MODEL(name, ...) \
-  const bool registered_balance_model_##name = ::faultline::register_balance_model(__VA_ARGS__)
+#define FAULTLINE_BALANCE_MODEL(name, ...) FAULTLINE_REGISTER(BalanceModelType, name, __VA_ARGS__)

@@ -13,6 +13,7 @@
 #include "faultline/rig/datasheet.h"
 #include "faultline/rig/reference.h"
 #include "faultline/signal/error.h"
+#include "faultline/signal/registry.h"
 
 namespace faultline {
 
@@ -46,14 +47,21 @@ class Isolator {
 };
 
 struct IsolatorType {
+  static constexpr const char* kKind = "isolator type";
   std::string name;
   std::unique_ptr<Isolator> (*make)(const Datasheet& sheet, const StageSpec& spec);
 };
 
-bool register_isolator(IsolatorType type);
-std::unique_ptr<Isolator> make_isolator(const Datasheet& sheet, const StageSpec& spec);
+template <class T>
+std::unique_ptr<Isolator> make_isolator_of(const Datasheet& sheet, const StageSpec& spec) {
+  return std::make_unique<T>(sheet, spec);
+}
+
+// InputError that lists the known types where there is none of that name.
+inline std::unique_ptr<Isolator> make_isolator(const Datasheet& sheet, const StageSpec& spec) {
+  return registry<IsolatorType>().require(spec.type, spec.settings.where()).make(sheet, spec);
+}
 
 }  // namespace faultline
 
-#define FAULTLINE_ISOLATOR(name, ...) \
-  const bool registered_isolator_##name = ::faultline::register_isolator(__VA_ARGS__)
+#define FAULTLINE_ISOLATOR(name, ...) FAULTLINE_REGISTER(IsolatorType, name, __VA_ARGS__)

@@ -1,27 +1,22 @@
 // Isolation by responses: names the fault whose effect on the rig's model explains what is measured (estimators/fault_responses.h does
 // the work in a stage of its own; this tells its answer).
 //
-// Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What explains within `rival`
-// of that evidence (a fraction, and never less than `rival_least`) cannot be told from it and is listed as equivalent; if more than `most_rivals` are, the fault is
-// unknown. Size with 90 % bounds from the curvature of the evidence and `model_error` (relative: what tolerances leave). The evidence's
-// variances are inflated to decide with care; `std_factor` takes that back for the bounds.
-// Where it has an answer, it stands against the detectors' (isolator.h).
-// Settings: stage, place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals, model_error, std_factor [1].
+// Finding: the hypothesis of most evidence in the stage's ranking (estimate.h), from the `confirm`-th judgement in a row that finds
+// something. What explains within `rival` of that evidence (a fraction, and never less than `rival_least`) cannot be told from it and is
+// listed as equivalent; if more than `most_rivals` are, the fault is unknown. Size with 90 % bounds from the ranking's standard deviation
+// and `model_error` (relative: what tolerances leave). The evidence's variances are inflated to decide with care; `std_factor` takes
+// that back for the bounds. Where it has an answer, it stands against the detectors' (isolator.h).
+// Settings: stage, place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals, model_error,
+// std_factor [1]. Throws InputError where the stage gives no ranking.
 #include <algorithm>
 #include <cmath>
+#include <map>
 
-#include <fmt/format.h>
-
-#include "faultline/detectors/detector.h"
-#include "faultline/estimators/fault_hypothesis.h"
-#include "faultline/estimators/response_core.h"
 #include "faultline/isolation/isolator.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
-
-constexpr double kNinetyPercent = 1.645;
 
 // All constants, by the datasheet's keys; it says why they have their values.
 struct ResponseIsolatorOptions {
@@ -54,144 +49,116 @@ std::string spaced(std::string name) {
 class ResponseIsolator : public Isolator {
  public:
   ResponseIsolator(const Datasheet& sheet, const StageSpec& spec)
-      : hypotheses_(fault_hypotheses(sheet)),
-        options_(read_options(spec.settings)),
-        new_judgement_s_(0.5 * sheet.sample_period) {
+      : where_(spec.settings.where()), options_(read_options(spec.settings)) {
     spec.settings.word_or("stage", "");
-    for (const FaultHypothesis& h : hypotheses_) {
-      std::string component = sheet.port(h.port).component;
-      if (!component.empty()) component[0] = static_cast<char>(std::toupper(component[0]));
-      texts_.push_back(component + ": " + spaced(h.effect));
-    }
+    for (const Port& port : sheet.ports) components_[port.name] = port.component;
   }
 
-  void reset() override { at_.clear(); }
+  void reset() override { heard_.reset(); }
   bool overrules() const override { return !options_.second; }
   double judged_until() const override { return judged_; }
 
   void process(const Estimate& estimate, const std::vector<bool>&, Finding& finding) override {
-    // The stage speaks only when there is something new.
-    if (estimate.quantities.empty() || (!at_.empty() && estimate.sequence == sequence_ && estimate.time == time_))
-      return;
-    sequence_ = estimate.sequence;
-    time_ = estimate.time;
-    if (at_.empty() || estimate.restarted) {
-      look_up(estimate);
+    if (!estimate.ranking) {
+      // An estimate without channels is that of a stage that has not spoken yet.
+      if (estimate.channel_status.empty()) return;
+      throw InputError(where_ +
+                       ": this isolator reads a ranking, which its stage does not give; name one as 'stage' that does");
+    }
+    if (heard_ && !estimate.restarted && estimate.ranking->judged_until == judged_) return;  // nothing new
+    if (!heard_ || estimate.restarted) {
       finding = Finding();
       told_ = named_ = -1;
       held_ = false;
-      judged_ = -kInfinity;
     }
-    // A stage that speaks at every sample repeats its last judgement.
-    const double judged = estimate.time - estimate.quantities[judged_at_].value;
-    const bool judged_anew = judged > judged_ + new_judgement_s_;
-    judged_ = judged;
-    const double best = estimate.quantities[at_[0]].value;
-    if (best < 0) {
+    heard_ = estimate.ranking;
+    judged_ = heard_->judged_until;
+    const std::vector<RankedHypothesis>& ranked = options_.second ? heard_->second : heard_->first;
+    if (ranked.empty()) {
       finding.active = held_ = false;
       told_ = named_ = -1;
       return;
     }
-    const double evidence = estimate.quantities[at_[2]].value;
     if (!held_) {
       held_ = true;
       judgements_ = 0;
-      finding.since = estimate.time - estimate.quantities[since_at_].value;
+      finding.since = heard_->since;
     }
-    judgements_ += judged_anew;
-    if (judgements_ < options_.confirm_judgements) return;
+    if (++judgements_ < options_.confirm_judgements) return;
     finding.active = true;
-    if (best == told_ && evidence == told_evidence_) return;  // nothing new
-    told_ = best;
-    told_evidence_ = evidence;
-    tell(estimate, evidence, finding);
+    const RankedHypothesis& best = ranked.front();
+    if (best.order == told_ && best.evidence == told_evidence_) return;
+    told_ = best.order;
+    told_evidence_ = best.evidence;
+    tell(ranked, finding);
   }
 
  private:
-  void look_up(const Estimate& estimate) {
-    at_.clear();
-    for (int k = 0; k < (options_.second ? kRankedSecond : kRankedFirst); ++k)
-      for (const char* what : {"hypothesis", "amplitude", "evidence"})
-        at_.push_back(find_quantity(estimate, ranked_name(options_.second, k, what)));
-    since_at_ = find_quantity(estimate, "since");
-    judged_at_ = find_quantity(estimate, "judged");
-  }
-
-  void tell(const Estimate& estimate, double evidence, Finding& finding) {
-    const auto value = [&](std::size_t place, std::size_t what) -> const Quantity& {
-      return estimate.quantities[at_[3 * place + what]];
-    };
+  void tell(const std::vector<RankedHypothesis>& ranked, Finding& finding) {
+    const double evidence = ranked.front().evidence;
+    const double margin = std::max(options_.rival_fraction * evidence, options_.rival_evidence);
     // A name that explains as well as the best stays.
-    std::size_t chosen = 0;
-    const double tied = evidence - std::max(options_.rival_fraction * evidence, options_.rival_evidence);
-    for (std::size_t k = 1; 3 * k < at_.size(); ++k)
-      if (value(k, 0).value >= 0 && value(k, 0).value == named_ && value(k, 2).value >= tied) chosen = k;
+    const RankedHypothesis* chosen = &ranked.front();
+    for (const RankedHypothesis& h : ranked)
+      if (h.order == named_ && h.evidence >= evidence - margin) chosen = &h;
     // Twins at one place go by the name that the datasheet lists first.
-    const auto port_of = [&](std::size_t k) {
-      return hypotheses_.at(static_cast<std::size_t>(value(k, 0).value)).port;
-    };
-    const std::string port = port_of(chosen);
-    for (std::size_t k = 0; 3 * k < at_.size() && value(k, 0).value >= 0; ++k)
-      if (value(k, 2).value >= tied && value(k, 0).value < value(chosen, 0).value && port_of(k) == port) chosen = k;
-    named_ = value(chosen, 0).value;
-    const FaultHypothesis& h = hypotheses_.at(static_cast<std::size_t>(named_));
-    finding.effect = h.effect;
-    finding.port = h.port;
-    finding.kind = h.kind;
+    const std::string port = chosen->port;
+    for (const RankedHypothesis& h : ranked)
+      if (h.evidence >= evidence - margin && h.order < chosen->order && h.port == port) chosen = &h;
+    named_ = chosen->order;
+    finding.effect = chosen->effect;
+    finding.port = chosen->port;
+    finding.kind = chosen->kind;
     finding.equivalent.clear();
     double sum = 1;
-    for (std::size_t k = 0; 3 * k < at_.size() && value(k, 0).value >= 0; ++k) {
-      if (k == chosen) continue;
-      const double behind = evidence - value(k, 2).value;
+    for (const RankedHypothesis& other : ranked) {
+      if (&other == chosen) continue;
+      const double behind = evidence - other.evidence;
       sum += std::exp(-0.5 * behind);
-      const FaultHypothesis& other = hypotheses_.at(static_cast<std::size_t>(value(k, 0).value));
-      if (behind > std::max(options_.rival_fraction * evidence, options_.rival_evidence) || other.name() == h.name())
-        continue;
+      if (behind > margin || other.name() == chosen->name()) continue;
       if (std::find(finding.equivalent.begin(), finding.equivalent.end(), other.name()) == finding.equivalent.end())
         finding.equivalent.push_back(other.name());
     }
     finding.confidence = 1 / std::max(sum, static_cast<double>(finding.equivalent.size()) + 1);
-    finding.text = texts_[static_cast<std::size_t>(named_)];
+    finding.text = text(*chosen);
     std::string rivals;
     for (const std::string& name : finding.equivalent) rivals += (rivals.empty() ? "" : ", ") + name;
     if (!rivals.empty()) finding.text += "; this motion cannot tell it from " + rivals;
     if (finding.equivalent.size() > options_.most_rivals) {
       finding.kind = AlarmKind::unknown;
       finding.effect = finding.port = "";
-      finding.text = "Something changed that this motion cannot tell apart: " + h.name() + ", " + rivals;
+      finding.text = "Something changed that this motion cannot tell apart: " + chosen->name() + ", " + rivals;
     }
-    const double amplitude = value(chosen, 1).value;
-    const double std = std::hypot(options_.std_ratio * value(chosen, 1).std, options_.model_error_fraction * amplitude);
     finding.has_size = finding.kind != AlarmKind::unknown;
-    finding.size_name = h.size_name;
-    finding.size_unit = h.size_unit;
-    finding.none = h.none;
-    finding.size = h.size(amplitude);
-    const double one = h.size(
-                     std::max(amplitude - kNinetyPercent * std, std::isinf(h.none) ? 1e-3 * amplitude : h.lowest)),
-                 other = h.size(amplitude + kNinetyPercent * std);
-    finding.low = std::min(one, other);
-    finding.high = std::max(one, other);
+    finding.size_name = chosen->size_name;
+    finding.size_unit = chosen->size_unit;
+    finding.none = chosen->none;
+    finding.size = chosen->size();
+    const SizeInterval sizes =
+        chosen->sizes(std::hypot(options_.std_ratio * chosen->std, options_.model_error_fraction * chosen->amplitude));
+    finding.low = sizes.low;
+    finding.high = sizes.high;
   }
 
-  std::vector<FaultHypothesis> hypotheses_;
-  std::vector<std::string> texts_;
+  std::string text(const RankedHypothesis& h) const {
+    const auto found = components_.find(h.port);
+    std::string component = found == components_.end() ? h.port : found->second;
+    if (!component.empty()) component[0] = static_cast<char>(std::toupper(component[0]));
+    return component + ": " + spaced(h.effect);
+  }
+
+  std::string where_;
+  std::map<std::string, std::string> components_;  // of the ports
   ResponseIsolatorOptions options_;
-  double new_judgement_s_;  // by which the end of a judged stretch must be later than the last
-  std::vector<std::size_t> at_;
-  std::uint64_t sequence_ = 0;
-  double time_ = 0;  // s, of the last estimate
-  std::size_t since_at_ = 0, judged_at_ = 0;
-  double judged_ = -kInfinity;
+  std::shared_ptr<const Ranking> heard_;  // the last
+  double judged_ = -std::numeric_limits<double>::infinity();
   bool held_ = false;
   std::size_t judgements_ = 0;
-  double told_ = -1, told_evidence_ = 0, named_ = -1;
+  double told_evidence_ = 0;
+  std::int64_t told_ = -1, named_ = -1;  // RankedHypothesis::order; -1: none
 };
 
-FAULTLINE_ISOLATOR(response,
-                   {"response", [](const Datasheet& sheet, const StageSpec& spec) -> std::unique_ptr<Isolator> {
-                      return std::make_unique<ResponseIsolator>(sheet, spec);
-                    }});
+FAULTLINE_ISOLATOR(response, {"response", make_isolator_of<ResponseIsolator>});
 
 }  // namespace
 }  // namespace faultline

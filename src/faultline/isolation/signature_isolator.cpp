@@ -438,11 +438,7 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
 
 namespace {
 
-std::unique_ptr<Isolator> make(const Datasheet& sheet, const StageSpec& spec) {
-  return std::make_unique<SignatureIsolator>(sheet, spec);
-}
-
-FAULTLINE_ISOLATOR(signatures, {"signatures", make});
+FAULTLINE_ISOLATOR(signatures, {"signatures", make_isolator_of<SignatureIsolator>});
 
 }  // namespace
 

@@ -11,6 +11,7 @@
 #include "faultline/rig/datasheet.h"
 #include "faultline/rig/excitation.h"
 #include "faultline/signal/error.h"
+#include "faultline/signal/registry.h"
 
 namespace faultline {
 
@@ -28,13 +29,11 @@ struct RawSetPoints {
 };
 
 struct ControllerType {
-  std::string rig;
-  std::string name;
+  static constexpr const char* kKind = "controller";
+  std::string name;  // rig/name
   std::unique_ptr<Controller> (*make)(const Datasheet& sheet, const Settings& settings, RawSetPoints raw);
 };
 
-const std::vector<ControllerType>& controller_types();
-bool register_controller(ControllerType type);
 std::unique_ptr<Controller> make_controller(const Datasheet& sheet, const Profile& profile, std::uint64_t seed);
 
 // For a T that takes one raw set point, or both.
@@ -52,5 +51,4 @@ std::unique_ptr<Controller> make_controller_of(const Datasheet& sheet, const Set
 
 }  // namespace faultline
 
-#define FAULTLINE_CONTROLLER(name, ...) \
-  const bool registered_controller_##name = ::faultline::register_controller(__VA_ARGS__)
+#define FAULTLINE_CONTROLLER(name, ...) FAULTLINE_REGISTER(ControllerType, name, __VA_ARGS__)

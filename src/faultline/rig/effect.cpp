@@ -15,11 +15,6 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr int kMostSwells = 1000;
 
-std::vector<EffectType>& registry() {
-  static std::vector<EffectType> types;
-  return types;
-}
-
 double parse_number(const std::string& text, const std::string& key, const std::string& whole) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
@@ -66,22 +61,6 @@ int EffectType::parameter_index(const std::string& wanted) const {
   return -1;
 }
 
-const std::vector<EffectType>& effect_types() { return registry(); }
-
-const EffectType* find_effect_type(const std::string& name) {
-  for (const auto& type : registry())
-    if (type.name == name) return &type;
-  return nullptr;
-}
-
-bool register_effect(EffectType type) {
-  auto& types = registry();
-  const auto place = std::lower_bound(types.begin(), types.end(), type,
-                                      [](const EffectType& a, const EffectType& b) { return a.name < b.name; });
-  types.insert(place, std::move(type));
-  return true;
-}
-
 EffectSpec parse_effect(const std::string& text) {
   EffectSpec spec;
   const auto at = text.find('@');
@@ -91,12 +70,7 @@ EffectSpec parse_effect(const std::string& text) {
         "effect '{}': write effect@port:name=value,..., as in coulomb_friction@force.BODY:force=100", text));
   spec.effect = text.substr(0, at);
   spec.port = text.substr(at + 1, colon == std::string::npos ? std::string::npos : colon - at - 1);
-  const EffectType* type = find_effect_type(spec.effect);
-  if (!type) {
-    std::string names;
-    for (const auto& known : effect_types()) names += (names.empty() ? "" : ", ") + known.name;
-    throw InputError(fmt::format("effect '{}': there is no effect '{}'; known are {}", text, spec.effect, names));
-  }
+  const EffectType* type = &registry<EffectType>().require(spec.effect, fmt::format("effect '{}'", text));
   if (!type->fits_kind(port_kind(spec.port)))
     throw InputError(
         fmt::format("effect '{}': {} does not fit a {} port", text, spec.effect, to_string(port_kind(spec.port))));

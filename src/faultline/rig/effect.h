@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "faultline/rig/port.h"
+#include "faultline/signal/registry.h"
 
 namespace faultline {
 
@@ -79,6 +80,7 @@ class Effect {
 };
 
 struct EffectType {
+  static constexpr const char* kKind = "effect";
   std::string name;
   std::string family;
   std::string meaning;  // one line with the formula
@@ -91,9 +93,8 @@ struct EffectType {
 };
 
 // All effect types, sorted by name. Each effect's file adds its own with FAULTLINE_EFFECT.
-const std::vector<EffectType>& effect_types();
-const EffectType* find_effect_type(const std::string& name);  // nullptr if there is none
-bool register_effect(EffectType type);
+inline const std::vector<EffectType>& effect_types() { return registry<EffectType>().all(); }
+inline const EffectType* find_effect_type(const std::string& name) { return registry<EffectType>().find(name); }
 
 template <class T>
 std::unique_ptr<Effect> make_effect() {
@@ -121,5 +122,4 @@ double growth(const EffectSpec& spec, double time);  // size in 0..1 at `time`
 
 }  // namespace faultline
 
-// At namespace scope of an effect's own file: registers it before main starts.
-#define FAULTLINE_EFFECT(name, ...) const bool registered_##name = ::faultline::register_effect(__VA_ARGS__)
+#define FAULTLINE_EFFECT(name, ...) FAULTLINE_REGISTER(EffectType, name, __VA_ARGS__)

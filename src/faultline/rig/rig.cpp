@@ -6,22 +6,6 @@
 #include "faultline/signal/error.h"
 
 namespace faultline {
-namespace {
-
-std::vector<RigType>& registry() {
-  static std::vector<RigType> types;
-  return types;
-}
-
-}  // namespace
-
-const std::vector<RigType>& rig_types() { return registry(); }
-
-const RigType* find_rig_type(const std::string& name) {
-  for (const auto& type : registry())
-    if (type.name == name) return &type;
-  return nullptr;
-}
 
 void check_state_names(const Datasheet& sheet, const std::vector<std::string>& names) {
   for (std::size_t i = 0; i < sheet.states.size() && i < names.size(); ++i)
@@ -32,11 +16,6 @@ void check_state_names(const Datasheet& sheet, const std::vector<std::string>& n
   if (sheet.states.size() != names.size())
     throw InputError(fmt::format("{} are {}; the equations of {} have {}: {}", sheet.place("states"),
                                  sheet.states.size(), sheet.rig, names.size(), joined(names)));
-}
-
-bool register_rig(RigType type) {
-  registry().push_back(std::move(type));
-  return true;
 }
 
 }  // namespace faultline

@@ -9,6 +9,7 @@
 
 #include "faultline/numerics/ode_system.h"
 #include "faultline/rig/effect_chain.h"
+#include "faultline/signal/registry.h"
 
 namespace faultline {
 
@@ -27,6 +28,7 @@ class Rig : public OdeSystem {
 };
 
 struct RigType {
+  static constexpr const char* kKind = "rig";
   std::string name;
   double substep;  // s, at which the integration has converged
   // `parameters` in the datasheet's order. Keeps references to the effects' chains: they must outlive the rig.
@@ -36,9 +38,8 @@ struct RigType {
   double model_substep = 0;
 };
 
-const std::vector<RigType>& rig_types();
-const RigType* find_rig_type(const std::string& name);
-bool register_rig(RigType type);
+inline const std::vector<RigType>& rig_types() { return registry<RigType>().all(); }
+inline const RigType* find_rig_type(const std::string& name) { return registry<RigType>().find(name); }
 
 // InputError unless the datasheet's states bear these names in this order: the equations know them by their place.
 void check_state_names(const Datasheet& sheet, const std::vector<std::string>& names);
@@ -50,4 +51,4 @@ std::unique_ptr<Rig> make_rig(const Datasheet& sheet, const std::vector<double>&
 
 }  // namespace faultline
 
-#define FAULTLINE_RIG(name, ...) const bool registered_rig_##name = ::faultline::register_rig(__VA_ARGS__)
+#define FAULTLINE_RIG(name, ...) FAULTLINE_REGISTER(RigType, name, __VA_ARGS__)

@@ -53,7 +53,7 @@ std::vector<Watched> detectors_of(const Datasheet& sheet, const StageSpec& stage
   std::vector<Watched> result;
   for (const StageSpec& spec : sheet.detectors) {
     if (spec.settings.word_or("stage", sheet.estimators.front().name) != stage.name) continue;
-    Watched w{spec.name, make_detector(spec), {}, spec.settings.number_or("minimum_time", 0, 0, 1e6)};
+    Watched w{spec.name, make_detector(sheet, spec), {}, spec.settings.number_or("minimum_time", 0, 0, 1e6)};
     w.criterion = w.detector->criterion();
     if (w.criterion.setting) result.push_back(std::move(w));
   }

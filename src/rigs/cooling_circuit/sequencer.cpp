@@ -112,10 +112,10 @@ class ThrottledFiring : public Sequencer {
   std::unique_ptr<Excitation> valve_, heat_;
 };
 
-FAULTLINE_CONTROLLER(test_sequence, {"cooling_circuit", "test_sequence", make_controller_of<TestSequence>});
-FAULTLINE_CONTROLLER(throttling, {"cooling_circuit", "throttling", make_controller_of<Throttling>});
-FAULTLINE_CONTROLLER(firing, {"cooling_circuit", "firing", make_controller_of<Firing>});
-FAULTLINE_CONTROLLER(throttled_firing, {"cooling_circuit", "throttled_firing", make_controller_of<ThrottledFiring>});
+FAULTLINE_CONTROLLER(test_sequence, {"cooling_circuit/test_sequence", make_controller_of<TestSequence>});
+FAULTLINE_CONTROLLER(throttling, {"cooling_circuit/throttling", make_controller_of<Throttling>});
+FAULTLINE_CONTROLLER(firing, {"cooling_circuit/firing", make_controller_of<Firing>});
+FAULTLINE_CONTROLLER(throttled_firing, {"cooling_circuit/throttled_firing", make_controller_of<ThrottledFiring>});
 
 }  // namespace
 }  // namespace faultline

@@ -121,8 +121,8 @@ class OpenLoop : public Controller {
   int reference_, command_, position_;
 };
 
-FAULTLINE_CONTROLLER(position_control, {"servo_actuator", "position_control", make_controller_of<PositionControl>});
-FAULTLINE_CONTROLLER(open_loop, {"servo_actuator", "open_loop", make_controller_of<OpenLoop>});
+FAULTLINE_CONTROLLER(position_control, {"servo_actuator/position_control", make_controller_of<PositionControl>});
+FAULTLINE_CONTROLLER(open_loop, {"servo_actuator/open_loop", make_controller_of<OpenLoop>});
 
 }  // namespace
 }  // namespace faultline

@@ -1,0 +1,147 @@
+// The isolator `response` on rankings made by hand: what it names, of which size, with which rivals, and when it says nothing.
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "faultline/isolation/isolator.h"
+#include "faultline/signal/error.h"
+#include "servo_runs.h"
+
+namespace faultline {
+namespace {
+
+RankedHypothesis cause(const std::string& effect, const std::string& port, std::uint32_t order, double evidence) {
+  RankedHypothesis h;
+  h.effect = effect;
+  h.port = port;
+  h.kind = "fault";
+  h.size_name = "coefficient";
+  h.size_unit = "m^3/(s sqrt(Pa))";
+  h.order = order;
+  h.none = 0;
+  h.full = 2e-8;
+  h.amplitude = 0.5;
+  h.std = 0.1;
+  h.evidence = evidence;
+  return h;
+}
+
+const char* const kSeal = "flow.chamber_a_chamber_b";
+const char* const kOutside = "flow.chamber_a_ambient";
+
+class ResponseIsolation : public ::testing::Test {
+ protected:
+  const Finding& hear(const std::vector<RankedHypothesis>& first, const std::vector<RankedHypothesis>& second = {}) {
+    auto ranking = std::make_shared<Ranking>();
+    ranking->since = 7;
+    ranking->judged_until = 10 + heard_;
+    ranking->threshold = 15;
+    ranking->evidence = first.empty() ? 2 : first.front().evidence;
+    ranking->first = first;
+    ranking->second = second;
+    Estimate estimate;
+    estimate.time = 11 + heard_;
+    estimate.channel_status.assign(servo().channels.size(), ChannelStatus::good);
+    estimate.ranking = ranking;
+    heard_ += 2;
+    isolator_->process(estimate, {}, finding_);
+    return finding_;
+  }
+
+  double heard_ = 0;
+  Finding finding_;
+  std::unique_ptr<Isolator> isolator_ = make_isolator(servo(), servo().isolators[0]);
+};
+
+TEST_F(ResponseIsolation, NamesTheBestWithItsSize) {
+  EXPECT_FALSE(hear({}).active);
+  EXPECT_EQ(isolator_->judged_until(), 10);
+  const Finding& f = hear({cause("orifice_leakage", kSeal, 3, 100), cause("laminar_leakage", kOutside, 8, 40)});
+  ASSERT_TRUE(f.active);
+  EXPECT_EQ(f.effect, "orifice_leakage");
+  EXPECT_EQ(f.port, kSeal);
+  EXPECT_EQ(f.since, 7);
+  EXPECT_TRUE(f.equivalent.empty());
+  EXPECT_DOUBLE_EQ(f.size, 1e-8);
+  const double std = std::hypot(0.7 * 0.1, 0.04 * 0.5);  // std_factor and model_error of the datasheet
+  EXPECT_NEAR(f.low, 2e-8 * (0.5 - 1.645 * std), 1e-20);
+  EXPECT_NEAR(f.high, 2e-8 * (0.5 + 1.645 * std), 1e-20);
+  EXPECT_NEAR(f.confidence, 1, 1e-12);
+  EXPECT_EQ(isolator_->judged_until(), 12);
+  EXPECT_FALSE(hear({}).active);
+}
+
+TEST_F(ResponseIsolation, RivalsWithinTheMarginAreEquivalent) {
+  // 2 % of the evidence, at least 3: 4.
+  const Finding& f = hear({cause("orifice_leakage", kSeal, 3, 200), cause("laminar_leakage", kOutside, 8, 196.5),
+                           cause("viscous_friction", "force.piston", 1, 195.5)});
+  EXPECT_EQ(f.equivalent, std::vector<std::string>{std::string("laminar_leakage@") + kOutside});
+  EXPECT_NEAR(f.confidence, 0.5, 1e-12);  // two that cannot be told apart
+}
+
+TEST_F(ResponseIsolation, TwinsAtOnePlaceGoByTheFirstOfTheDatasheet) {
+  const Finding& f = hear({cause("laminar_leakage", kSeal, 4, 100), cause("orifice_leakage", kSeal, 3, 99)});
+  EXPECT_EQ(f.effect, "orifice_leakage");
+  EXPECT_EQ(f.equivalent, std::vector<std::string>{std::string("laminar_leakage@") + kSeal});
+}
+
+TEST_F(ResponseIsolation, ANameThatExplainsAsWellStays) {
+  EXPECT_EQ(hear({cause("orifice_leakage", kSeal, 3, 100), cause("laminar_leakage", kOutside, 1, 98)}).effect,
+            "orifice_leakage");
+  EXPECT_EQ(hear({cause("laminar_leakage", kOutside, 1, 101), cause("orifice_leakage", kSeal, 3, 99)}).effect,
+            "orifice_leakage");
+  EXPECT_EQ(hear({cause("laminar_leakage", kOutside, 1, 120), cause("orifice_leakage", kSeal, 3, 99)}).effect,
+            "laminar_leakage");
+}
+
+TEST_F(ResponseIsolation, TooManyRivalsAreUnknown) {
+  std::vector<RankedHypothesis> many;
+  for (std::uint32_t k = 0; k < 8; ++k) many.push_back(cause("effect_" + std::to_string(k), kSeal, k, 100 - 0.1 * k));
+  const Finding& f = hear(many);
+  EXPECT_TRUE(f.active);
+  EXPECT_EQ(f.kind, "unknown");
+  EXPECT_EQ(f.effect, "");
+  EXPECT_FALSE(f.has_size);
+  EXPECT_EQ(f.equivalent.size(), 7u);
+}
+
+TEST_F(ResponseIsolation, TheSecondIsConfirmedFirst) {
+  isolator_ = make_isolator(servo(), servo().isolators[1]);  // place 2, confirm 2
+  const std::vector<RankedHypothesis> first = {cause("orifice_leakage", kSeal, 3, 100)};
+  EXPECT_FALSE(hear(first).active);
+  EXPECT_FALSE(hear(first, {cause("viscous_friction", "force.piston", 1, 50)}).active);
+  EXPECT_TRUE(hear(first, {cause("viscous_friction", "force.piston", 1, 51)}).active);
+  EXPECT_EQ(finding_.effect, "viscous_friction");
+  EXPECT_FALSE(isolator_->overrules());
+  EXPECT_TRUE(make_isolator(servo(), servo().isolators[0])->overrules());
+}
+
+TEST_F(ResponseIsolation, AStageThatRanksNothingIsRefused) {
+  Estimate estimate;
+  isolator_->process(estimate, {}, finding_);  // it has not spoken yet
+  EXPECT_FALSE(finding_.active);
+  estimate.channel_status.assign(servo().channels.size(), ChannelStatus::good);
+  try {
+    isolator_->process(estimate, {}, finding_);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("stages.yaml:"), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("ranking"), std::string::npos);
+  }
+}
+
+TEST(RankedHypothesis, IntervalsOfSizesThatGrowAndThatFall) {
+  RankedHypothesis h = cause("orifice_leakage", kSeal, 0, 1);
+  EXPECT_NEAR(h.sizes(0.2).low, 2e-8 * (0.5 - 0.329), 1e-20);
+  EXPECT_EQ(h.sizes(1).low, 0);  // never beyond what the datasheet allows
+  EXPECT_NEAR(h.sizes(1).high, 2e-8 * (0.5 + 1.645), 1e-20);
+  h.none = std::numeric_limits<double>::infinity();  // a limit: the larger the amplitude, the lower it is
+  h.full = 0.3;
+  EXPECT_DOUBLE_EQ(h.size(), 0.6);
+  EXPECT_NEAR(h.sizes(0.1).low, 0.3 / (0.5 + 0.1645), 1e-12);
+  EXPECT_NEAR(h.sizes(0.1).high, 0.3 / (0.5 - 0.1645), 1e-12);
+  EXPECT_NEAR(h.sizes(1).high, 0.3 / 0.0005, 1e-9);
+}
+
+}  // namespace
+}  // namespace faultline
