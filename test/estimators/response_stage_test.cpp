@@ -64,7 +64,7 @@ TEST(ResponseStage, RanksTheLeakOnceItIsThere) {
     }
     const RankedHypothesis& best = ranking.first.front();
     EXPECT_EQ(best.name(), "orifice_leakage@flow.chamber_a_chamber_b");
-    EXPECT_EQ(best.kind, "fault");
+    EXPECT_EQ(best.kind, AlarmKind::fault);
     EXPECT_EQ(best.size_name, "coefficient");
     EXPECT_EQ(best.size_unit, "m^3/(s sqrt(Pa))");
     EXPECT_GT(best.evidence, ranking.threshold);

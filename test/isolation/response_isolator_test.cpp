@@ -14,7 +14,7 @@ RankedHypothesis cause(const std::string& effect, const std::string& port, std::
   RankedHypothesis h;
   h.effect = effect;
   h.port = port;
-  h.kind = "fault";
+  h.kind = AlarmKind::fault;
   h.size_name = "coefficient";
   h.size_unit = "m^3/(s sqrt(Pa))";
   h.order = order;
@@ -99,7 +99,7 @@ TEST_F(ResponseIsolation, TooManyRivalsAreUnknown) {
   for (std::uint32_t k = 0; k < 8; ++k) many.push_back(cause("effect_" + std::to_string(k), kSeal, k, 100 - 0.1 * k));
   const Finding& f = hear(many);
   EXPECT_TRUE(f.active);
-  EXPECT_EQ(f.kind, "unknown");
+  EXPECT_EQ(f.kind, AlarmKind::unknown);
   EXPECT_EQ(f.effect, "");
   EXPECT_FALSE(f.has_size);
   EXPECT_EQ(f.equivalent.size(), 7u);

@@ -177,7 +177,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   RankedHypothesis leak;
   leak.effect = "orifice_leakage";
   leak.port = "flow.chamber_a_chamber_b";
-  leak.kind = "fault";
+  leak.kind = AlarmKind::fault;
   leak.size_name = "coefficient";
   leak.size_unit = "m^3/(s sqrt(Pa))";
   leak.order = 17;
@@ -190,7 +190,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   RankedHypothesis offset = leak;
   offset.effect = "offset";
   offset.port = "sensor.pressure";
-  offset.kind = "sensor";
+  offset.kind = AlarmKind::sensor;
   offset.order = 18;
   Ranking ranking;
   ranking.since = 1.7e9 + 1.0 / 3;  // no stamp holds these
@@ -213,7 +213,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   const RankedHypothesis& b = back.ranking->first[0];
   EXPECT_EQ(b.effect, leak.effect);
   EXPECT_EQ(b.port, leak.port);
-  EXPECT_EQ(b.kind, "fault");
+  EXPECT_EQ(b.kind, AlarmKind::fault);
   EXPECT_EQ(b.size_name, leak.size_name);
   EXPECT_EQ(b.size_unit, leak.size_unit);
   EXPECT_EQ(b.order, 17u);
