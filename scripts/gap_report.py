@@ -272,8 +272,8 @@ def main(arguments):
         return 0
     except ReportError as error:
         return report.complain(NAME, error)
-    except Exception as error:  # an answer or a series of a form that nobody foresaw
-        return report.complain(NAME, "unexpected: {}: {}".format(type(error).__name__, error), 1)
+    except Exception as error:
+        return report.complain(NAME, *report.of_unforeseen_form(error, chosen.json))
 
 
 if __name__ == "__main__":

@@ -253,6 +253,14 @@ def complain(name, error, status=2):
     return status
 
 
+def of_unforeseen_form(error, answer):
+    """Text and exit status where drawing failed: `answer` is the file that was given, None where the program made it."""
+    what = "{}: {}".format(type(error).__name__, error)
+    if answer:
+        return "{}: holds what cannot be drawn ({}); let the program write the file again".format(answer, what), 2
+    return "unexpected: " + what, 1
+
+
 class Parser(argparse.ArgumentParser):
     def error(self, message):
         self.exit(complain(self.prog, "{}; see --help".format(message)))
@@ -309,8 +317,8 @@ def main(arguments):
         return 0
     except ReportError as error:
         return complain("faultline report", error)
-    except Exception as error:  # an answer or a series of a form that nobody foresaw
-        return complain("faultline report", "unexpected: {}: {}".format(type(error).__name__, error), 1)
+    except Exception as error:
+        return complain("faultline report", *of_unforeseen_form(error, chosen.json))
     finally:
         if folder:
             shutil.rmtree(folder, ignore_errors=True)

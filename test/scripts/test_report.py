@@ -241,6 +241,12 @@ class BadInput(ReportCase):
         self.write(dict(make_answer(), rankings={}))
         self.assert_one_line(self.run_report(), "'rankings'")
 
+    def test_values_that_cannot_be_drawn(self):
+        alarm = make_answer()["alarms"][0]
+        for change in ({"effect": 1.5}, {"size": dict(alarm["size"], low="x")}):
+            self.write(dict(make_answer(), alarms=[dict(alarm, **change)]))
+            self.assert_one_line(self.run_report(), "j.json", "cannot be drawn")
+
     def test_not_json(self):
         self.write()
         (self.folder / "j.json").write_text('{"rig": ')
