@@ -137,6 +137,47 @@ class Diagnose(ProgramTest):
         self.assertAlmostEqual(max(velocity), max(thinned), places=6)
         self.assertAlmostEqual(min(velocity), min(thinned), places=6)
 
+    def cooling(self, name, *arguments):
+        self.run_program("simulate", "cooling_circuit", "--profile", "steady", "--duration", 6, "--nuisance", "--quiet", *arguments,
+                         "-o", name)
+        return name
+
+    def test_a_kept_reference_shows_a_leak_that_is_there_from_the_start(self):
+        self.cooling("healthy.bag", "--seed", 51)
+        self.cooling("leak.bag", "--seed", 52, "--effect", "orifice_leakage@flow.v2_outlet_ambient:coefficient=2e-8")
+        self.assertEqual(self.report("healthy.bag", "--keep-reference", "rig.reference")["verdict"], "healthy")
+        self.assertEqual(self.report("leak.bag")["verdict"], "healthy")  # learnt as normal
+        report = self.report("leak.bag", "--reference", "rig.reference")
+        self.assertEqual(report["verdict"], "fault")
+        self.assertEqual((report["alarms"][0]["effect"], report["alarms"][0]["port"]), ("orifice_leakage", "flow.v2_outlet_ambient"))
+        self.assertAlmostEqual(report["alarms"][0]["size"]["value"], 2e-8, delta=2e-9)
+        self.assertEqual(self.report("healthy.bag", "--reference", "rig.reference")["verdict"], "healthy")
+
+        kept = (self.folder / "rig.reference").read_text()
+        (self.folder / "cut.reference").write_text(kept[:len(kept) // 2])
+        self.complains(["diagnose", "leak.bag", "--reference", "cut.reference"], "cut.reference: ", "damaged or cut off")
+        self.complains(["diagnose", "leak.bag", "--keep-reference", "cut.reference"], "cut.reference: ", "it is kept")
+        self.assertEqual((self.folder / "cut.reference").read_text(), kept[:len(kept) // 2])
+        bag = (self.folder / "leak.bag").read_bytes()
+        self.complains(["diagnose", "leak.bag", "--keep-reference", "leak.bag"], "leak.bag: ", "no file of references")
+        self.assertEqual((self.folder / "leak.bag").read_bytes(), bag)
+        servo = self.simulate("servo.bag")
+        self.complains(["diagnose", servo, "--reference", "rig.reference"], "rig.reference:2: ", "cooling_circuit", "servo_actuator")
+        done = self.run_program("diagnose", servo, "--keep-reference", "servo.reference", check=2)
+        self.assertIn("nothing was learnt", done.stderr)
+        self.assertFalse((self.folder / "servo.reference").exists())
+        self.assertEqual([name for name in self.files() if "reference." in name], [])
+
+    def test_a_kind_of_alarm_that_there_is_not_is_named_with_file_and_line(self):
+        bag = self.simulate("a.bag")
+        shutil.copytree(ROOT / "config/servo_actuator", self.folder / "own")
+        stages = self.folder / "own/stages.yaml"
+        text = stages.read_text()
+        stages.write_text(text.replace("kind: fault", "kind: falt", 1))
+        line = 1 + text[:text.index("- name: internal_leak")].count("\n")
+        self.complains(["diagnose", bag, "--config", "own"], f"own/stages.yaml:{line}: ", "there is no kind 'falt'; allowed are fault, "
+                       "sensor, model, unknown, data")
+
     def test_config_of_ones_own(self):
         bag = self.simulate("a.bag")
         report = self.report(bag, "--config", ROOT / "config/servo_actuator")

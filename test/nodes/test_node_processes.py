@@ -73,6 +73,33 @@ class BadParameters(unittest.TestCase):
                     for word in wanted:
                         self.assertIn(word, line[0])
 
+    def test_alarm_node_keeps_what_was_learnt_once(self):
+        rig = "cooling_circuit"
+        with Graph() as graph:
+            kept = graph.path / "rig.reference"
+            alarms = graph.node("alarm_node", "alarms", rig=rig, reference=str(kept))
+            graph.node("kalman_node", "kalman", rig=rig, wait_for=1)
+            graph.node("parameter_node", "parameter", rig=rig, wait_for=1)
+            graph.node("rig_simulator_node", "simulator", rig=rig, profile="steady", duration=30.0, rate=2, nuisance=True, wait_for=2)
+            limit = time.monotonic() + 40
+            while not (kept.exists() and "stage branch_faults signatures" in kept.read_text()) and time.monotonic() < limit:
+                time.sleep(0.2)
+            text = kept.read_text()
+            self.assertTrue(text.startswith("faultline references 1\nrig cooling_circuit\nstage redline_supply_pressure redline"), text)
+            time.sleep(3)
+            self.assertEqual(kept.read_text(), text)
+            self.assertEqual([path.name for path in graph.path.iterdir() if path.name.startswith("rig.reference")], ["rig.reference"])
+            graph.end(alarms)
+            again = graph.node("alarm_node", "alarms", rig=rig, reference=str(kept))
+            time.sleep(2)
+            self.assertIsNone(again.poll(), graph.said(again))
+            graph.end(again)
+            kept.write_text(text[:-2])
+            code, said = graph.wait(graph.node("alarm_node", "alarms", rig=rig, reference=str(kept)), 15)
+            self.assertEqual(code, 2, said)
+            self.assertIn("rig.reference: the file is damaged or cut off", said)
+            self.assertEqual(kept.read_text(), text[:-2])
+
     def test_a_word_on_the_command_line_is_refused(self):
         with Graph() as graph:
             code, said = graph.wait(graph.start([str(devel_space() / "lib/faultline/kalman_node"), "--rig=x"]), 10)
