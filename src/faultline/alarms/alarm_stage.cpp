@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "faultline/rig/effect.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -48,17 +47,6 @@ bool among(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-// What a detector's alarm names must exist.
-void check_named(const Datasheet& sheet, const StageSpec& spec, const Finding& f) {
-  if (!f.effect.empty() && !find_effect_type(f.effect))
-    throw InputError(fmt::format("{}: there is no effect '{}'; `faultline rigs` lists those of each port",
-                                 spec.settings.where(), f.effect));
-  if (!f.port.empty() &&
-      std::none_of(sheet.ports.begin(), sheet.ports.end(), [&](const Port& port) { return port.name == f.port; }))
-    throw InputError(fmt::format("{}: the rig {} has no port '{}'; `faultline rigs` lists them", spec.settings.where(),
-                                 sheet.rig, f.port));
-}
-
 }  // namespace
 
 AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
@@ -70,7 +58,6 @@ AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
     w.finding.effect = spec.settings.word_or("effect", "");
     w.finding.port = spec.settings.word_or("port", "");
     w.finding.text = spec.settings.word("text");
-    check_named(sheet_, spec, w.finding);
     w.named = named(w.finding.effect, w.finding.port);
     w.stage = stage_of(sheet_, spec);
     w.withholds = w.finding.kind == AlarmKind::unknown && yes_or_no(spec, "withholds_faults", true);
