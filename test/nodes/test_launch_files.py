@@ -74,7 +74,7 @@ class LaunchFiles(unittest.TestCase):
     def test_a_session_is_recorded_whole(self):
         # In real time: rosbag record itself queues 100 messages a topic, which is little at several kHz on a busy machine.
         bag = self.graph.path / "session.bag"
-        recorder = self.launch("record.launch", f"bag:={bag}", "compression:=lz4")
+        recorder = self.launch("record.launch", f"rig:={RIG}", f"bag:={bag}", "compression:=lz4")
         limit = time.monotonic() + 20
         while f"/{RIG}/sample" not in [topic for topic, _ in self.graph.master.getSystemState("/test")[2][1]]:
             self.assertLess(time.monotonic(), limit, self.graph.said(recorder))

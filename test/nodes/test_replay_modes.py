@@ -38,7 +38,7 @@ class ReplayModes(unittest.TestCase):
 
     def play(self, rate, *options):
         self.listener = self.graph.start(["python3", LISTEN, RIG, "60", str(self.heard), "alarms", "estimate", "diagnostics"])
-        self.player = self.graph.start(["roslaunch", "faultline", "replay.launch", f"bag:={self.bag}", f"rate:={rate}",
+        self.player = self.graph.start(["roslaunch", "faultline", "replay.launch", f"rig:={RIG}", f"bag:={self.bag}", f"rate:={rate}",
                                         *options])
 
     def entries(self):
