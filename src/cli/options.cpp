@@ -105,10 +105,14 @@ void check_files(const CLI::App& app) {
       throw InputError(
           fmt::format("{}: standard output goes into this file, which is read; choose another", input.file));
   for (auto output = outputs.begin(); output != outputs.end(); ++output) {
-    for (auto other = outputs.begin(); other != output; ++other)
-      if (output->file == "-" ? other->file == "-" : other->file != "-" && same_file(output->path, other->path))
+    for (auto other = outputs.begin(); other != output; ++other) {
+      if (output->file == "-" && other->file == "-")
+        throw InputError(
+            fmt::format("{} - and {} -: standard output takes one of them", other->option, output->option));
+      if (output->file != "-" && other->file != "-" && same_file(output->path, other->path))
         throw InputError(fmt::format("{} {}: {} is written to the same place; choose another name", output->option,
                                      output->file, other->option));
+    }
     if (output->file == "-") continue;
     check_output(*output, inputs);
     OutputFile probe(output->file);

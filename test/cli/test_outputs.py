@@ -66,7 +66,7 @@ class InputsAreKept(ProgramTest):
 
     def test_two_outputs_of_one_name(self):
         self.kept(["diagnose", "a.bag", "--json", "b.txt", "--series", "./b.txt"], "b.txt", "--json is written to the same place")
-        self.kept(["diagnose", "a.bag", "--json", "-", "--series", "-"], "--series -", "--json is written to the same place")
+        self.kept(["diagnose", "a.bag", "--json", "-", "--series", "-"], "--json - and --series -: standard output takes one of them")
         (self.folder / "b.txt").symlink_to("c.txt")
         self.kept(["gap", "a.bag", "--json", "b.txt", "--adopt", "around/c.txt"], "same place")
         self.run_program("diagnose", "a.bag", "--json", "/dev/null", "--series", "/dev/null")

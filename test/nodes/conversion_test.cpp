@@ -327,10 +327,10 @@ TEST(ConversionLcm, LengthsAreCheckedBeforeTheyAreBelieved) {
   faultline_lcm::sample_t received;
   EXPECT_TRUE(decode(bytes.data(), size, received));
   for (int cut = 0; cut < size; ++cut) EXPECT_FALSE(decode(bytes.data(), cut, received)) << cut;
-  for (const unsigned char high : {0x7f, 0x80, 0xff}) {
+  for (const int high : {0x7f, 0x80, 0xff}) {
     std::vector<unsigned char> lying = bytes;
-    lying[24] = high;  // of the count
-    EXPECT_FALSE(decode(lying.data(), size, received)) << int{high};
+    lying[24] = static_cast<unsigned char>(high);  // of the count
+    EXPECT_FALSE(decode(lying.data(), size, received)) << high;
   }
   EXPECT_LT(received.values.capacity(), 100u);
 
@@ -342,9 +342,9 @@ TEST(ConversionLcm, LengthsAreCheckedBeforeTheyAreBelieved) {
   EXPECT_TRUE(decode(text.data(), length, read));
   for (int cut = 0; cut < length; ++cut) EXPECT_FALSE(decode(text.data(), cut, read)) << cut;
   for (int at = 8; at < length; ++at)
-    for (const unsigned char value : {0x7f, 0x80, 0xff}) {
+    for (const int value : {0x7f, 0x80, 0xff}) {
       std::vector<unsigned char> lying = text;
-      lying[static_cast<std::size_t>(at)] = value;
+      lying[static_cast<std::size_t>(at)] = static_cast<unsigned char>(value);
       decode(lying.data(), length, read);  // whatever it says, it comes back
       EXPECT_LT(read.names.capacity(), 100u);
     }
