@@ -47,7 +47,7 @@ TEST(Triangle, KeepsWhatTheProductLoses) {
   Eigen::Matrix<double, 2, 4, Eigen::RowMajor> m;
   m << 1, 0, 0, 0, 1, 1e-9, 0, 0;
   const Eigen::Matrix2d product = m * m.transpose();
-  EXPECT_EQ(Eigen::Matrix2d(product.llt().matrixL())(1, 1), 0);
+  EXPECT_EQ(product.llt().info(), Eigen::NumericalIssue);
   reduce_to_triangle(m);
   EXPECT_NEAR(std::abs(m(1, 1)), 1e-9, 1e-15);
 }
