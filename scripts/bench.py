@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""./faultline bench: the times of docs/benchmarks.md as one table. Runs faultline_bench (the core on one core of the
-processor), then measures the latency over ROS with test/bench/latency.py on samples of `faultline simulate`. With
-arguments of Google Benchmark (--benchmark_...) only faultline_bench runs, and prints what it prints."""
+"""./faultline bench: the times of docs/benchmarks.md as tables. Runs faultline_bench (the core, and its numerics
+beside what libraries do, on one core of the processor), then measures the latency over ROS with
+test/bench/latency.py on samples of `faultline simulate`. With arguments of Google Benchmark (--benchmark_...) only
+faultline_bench runs, and prints what it prints."""
 import argparse
 import json
 import os
@@ -16,11 +17,13 @@ ROWS = [  # benchmark, what it is, aim
     ('filter_step_extended', 'filter step, extended, six states', ''),
     ('peer_kalman_step', 'peer: plain Kalman step, six states', ''),
     ('estimator_stage', 'estimator stage per sample', ''),
-    ('alarm_stage', 'alarm stage per sample', ''),
+    ('alarm_stage/filter', 'alarm stage per sample, leak filter alone', ''),
+    ('alarm_stage/whole', 'alarm stage per sample', ''),
     ('detector/leak', '  detector leak', ''),
     ('detector/band', '  detector band', ''),
     ('detector/consistency', '  detector consistency', ''),
-    ('offline_diagnosis', 'offline diagnosis per sample', '<= 2 us, 500 x'),
+    ('offline_diagnosis/filter', 'offline diagnosis per sample, leak filter alone', '<= 2 us, 500 x'),
+    ('offline_diagnosis/whole', 'offline diagnosis per sample', ''),
     ('simulator/no_effects', 'simulator, no effects, per sample', ''),
     ('simulator/five_effects', 'simulator, five effects, per sample', '300 x'),
     ('least_squares_step/scalar', 'least squares step, one parameter', '<= 0.2 us'),
@@ -34,19 +37,59 @@ ROWS = [  # benchmark, what it is, aim
     ('whole_circuit/leaking', '  the same while it leaks', ''),
 ]
 
+NUMERICS = [  # group of benchmarks, what it is, what it is done with
+    ('sparse_lu/nominal', 'LU of 23 states: factors, 4 solutions', 'KLU'),
+    ('sparse_lu/lines', 'LU of 29 states: factors, 4 solutions', 'KLU'),
+    ('stiff/nominal', 'cooling circuit, 1 ms', 'our RODAS3'),
+    ('stiff/lines', 'cooling circuit with six lines, 1 ms', 'our RODAS3'),
+    ('explicit/nominal', 'servo actuator, 1 ms', 'odeint_runge_kutta4'),
+    ('explicit/effects', 'servo actuator, four effects, 1 ms', 'odeint_runge_kutta4'),
+    ('triangle/6x18', 'root of a covariance, 6 x 18', 'our Householder'),
+    ('triangle/10x30', 'root of a covariance, 10 x 30', 'our Householder'),
+    ('correction/states', 'correction by four states of six', 'our Carlson'),
+    ('correction/rows', 'correction by five rows of ten states', 'our Potter'),
+]
 
-def core_table(program):
-    text = subprocess.run([program, '--benchmark_format=json', '--benchmark_repetitions=3',
-                           '--benchmark_report_aggregates_only=true'],
-                          check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout
-    found = {run['run_name']: run for run in json.loads(text)['benchmarks'] if run.get('aggregate_name') == 'median'}
-    print(f'{"":46s} {"time":>10s} {"x real time":>12s} {"allocations":>12s}   aim')
+
+def measured(program, quick):
+    """Benchmarks by name, as Google Benchmark tells them: medians, or one short run each."""
+    options = ['--benchmark_min_time=0.001'] if quick else ['--benchmark_repetitions=5', '--benchmark_min_time=0.2',
+                                                            '--benchmark_enable_random_interleaving=true']
+    done = subprocess.run([program, '--benchmark_format=json', *options], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, text=True)
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ['nothing said'])[-1]
+        sys.exit(f'./faultline bench: {program} ended with {done.returncode}: {last}')
+    runs = json.loads(done.stdout)['benchmarks']
+    wrong = [f'{run["run_name"]}: {run["error_message"]}' for run in runs if run.get('error_occurred')]
+    if wrong:
+        sys.exit(f'./faultline bench: {"; ".join(sorted(set(wrong)))}')
+    return {run['run_name']: run for run in runs if quick or run.get('aggregate_name') == 'median'}
+
+
+def core_table(found):
+    print(f'{"":48s} {"time":>10s} {"x real time":>12s} {"allocations":>12s}   aim')
     for name, title, aim in ROWS:
         run = found[name]
-        print(f'{title:46s} {run["cpu_time"] / 1e3:7.3f} us {run_rate(run):12.0f} '
+        print(f'{title:48s} {run["cpu_time"] / 1e3:7.3f} us {run_rate(run):12.0f} '
               f'{round(run["allocations"], 2):12g}   {aim}')
     ratio = found['filter_step_second_order']['cpu_time'] / found['peer_kalman_step']['cpu_time']
-    print(f'{"filter step, second order, over its peer":46s} {ratio:10.2f}')
+    print(f'{"filter step, second order, over its peer":48s} {ratio:10.2f}')
+
+
+def numerics_table(found):
+    print(f'\n{"numerics beside libraries":40s} {"with":26s} {"time":>10s} {"ratio":>7s} {"error":>9s}')
+    for group, title, ours in NUMERICS:
+        used = found[f'{group}/ours']
+        others = [name for name in found if name.startswith(f'{group}/') and name != f'{group}/ours']
+        for name in [f'{group}/ours', *sorted(others)]:
+            run = found[name]
+            who = ours if run is used else name.rsplit('/', 1)[1]
+            error = f'{run["error"]:9.1e}' if 'error' in run else ''
+            print(f'{title if run is used else "":40s} {who:26s} {run["cpu_time"] / 1e3:7.3f} us '
+                  f'{run["cpu_time"] / used["cpu_time"]:7.2f} {error}'.rstrip())
+    if not any('sundials' in name for name in found):
+        print('without SUNDIALS: install libsundials-dev (6 or later) and build anew to have it compared')
 
 
 def run_rate(run):
@@ -66,20 +109,26 @@ def latency(root, programs, duration):
 
 def main():
     parser = argparse.ArgumentParser(prog='./faultline bench', description=__doc__)
-    parser.add_argument('--duration', type=float, default=30, help='s of the latency measure; 0: without it')
+    parser.add_argument('--duration', type=float,
+                        help='s of the latency measure, 0: without it (default: 30; with --quick 0)')
+    parser.add_argument('--quick', action='store_true', help='every benchmark once: shows that all run, not how fast')
     parser.add_argument('--programs', help='folder of the programs (default: the workspace of this repository)')
     arguments, rest = parser.parse_known_args()
     root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    programs = arguments.programs or os.path.join(root, 'catkin_ws/devel/lib/faultline')
+    programs = os.path.abspath(arguments.programs or os.path.join(root, 'catkin_ws/devel/lib/faultline'))
     program = os.path.join(programs, 'faultline_bench')
     if not os.path.exists(program):
         parser.exit(2, f'./faultline bench: {program} is not there; build it with ./faultline bench\n')
+    os.chdir(root)  # where the benchmarks find config/
     if rest:
         if not all(word.startswith('--benchmark_') for word in rest):
-            parser.error(f'unknown argument {rest[0]}; there are --duration, --programs and --benchmark_...')
+            parser.error(f'unknown argument {rest[0]}; there are --duration, --quick, --programs and --benchmark_...')
         os.execv(program, [program] + rest)
-    core_table(program)
-    return latency(root, programs, arguments.duration) if arguments.duration > 0 else 0
+    found = measured(program, arguments.quick)
+    core_table(found)
+    numerics_table(found)
+    duration = arguments.duration if arguments.duration is not None else 0 if arguments.quick else 30
+    return latency(root, programs, duration) if duration > 0 else 0
 
 
 if __name__ == '__main__':

@@ -1,5 +1,6 @@
-// Times of the cooling circuit's diagnosis on one core: least squares, CUSUM and redline steps, the filters of all five branches, and
-// the whole circuit (every estimator, detector and the isolation) per sample; a sample stands for 1 ms.
+// Times of the cooling circuit's diagnosis on one core: least squares, CUSUM and redline steps, the filters of all
+// five branches, and the whole circuit (every estimator, detector and the isolation) per sample; a sample stands for 1
+// ms.
 #include <benchmark/benchmark.h>
 
 #include <map>

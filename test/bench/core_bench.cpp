@@ -1,6 +1,7 @@
-// Times of the core on one core: filter step, its peer, the stages of a diagnosis, the simulator. `allocations` counts what a step
-// takes from the heap (aim: none); `real_time` is how many times faster than the rig (aim: 300 simulating, 500 diagnosing).
-// The peer is a plain Kalman step of the same size with full matrices from Eigen: what a filter costs at least that is linear.
+// Times of the core on one core: filter step, its peer, the stages of a diagnosis, the simulator. `allocations` counts
+// what a step takes from the heap (aim: none); `real_time` is how many times faster than the rig (aim: 300 simulating,
+// 500 diagnosing). The peer is a plain Kalman step of the same size with full matrices from Eigen: what a filter costs
+// at least that is linear.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Dense>

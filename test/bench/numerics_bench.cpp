@@ -1,6 +1,7 @@
-// Our numerics beside what libraries do, on the equations of the rigs: what is not at least twice as fast as a library is replaced by it
-// (docs/benchmarks.md). `allocations`: per pass, from the heap. `error`: largest difference of any state from a reference in fine steps, in
-// parts of that state's largest value; a library's tolerance or step is the coarsest at which it is as accurate as ours.
+// Our numerics beside what libraries do, on the equations of the rigs: what is not at least twice as fast as a library
+// is replaced by it (docs/benchmarks.md). `allocations`: per pass, from the heap. `error`: largest difference of any
+// state from a reference in fine steps, in parts of that state's largest value; a library's tolerance or step is the
+// coarsest at which it is as accurate as ours.
 #include <benchmark/benchmark.h>
 
 #include <array>
@@ -45,7 +46,7 @@ std::vector<std::string> all_lines() {
   return texts;
 }
 
-// ---- Sparse LU: one factorisation and the four solutions of a Rosenbrock step, Jacobian of the cooling circuit under load
+// ---- Sparse LU: the factorisation and four solutions of a Rosenbrock step, cooling circuit under load
 
 struct Jacobian {
   explicit Jacobian(bool lines) : made(7e6, 0.8, 0.5, lines ? all_lines() : std::vector<std::string>()) {
@@ -372,7 +373,8 @@ Matrix filled(Eigen::Index rows, Eigen::Index columns) {
   return m;
 }
 
-// The servo actuator's filter: fixed size. The cooling circuit's extended filter of five branches: free size below a maximum.
+// The servo actuator's filter: fixed size. The cooling circuit's extended filter of five branches: free size below a
+// maximum.
 using ServoWide = Eigen::Matrix<double, 6, 18, Eigen::RowMajor>;
 using ServoRoot = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 using CoolingWide = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 16, 65>;

@@ -1,4 +1,5 @@
-// SUNDIALS (6 or later) on the equations of a rig, for the comparison in numerics_bench.cpp; kAvailable is false in a build without it.
+// SUNDIALS (6 or later) on the equations of a rig, for the comparison in numerics_bench.cpp; kAvailable is false in a
+// build without it.
 #pragma once
 
 #include <memory>
@@ -13,8 +14,9 @@ class SundialsMethod {
   enum class Kind { bdf, implicit_runge_kutta, explicit_runge_kutta };
   static const bool kAvailable;
 
-  // `scale`: size of each state, which its absolute tolerance is a fraction of. `setting` from 0, the coarsest: tolerances of 10^-(setting + 2)
-  // for the backward differentiation formulas (CVODE), 2^setting fixed steps per sample for the Runge-Kutta methods (ARKODE).
+  // `scale`: size of each state, which its absolute tolerance is a fraction of. `setting` from 0, the coarsest:
+  // tolerances of 10^-(setting + 2) for the backward differentiation formulas (CVODE), 2^setting fixed steps per
+  // sample for the Runge-Kutta methods (ARKODE).
   SundialsMethod(Kind kind, OdeSystem& system, const double* inputs, const std::vector<double>& scale, double period,
                  int setting);
   ~SundialsMethod();

@@ -101,14 +101,47 @@ TEST(Rosenbrock, WhatIsFastDiesWithoutSwinging) {
 }
 
 TEST(Rosenbrock, SettlesWhereNothingMoves) {
-  Kaps rig;
-  rig.k_ = 1e6;
+  Kaps system;
+  system.k_ = 1e6;
   double state[2] = {3, -0.2};
-  settle(rig, nullptr, state);
+  EXPECT_EQ(settle(system, nullptr, state), std::vector<int>());
   double rate[2];
-  rig.derivative(0, state, nullptr, rate);
+  system.derivative(0, state, nullptr, rate);
   EXPECT_NEAR(rate[0], 0, 1e-6);
   EXPECT_NEAR(rate[1], 0, 1e-9);
+}
+
+// x' = shape(x), which may have no root; y' = -y.
+class Restless : public Problem {
+ public:
+  explicit Restless(double constant, double square) : constant_(constant), square_(square) {}
+  void derivative(double, const double* s, const double*, double* rate) override {
+    rate[0] = constant_ + square_ * s[0] * s[0];
+    rate[1] = -s[1];
+  }
+  void jacobian(double t, const double* s, const double* c, double* rate, double* time_rate, double* entries) override {
+    derivative(t, s, c, rate);
+    time_rate[0] = time_rate[1] = 0;
+    entries[0] = 2 * square_ * s[0];
+    entries[1] = entries[2] = 0;
+    entries[3] = -1;
+  }
+  double constant_, square_;
+};
+
+TEST(Rosenbrock, SettlingTellsWhatDoesNotComeToRest) {
+  const auto moving = [](double constant, double square) {
+    Restless system(constant, square);
+    double state[2] = {0.5, 1};
+    return settle(system, nullptr, state);
+  };
+  const std::vector<int> none, first = {0}, both = {0, 1};
+  EXPECT_EQ(moving(1, -1), none);                       // x = 1
+  EXPECT_EQ(moving(1, 0), first);                       // rises for ever
+  EXPECT_EQ(moving(1, 1), first);                       // no root
+  EXPECT_EQ(moving(std::nan(""), 1), both);             // not a number: nothing can be told
+  EXPECT_EQ(moving(std::nan(""), std::nan("")), both);  // nor its Jacobian
+  EXPECT_EQ(moving(-1, 1e-3), none);                    // an unstable root is one
 }
 
 TEST(Rosenbrock, AStepAllocatesNothing) {

@@ -42,6 +42,16 @@ TEST(Triangle, KeepsMTimesItsTranspose) {
   }
 }
 
+// Why the root is not made by a Cholesky decomposition of M M', which is as fast: that squares the condition number.
+TEST(Triangle, KeepsWhatTheProductLoses) {
+  Eigen::Matrix<double, 2, 4, Eigen::RowMajor> m;
+  m << 1, 0, 0, 0, 1, 1e-9, 0, 0;
+  const Eigen::Matrix2d product = m * m.transpose();
+  EXPECT_EQ(product.llt().info(), Eigen::NumericalIssue);
+  reduce_to_triangle(m);
+  EXPECT_NEAR(std::abs(m(1, 1)), 1e-9, 1e-15);
+}
+
 TEST(Triangle, TakesRowsOfZeros) {
   using Free = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   Free m = filled<Free>(4, 9, 3);

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <numeric>
 
-#include "faultline/numerics/in_parallel.h"
 #include "faultline/gap/screening.h"
 #include "faultline/gap/size_search.h"
 #include "faultline/gap/spectral_lines.h"
+#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {

@@ -1,5 +1,5 @@
-// Runs work(0) ... work(count - 1) on `jobs` threads. What comes out must not depend on the order. The first exception ends it all and
-// is thrown on.
+// Runs work(0) ... work(count - 1) on `jobs` threads. What comes out must not depend on the order. The first exception
+// ends it all and is thrown on.
 #pragma once
 
 #include <algorithm>

@@ -1,6 +1,6 @@
-// Fixed-step integration of ordinary differential equations. A system that is not stiff gets the classic fourth-order Runge-Kutta
-// method of Boost.odeint, which is explicit: the step must be below 2.7 over its fastest rate. A system that calls itself stiff gets a
-// Rosenbrock method (rosenbrock.h). A step allocates nothing.
+// Fixed-step integration of ordinary differential equations. A system that is not stiff gets the classic fourth-order
+// Runge-Kutta method of Boost.odeint, which is explicit: the step must be below 2.7 over its fastest rate. A system
+// that calls itself stiff gets a Rosenbrock method (rosenbrock.h). A step allocates nothing.
 #pragma once
 
 #include <memory>

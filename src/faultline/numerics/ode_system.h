@@ -1,5 +1,6 @@
-// A system of ordinary differential equations, d(state)/dt = f(time, state, inputs), as integrators see it; the inputs are held
-// over a step. A system that is stiff also gives its Jacobian: without one, jacobian() throws std::logic_error.
+// A system of ordinary differential equations, d(state)/dt = f(time, state, inputs), as integrators see it; the inputs
+// are held over a step. A system that is stiff also gives its Jacobian: without one, jacobian() throws
+// std::logic_error.
 #pragma once
 
 #include <utility>

@@ -1,5 +1,5 @@
-// Random numbers that are the same on every machine: std::mt19937_64 is specified exactly, std::normal_distribution is not,
-// so the normal numbers are made here (Marsaglia's polar method).
+// Random numbers that are the same on every machine: std::mt19937_64 is specified exactly, std::normal_distribution is
+// not, so the normal numbers are made here (Marsaglia's polar method).
 #pragma once
 
 #include <cmath>

@@ -1,6 +1,7 @@
 #include "faultline/numerics/rosenbrock.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace faultline {
 namespace {
@@ -8,6 +9,7 @@ namespace {
 constexpr double kFirstStep = 1e-5;  // s, of settling
 constexpr double kGrowth = 1.6;      // from step to step
 constexpr double kLastStep = 1e5;    // s
+constexpr double kAtRest = 1e-6;     // of a state's largest value: its last step, which is a Newton step
 
 }  // namespace
 
@@ -45,16 +47,23 @@ void Rosenbrock::step(double time, double dt, const double* inputs) {
   system_.after_step(time + dt, state_.data(), inputs);
 }
 
-void settle(OdeSystem& system, const double* inputs, double* state) {
+std::vector<int> settle(OdeSystem& system, const double* inputs, double* state) {
   const auto states = static_cast<std::size_t>(system.states());
   SparseLu lu(system.states(), system.jacobian_entries());
-  std::vector<double> step(states), time_rate(states), jacobian(system.jacobian_entries().size());
+  std::vector<double> step(states), time_rate(states), jacobian(system.jacobian_entries().size()), largest(states, 0);
   for (double dt = kFirstStep; dt < kLastStep; dt *= kGrowth) {
     system.jacobian(0, state, inputs, step.data(), time_rate.data(), jacobian.data());
     lu.factor(1 / dt, jacobian.data());
     lu.solve(step.data());
-    for (std::size_t s = 0; s < states; ++s) state[s] += step[s];
+    for (std::size_t s = 0; s < states; ++s) {
+      state[s] += step[s];
+      largest[s] = std::max(largest[s], std::abs(state[s]));
+    }
   }
+  std::vector<int> moving;
+  for (std::size_t s = 0; s < states; ++s)
+    if (!(std::abs(step[s]) <= kAtRest * largest[s])) moving.push_back(static_cast<int>(s));  // NaN too
+  return moving;
 }
 
 }  // namespace faultline

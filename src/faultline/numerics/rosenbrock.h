@@ -1,10 +1,12 @@
-// Fixed-step integration of a stiff system by RODAS3, a Rosenbrock method: implicit through one Jacobian a step, no iteration.
+// Fixed-step integration of a stiff system by RODAS3, a Rosenbrock method: implicit through one Jacobian a step, no
+// iteration.
 //
-//   (2/h I - J) u_i = f(t + a_i h, y + sum_j A_ij u_j) + sum_j C_ij/h u_j + g_i h df/dt,   y(t + h) = y + 2 u_1 + u_3 + u_4
+//   (2/h I - J) u_i = f(t + a_i h, y + sum_j A_ij u_j) + sum_j C_ij/h u_j + g_i h df/dt
+//   y(t + h) = y + 2 u_1 + u_3 + u_4
 //
-// Four stages, order 3, L-stable and stiffly accurate, so that what settles within microseconds is settled at the end of a step of
-// any size, moving boundary values included (Sandu, Verwer, Blom, Spee, Carmichael, Potra, Atmospheric Environment 31, 1997).
-// Nothing is allocated after construction.
+// Four stages, order 3, L-stable and stiffly accurate, so that what settles within microseconds is settled at the end
+// of a step of any size, moving boundary values included (Sandu, Verwer, Blom, Spee, Carmichael, Potra, Atmospheric
+// Environment 31, 1997). Nothing is allocated after construction.
 #pragma once
 
 #include <array>
@@ -30,6 +32,8 @@ class Rosenbrock : public Integrator {
 };
 
 // Brings `state` to rest for held inputs at time 0: implicit Euler steps that grow until they are Newton steps.
-void settle(OdeSystem& system, const double* inputs, double* state);
+// Returns the states that did not come to rest, none if all did: those whose last step was not below 1e-6 of the
+// largest value they had on the way.
+std::vector<int> settle(OdeSystem& system, const double* inputs, double* state);
 
 }  // namespace faultline

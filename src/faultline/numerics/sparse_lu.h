@@ -1,8 +1,9 @@
-// LU factors of (d I - J) for a small sparse J whose places of non-zeros never change, by KLU (Davis, Palamadai Natarajan, Algorithm 907:
-// KLU, a direct sparse solver for circuit simulation problems, ACM Trans. Mathematical Software 37, 2010): ordering and pivots are chosen
-// once, on the diagonal; factor() then refactors in the memory that is there. Right where d is large against what couples the states, as
-// in implicit steps of a dissipative rig. A matrix that is singular with these pivots gets new ones, which allocates; one that is
-// singular with any makes every solution NaN.
+// LU factors of (d I - J) for a small sparse J whose places of non-zeros never change, by KLU (Davis, Palamadai
+// Natarajan, Algorithm 907: KLU, a direct sparse solver for circuit simulation problems, ACM Trans. Mathematical
+// Software 37, 2010): ordering and pivots are chosen once, on the diagonal; factor() then refactors in the memory that
+// is there. Right where d is large against what couples the states, as in implicit steps of a dissipative rig. A
+// matrix that is singular with these pivots gets new ones, which allocates; one that is singular with any makes every
+// solution NaN.
 #pragma once
 
 #include <memory>
@@ -13,7 +14,8 @@ namespace faultline {
 
 class SparseLu {
  public:
-  // `entries`: (row, column) of J's non-zeros in any order; one that stands twice is summed. std::logic_error outside the matrix.
+  // `entries`: (row, column) of J's non-zeros in any order; one that stands twice is summed. std::logic_error outside
+  // the matrix.
   SparseLu(int size, const std::vector<std::pair<int, int>>& entries);
   ~SparseLu();
 

@@ -1,7 +1,7 @@
 // Householder reduction of a wide matrix M (rows <= columns) from the right: M H = [L 0] with L lower triangular and
 // L L' = M M'. In place; nothing is allocated. Row-major, so that every pass runs along memory.
-// Columns left of the diagonal are passed over with a zero instead of being left out: all loops then have one length, which a
-// matrix of fixed size tells the compiler.
+// Columns left of the diagonal are passed over with a zero instead of being left out: all loops then have one length,
+// which a matrix of fixed size tells the compiler.
 #pragma once
 
 #include <cmath>

@@ -3,8 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+<<<<<<< HEAD:src/rigs/cooling_circuit/plant.cpp
 #include "faultline/numerics/rosenbrock.h"
 #include "faultline/rig/orifice.h"
+=======
+#include <fmt/format.h>
+
+#include "faultline/numerics/rosenbrock.h"
+#include "faultline/rig/orifice.h"
+#include "faultline/signal/error.h"
+>>>>>>> numerics:src/faultline/rigs/cooling_circuit.cpp
 
 namespace faultline {
 namespace {
@@ -86,6 +94,8 @@ CoolingCircuit::CoolingCircuit(const Datasheet& sheet, const std::vector<double>
   supply_ = sheet.channel("supply_pressure");
   valve_command_ = sheet.channel("bench_valve_command");
   heat_command_ = sheet.channel("heat_load_command");
+  for (const State& state : sheet.states) state_names_.push_back(state.name);
+  channels_ = sheet.channels.size();
   if (!feed_line_.empty()) feed_ = count_++;
   int state = kFirstBranch;
   for (const std::string& b : sheet.branches) {
@@ -339,7 +349,7 @@ void CoolingCircuit::jacobian(double time, const double* state, const double* ch
   evaluate(time, state, channels, rate, values);
 }
 
-void CoolingCircuit::start(const double* channels, double* state) {
+std::vector<int> CoolingCircuit::come_to_rest(const double* channels, double* state) {
   state[kValve] = std::clamp(channels[valve_command_], 0.0, 1.0);
   state[kFiring] = std::max(channels[heat_command_], 0.0);
   state[kManifold] = drain_pressure_;
@@ -348,11 +358,34 @@ void CoolingCircuit::start(const double* channels, double* state) {
     state[branch.state + 2] = state[branch.state + 3] = water_temperature_;
   }
   at_rest_ = true;
-  settle(*this, channels, state);
+  const std::vector<int> moving = settle(*this, channels, state);
   at_rest_ = false;
-  // Standing water has no temperature of rest of its own: it is as it came.
-  if (state[kValve] <= 0)
-    for (const Branch& branch : branches_) state[branch.state + 2] = state[branch.state + 3] = water_temperature_;
+  return moving;
+}
+
+void CoolingCircuit::start(const double* channels, double* state) {
+  std::vector<int> moving = come_to_rest(channels, state);
+  const auto moves = [&moving](int s) { return std::find(moving.begin(), moving.end(), s) != moving.end(); };
+  // Water that stands has no temperature of rest of its own, and none at all where it is heated: it is as it came. The
+  // pressures are then those without heat, since water of a million kelvins would have set them.
+  const std::vector<double> heated(state, state + count_);
+  std::vector<bool> stands;
+  for (const Branch& branch : branches_) stands.push_back(state[kValve] <= 0 || moves(branch.state + 3));
+  if (!moving.empty()) {
+    std::vector<double> unheated(channels, channels + channels_);
+    unheated[static_cast<std::size_t>(heat_command_)] = 0;
+    moving = come_to_rest(unheated.data(), state);
+    state[kFiring] = std::max(channels[heat_command_], 0.0);
+  }
+  for (std::size_t b = 0; b < branches_.size(); ++b)
+    for (const int s : {branches_[b].state + 2, branches_[b].state + 3})
+      state[s] = stands[b] ? water_temperature_ : heated[static_cast<std::size_t>(s)];
+  if (!moving.empty())
+    throw InputError(fmt::format(
+        "cooling_circuit: no state of rest to start from: {} does not settle at a supply of {:g} Pa with the valve at "
+        "{:g}; check "
+        "both, the parameters and the effects",
+        state_names_[static_cast<std::size_t>(moving.front())], channels[supply_], channels[valve_command_]));
   start_at(state, channels, state);
 }
 

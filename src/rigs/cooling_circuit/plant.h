@@ -24,7 +24,8 @@ class CoolingCircuit : public Rig {
   CoolingCircuit(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
 
   int states() const override { return count_; }
-  // At rest for these commands and this supply; with the valve shut all pressures are P_d and all water is at T_w.
+  // At rest for these commands and this supply; with the valve shut all pressures are P_d. Water that stands is at T_w.
+  // InputError where there is no such state.
   void start(const double* channels, double* state) override;
   void start_at(const double* nominal_state, const double* channels, double* state) override;
   void derivative(double time, const double* state, const double* channels, double* rate) override;
@@ -60,6 +61,8 @@ class CoolingCircuit : public Rig {
   template <class Sink>
   void evaluate(const Branch& branch, double time, const double* state, Header& header, double* rate, Sink& sink) const;
 
+  // From the initial state, wherever that leads; returns the states that do not settle.
+  std::vector<int> come_to_rest(const double* channels, double* state);
   Flow tube(const Branch& branch, double drop, double viscosity) const;
   Flow leak(const EffectChain& chain, double pressure) const;
   Flow drain(const Branch& branch, double pressure, double time) const;
@@ -78,6 +81,8 @@ class CoolingCircuit : public Rig {
   // While the state of rest is sought nothing has inertia and the manifold is stiff: neither changes where it ends.
   bool at_rest_ = false;
   std::vector<std::pair<int, int>> entries_, rest_entries_;
+  std::vector<std::string> state_names_;
+  std::size_t channels_;
 };
 
 }  // namespace faultline

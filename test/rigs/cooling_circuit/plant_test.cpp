@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "cooling_runs.h"
+#include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
@@ -56,6 +57,33 @@ TEST(CoolingCircuit, ShutItIsAtDrainPressureAndColdEvenWithHeatLoss) {
     EXPECT_NEAR(rig[b + "_outlet_pressure"], kDrain, 1e-3);
     EXPECT_NEAR(rig[b + "_mass_flow"], 0, 1e-9);
     EXPECT_NEAR(rig[b + "_outlet_temperature"], kWater, 1e-9);
+  }
+}
+
+// Water that is heated and stands has no temperature of rest: it starts as it came, whatever its viscosity depends on.
+TEST(CoolingCircuit, HeatedWaterThatStandsStartsCold) {
+  for (const char* effect : {"", "viscosity_drift@source.water:factor=0.5"})
+    for (const auto& [supply, valve] : {std::pair{7e6, 0.0}, {0.5e5, 1.0}, {0.0, 0.3}}) {
+      const CoolingRig rig(supply, valve, 1, *effect ? std::vector<std::string>{effect} : std::vector<std::string>());
+      for (const double value : rig.state) ASSERT_TRUE(std::isfinite(value)) << effect;
+      EXPECT_EQ(rig.state[1], 1);
+      for (const std::string& b : kBranches) {
+        EXPECT_NEAR(rig[b + "_outlet_temperature"], kWater, 1e-9);
+        EXPECT_LT(rig[b + "_outlet_pressure"], kDrain + 1);
+        EXPECT_LT(rig[b + "_mass_flow"], 0.01);
+      }
+    }
+}
+
+TEST(CoolingCircuit, WithoutAStateOfRestItSaysSo) {
+  CoolingRig rig(7.0e6, 1, 1);
+  rig.channels[cooling_column("supply_pressure")] = std::nan("");
+  try {
+    rig.rig->start(rig.channels.data(), rig.state.data());
+    FAIL() << "a state of rest at a supply pressure that is not a number";
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("does not settle at a supply of nan Pa"), std::string::npos)
+        << error.what();
   }
 }
 
