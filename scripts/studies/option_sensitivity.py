@@ -3,10 +3,11 @@
 
     ./faultline shell scripts/studies/option_sensitivity.py [--engines NAME...] [--jobs N]
 
-Asks the program option_sensitivity (test/studies/), which simulates a fixed set of small recordings and answers for every option.
-What was measured is kept in catkin_ws/option_sensitivity.json, so that a run that was interrupted goes on where it was; answers of other
-sources (the unchanged options no longer give the same) are thrown away. The table is written at the end, on interruption, and with
---table alone; rows that were not measured say so. Runs at the lowest priority.
+Asks the program option_sensitivity (test/studies/), which simulates a fixed set of small recordings and answers for
+every option. What was measured is kept in catkin_ws/option_sensitivity.json, so that a run that was interrupted goes on
+where it was; answers of other sources (the unchanged options no longer give the same) are thrown away. The table is
+written at the end, on interruption, and with --table alone; rows that were not measured say so. Runs at the lowest
+priority.
 """
 import argparse
 import json
@@ -14,6 +15,7 @@ import math
 import os
 import pathlib
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -95,8 +97,9 @@ def compare(before, now):
     for case, after in now.items():
         change["words"] += before[case]["words"] != after["words"]
         change["details"] += before[case]["details"] != after["details"]
-        for kind in ("sizes", "numbers"):
-            change[kind] = max(change[kind], relative(before[case][kind], after[kind]))
+        change["sizes"] = max(change["sizes"], relative(before[case]["sizes"], after["sizes"]))
+        if before[case]["words"] == after["words"]:  # else they are numbers of another thing
+            change["numbers"] = max(change["numbers"], relative(before[case]["numbers"], after["numbers"]))
     return change
 
 
@@ -105,15 +108,17 @@ def percent(value):
         return "0"
     if value < 0.001:
         return "< 0.1 %"
-    return f"{100 * value:.2g} %" if value < 1 else f"x {1 + value:.2g}" if math.isfinite(value) else "lost"
+    if value < 0.1:
+        return f"{100 * value:.2g} %"
+    return f"{100 * value:.0f} %" if value < 1 else f"x {1 + value:.2g}" if math.isfinite(value) else "lost"
 
 
 def cells(change):
     if change is None:
-        return "not measured | | | "
+        return "not measured | | |"
     if "error" in change:
         text = change["error"].replace("|", "/")
-        return f"refused: {text} | | | "
+        return f"refused: {text} | | |"
     return " | ".join([f'{change["words"]} of {change["cases"]}', percent(change["sizes"]), percent(change["numbers"]),
                        f'{change["details"]} of {change["cases"]}'])
 
@@ -131,14 +136,15 @@ def write_table(state):
         "",
         "Made by `./faultline shell scripts/studies/option_sensitivity.py`; not written by hand.",
         "",
-        "Every number on which an answer of an engine depends stands in one struct per engine, with its meaning, its unit and why it",
-        "has its value: the headers named below. This table has how much the answers change when one is halved and when it is doubled",
-        "(counts are rounded and at least 1), on few small simulated recordings (`test/studies/option_sensitivity.cpp`): it says which",
-        "options matter, not which value is best.",
+        "Every number on which an answer of an engine depends stands in one struct per engine, with its meaning, its unit",
+        "and why it has its value: the headers named below. This table has how much the answers change when one is halved",
+        "and when it is doubled (counts are rounded and at least 1), on few small simulated recordings",
+        "(`test/studies/option_sensitivity.cpp`): it says which options matter, not which value is best.",
         "",
         "- **named**: in how many of the cases that reach it what was decided changes (verdict, effects, places)",
         "- **sizes**: largest relative change of a size among what both name",
-        "- **numbers**: largest relative change of the other numbers (shrink, widths of intervals, probabilities, evidence, times)",
+        "- **numbers**: largest relative change of the other numbers where the decision is the same (shrink, widths of",
+        "  intervals, probabilities, evidence, times)",
         "- **beside**: in how many of the cases what is told beside changes (rivals, regions, reasons, next runs)",
         "",
         "`x 3` is three times as much. `0` everywhere: these recordings do not reach the option.",
@@ -153,7 +159,8 @@ def write_table(state):
             continue
         before = known["answers"][UNCHANGED]
         lines += [f"{len(before)} cases: {', '.join(before)}.", "",
-                  "| option | value | halved: named | sizes | numbers | beside | doubled: named | sizes | numbers | beside |",
+                  "| option | value | halved: named | sizes | numbers | beside "
+                  "| doubled: named | sizes | numbers | beside |",
                   "|---|---|---|---|---|---|---|---|---|---|"]
         for option, value in known["options"]:
             row = f"| `{option}` | {number(value)} "
@@ -249,6 +256,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=1, help="programs that run at once")
     parser.add_argument("--table", action="store_true", help="only write the table from what was measured")
     arguments = parser.parse_args()
+    for name in (signal.SIGINT, signal.SIGTERM):  # a shell's background jobs ignore the first unless told otherwise
+        signal.signal(name, signal.default_int_handler)
     state = json.loads(STATE.read_text()) if STATE.exists() else {}
     complete = True
     if not arguments.table:

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include <gtest/gtest.h>
 
@@ -16,6 +17,17 @@ const FaultHypothesis& hypothesis(const std::string& name) {
   return *std::find_if(all.begin(), all.end(), [&](const FaultHypothesis& h) { return h.name() == name; });
 }
 
+// As the datasheet sets them.
+ResponseSettings shipped() {
+  for (const StageSpec& stage : servo().estimators) {
+    if (stage.type != "fault_response") continue;
+    ResponseSettings settings = read_response_settings(stage.settings, servo().sample_period);
+    settings.jobs = 2;
+    return settings;
+  }
+  throw std::out_of_range("the servo actuator has no stage of fault responses");
+}
+
 struct Found {
   std::vector<std::string> first, second;
   double size = 0, second_size = 0, since = 0, most_before = 0;
@@ -27,10 +39,7 @@ Found look(const std::string& profile, std::uint64_t seed, double onset, double 
   for (const std::string& effect : effects)
     setup.effects.push_back(parse_effect(effect + ",from=" + std::to_string(onset)));
   const Recording run = simulate(servo(), setup, duration);
-  ResponseSettings settings;
-  settings.threshold_evidence = 20;
-  settings.jobs = 2;
-  FaultResponses responses(servo(), settings);
+  FaultResponses responses(servo(), shipped());
   Found found;
   for (std::size_t k = 0; k < run.rows(); ++k) {
     if (!responses.add(run.time[k], run.row(k), true)) continue;
@@ -116,8 +125,25 @@ TEST(FaultResponses, ABadSampleDropsTheStretchOnly) {
   int judged = 0;
   for (std::size_t k = 0; k < run.rows(); ++k) judged += responses.add(run.time[k], run.row(k), k != 100);
   EXPECT_EQ(judged, 2);
+}
+
+TEST(FaultResponses, ResetIsComplete) {
+  SimulationSetup setup = off_nominal("random", 36);
+  setup.effects.push_back(parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8,from=4"));
+  const Recording run = simulate(servo(), setup, 7);
+  FaultResponses responses(servo(), shipped());
+  const auto evidence = [&] {
+    std::vector<double> found;
+    for (std::size_t k = 0; k < run.rows(); ++k)
+      if (responses.add(run.time[k], run.row(k), true)) found.push_back(responses.evidence());
+    return found;
+  };
+  const std::vector<double> once = evidence();
+  ASSERT_FALSE(responses.first().empty());
   responses.reset();
   EXPECT_TRUE(responses.first().empty());
+  EXPECT_TRUE(responses.second().empty());
+  EXPECT_EQ(evidence(), once);
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// The fit on runs of the simulator whose parameters are known: estimates lie within their intervals, and what a run cannot tell is said.
+// The fit on runs of the simulator whose parameters are known: estimates lie within their intervals, and what a run
+// cannot tell is said.
 #include "faultline/fit/parameter_fit.h"
 
 #include <gtest/gtest.h>
@@ -47,6 +48,7 @@ TEST(ParameterFit, FindsWhatTheRunWasMadeWith) {
     EXPECT_GT(p.high, p.nominal * factor) << name;
     EXPECT_LT((p.high - p.low) / p.nominal, 0.1) << name;
   }
+  ASSERT_EQ(fit.channels.size(), 6u);
   for (const ChannelMisfit& c : fit.channels) {
     EXPECT_LE(c.after, c.before * 1.01) << c.channel;
     EXPECT_LT(c.after, 2.5 * c.noise) << c.channel;
@@ -56,6 +58,7 @@ TEST(ParameterFit, FindsWhatTheRunWasMadeWith) {
 TEST(ParameterFit, SaysWhatStandstillCannotTell) {
   const Datasheet sheet = with_marks({"moving_mass", "viscous_damping"});
   const ParameterFit fit = fit_parameters(sheet, {{"rest", simulate(sheet, servo_setup("standstill"), 3)}}, 2);
+  ASSERT_EQ(fit.parameters.size(), 2u);
   for (const FittedParameter& p : fit.parameters) {
     EXPECT_FALSE(p.determined) << p.name;
     EXPECT_EQ(p.estimate, p.nominal);

@@ -87,7 +87,8 @@ TEST(EffectSearch, FindsTheFrequencyOfARipple) {
   EXPECT_NEAR(size[1], 23.7, 0.02);
 }
 
-// The steps of one run reach the limit, the other run hardly does: what it cannot show does not speak against the effect.
+// The steps of one run reach the limit, the other run hardly does: what it cannot show does not speak against the
+// effect.
 TEST(EffectSearch, ARunThatShowsNothingHasNoSay) {
   const EffectSearch search =
       search_among({"command.valve_command", "force.piston"},

@@ -1,4 +1,5 @@
-// The fit of a gap: candidates and their coordinates, the linearisation against direct computation, and what a fit recovers.
+// The fit of a gap: candidates and their coordinates, the linearisation against direct computation, and what a fit
+// recovers.
 #include "faultline/gap/fit_gap.h"
 
 #include <gtest/gtest.h>

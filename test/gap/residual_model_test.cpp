@@ -1,4 +1,5 @@
-// Residuals of a gap: the noise they are measured in, what a run must be like, and the course that is written for plots.
+// Residuals of a gap: the noise they are measured in, what a run must be like, and the course that is written for
+// plots.
 #include "faultline/gap/residual_model.h"
 
 #include <gtest/gtest.h>
@@ -56,8 +57,8 @@ TEST(NoiseFloor, OfASimulatedRunIsWhatTheDatasheetSays) {
   }
 }
 
-// A stuck transducer's value is read from the recording, and the state behind it goes on: otherwise each segment would start at what it
-// shows.
+// A stuck transducer's value is read from the recording, and the state behind it goes on: otherwise each segment
+// would start at what it shows.
 TEST(Residuals, OfAStuckTransducerAreNoiseOnceItIsInTheModel) {
   SimulationSetup setup = servo_setup("multisine");
   const std::string stuck = "stuck@sensor.position:from=2.1";

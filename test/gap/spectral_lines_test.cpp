@@ -34,7 +34,7 @@ TEST(SpectralLines, AreFoundToAFractionOfOneOverTheRun) {
 
 TEST(SpectralLines, OutOfRangeAndSideLobesDoNotCount) {
   EXPECT_EQ(spectral_lines(runs_with({17.31}, 2), kPeriod, 1, 60).size(), 1u);
-  for (const double line : spectral_lines(runs_with({17.31}, 2), kPeriod, 20, 60)) EXPECT_GT(line, 20);
+  EXPECT_TRUE(spectral_lines(runs_with({17.31}, 2), kPeriod, 20, 60).empty());
 }
 
 TEST(SpectralLines, NoiseAndSilenceHaveNone) {

@@ -1,5 +1,6 @@
-// Isolation by signatures on the simulated cooling circuit: place, size, delay; silence; what cannot be told apart; reset, pauses.
-// Settings are the datasheet's; the seeds here are none of those that they were chosen with (docs/cooling_circuit.md).
+// Isolation by signatures on the simulated cooling circuit: place, size, delay; silence; what cannot be told apart;
+// reset, pauses. Settings are the datasheet's; the seeds here are none of those that they were chosen with
+// (docs/cooling_circuit.md).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -50,7 +51,7 @@ void PrintTo(const Fault& f, std::ostream* out) { *out << f.effect << "@" << f.p
 
 class GrossFault : public ::testing::TestWithParam<Fault> {};
 
-TEST_P(GrossFault, IsNamedAtItsPlaceWithItsSizeWithinTenMilliseconds) {
+TEST_P(GrossFault, IsNamedAtItsPlaceWithItsSizeWithinTwelveSamples) {
   const Fault& f = GetParam();
   const Answer answer = diagnose(fmt::format("{}@{}:{}={},from={}", f.effect, f.port, f.size_name, f.size, kFrom), 301);
   ASSERT_EQ(answer.found.size(), 1u);
@@ -60,7 +61,7 @@ TEST_P(GrossFault, IsNamedAtItsPlaceWithItsSizeWithinTenMilliseconds) {
   EXPECT_EQ(alarm.port, f.port);
   EXPECT_TRUE(alarm.equivalent.empty()) << alarm.text;
   EXPECT_NEAR(alarm.since, kFrom, 0.005);
-  EXPECT_LE(alarm.raised - kFrom, 0.0121);
+  EXPECT_LE(alarm.raised - kFrom, 0.012 + 1e-6);
   EXPECT_TRUE(alarm.active);
   EXPECT_EQ(alarm.size_name, f.size_name);
   EXPECT_LE(alarm.low, f.size);
@@ -228,13 +229,30 @@ TEST(SignatureIsolator, ResetIsCompleteAndASampleAllocatesNothingWhileAllIsWell)
   EXPECT_FALSE(finding.active);
 }
 
+double largest(const std::vector<double>& values) {
+  double most = 0;
+  for (const double value : values) most = std::max(most, std::abs(value));
+  return most;
+}
+
+// Features of the reference point: branches alike but for the nozzle, the last.
+std::vector<double> features_of(std::size_t branches) {
+  std::vector<double> features;
+  for (std::size_t b = 0; b + 1 < branches; ++b) features.insert(features.end(), {45e5, 43.9e5, 1.5, 288, 24, 1.6e-4});
+  features.insert(features.end(), {45e5, 34.6e5, 2.0, 288, 24, 1.6e-4});
+  features.insert(features.end(), {70e5, 1});
+  return features;
+}
+
+std::size_t hypothesis_at(const std::vector<Hypothesis>& all, const std::string& port) {
+  const auto found = std::find_if(all.begin(), all.end(), [&](const Hypothesis& h) { return h.port == port; });
+  EXPECT_NE(found, all.end()) << port;
+  return static_cast<std::size_t>(found - all.begin());
+}
+
 TEST(CoolingBalances, TheRightHypothesisOfTheRightSizeLeavesNothing) {
   const auto model = make_balance_model("cooling_circuit", cooling(), spec().settings);
-  // Features of the reference point, five branches alike but for the nozzle.
-  std::vector<double> features;
-  for (int b = 0; b < 5; ++b)
-    features.insert(features.end(), {45e5, b == 4 ? 34.6e5 : 43.9e5, b == 4 ? 2.0 : 1.5, 288, 24, 1.6e-4});
-  features.insert(features.end(), {70e5, 1});
+  const std::vector<double> features = features_of(5);
   const std::size_t n = model->residuals().size();
   std::vector<double> reference(n), r(n);
   model->reference(features.data(), reference.data());
@@ -242,20 +260,66 @@ TEST(CoolingBalances, TheRightHypothesisOfTheRightSizeLeavesNothing) {
   for (std::size_t h = 0; h < all.size(); ++h) {
     // With no size nothing is left either; a size of its own leaves something: the hypothesis is not empty.
     model->residuals(features.data(), reference.data(), static_cast<int>(h), 0, r.data());
-    EXPECT_LT(std::abs(*std::max_element(r.begin(), r.end())), 1e-12) << all[h].effect << "@" << all[h].port;
+    EXPECT_LT(largest(r), 1e-12) << all[h].effect << "@" << all[h].port;
     model->residuals(features.data(), reference.data(), static_cast<int>(h), 20 * all[h].unit, r.data());
-    double square = 0;
-    for (const double value : r) square += value * value;
-    EXPECT_GT(square, 1e-8) << all[h].effect << "@" << all[h].port;
+    EXPECT_GT(largest(r), 1e-4) << all[h].effect << "@" << all[h].port;
   }
-  // A meter that reads 0.05 kg/s too much.
-  std::vector<double> off = features;
-  off[6 * 1 + 2] += 0.05;
-  off[6 * 1 + 5] /= 1.55 / 1.5;  // theta_Q follows the metered flow
-  const auto meter =
-      std::find_if(all.begin(), all.end(), [](const Hypothesis& h) { return h.port == "sensor.v1_mass_flow"; });
-  model->residuals(off.data(), reference.data(), static_cast<int>(meter - all.begin()), 0.05, r.data());
-  for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(r[i], 0, i == 5 + 3 ? 0.04 : 1e-12) << model->residuals()[i];
+  // A meter of the second branch that reads 0.05 kg/s too much. Its flow cancels in the heat balance, but theta_Q
+  // follows the meter.
+  const double off = 0.05, truth = 1.5;
+  std::vector<double> metered = features;
+  metered[6 * 1 + 2] += off;
+  metered[6 * 1 + 5] /= (truth + off) / truth;
+  model->residuals(metered.data(), reference.data(), static_cast<int>(hypothesis_at(all, "sensor.v1_mass_flow")), off,
+                   r.data());
+  for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(r[i], 0, 1e-12) << model->residuals()[i];
+  model->residuals(metered.data(), reference.data(), -1, 0, r.data());
+  EXPECT_NEAR(r[5 * 1 + 0], 0.875 * std::log((truth + off) / truth), 1e-12);  // as measured the tube balance shows it
+}
+
+// The datasheet with further branches like the second.
+Datasheet with_branches(std::size_t count) {
+  Datasheet sheet = cooling();
+  const std::string pattern = "v1_";
+  while (sheet.branches.size() < count) {
+    const std::string name = fmt::format("w{}", sheet.branches.size());
+    sheet.branches.push_back(name);
+    const auto copy_all = [&](auto& list) {
+      const auto known = list;
+      for (auto entry : known) {
+        if (entry.name.rfind(pattern, 0) != 0) continue;
+        entry.name = name + "_" + entry.name.substr(pattern.size());
+        list.push_back(entry);
+      }
+    };
+    copy_all(sheet.channels);
+    copy_all(sheet.parameters);
+  }
+  return sheet;
+}
+
+TEST(CoolingBalances, TakeAnyNumberOfBranches) {
+  constexpr std::size_t kBranches = 40;
+  const auto model = make_balance_model("cooling_circuit", with_branches(kBranches), spec().settings);
+  const std::vector<double> features = features_of(kBranches);
+  const std::size_t n = model->residuals().size();
+  ASSERT_EQ(n, 5 * kBranches + 1);
+  ASSERT_EQ(model->features().size(), features.size());
+  std::vector<double> reference(n), r(n);
+  model->reference(features.data(), reference.data());
+  const std::vector<Hypothesis> all = model->hypotheses();
+  const double fraction = 0.1;
+  for (const std::string& branch : with_branches(kBranches).branches) {
+    const std::size_t h = hypothesis_at(all, fmt::format("restriction.{}_feed", branch));
+    model->residuals(features.data(), reference.data(), static_cast<int>(h), fraction, r.data());
+    std::size_t shows = 0;
+    for (std::size_t i = 0; i < n; ++i)
+      if (std::abs(r[i]) > std::abs(r[shows])) shows = i;
+    EXPECT_EQ(model->residuals()[shows], branch + "_feed");
+    // A feed that is open by less passed its flow with a lower coefficient; the manifold pressure goes up a little
+    // for all.
+    EXPECT_NEAR(r[shows], -std::log(1 - fraction), 0.01);
+  }
 }
 
 }  // namespace

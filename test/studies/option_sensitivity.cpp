@@ -1,10 +1,12 @@
-// How much the answers of each engine change when one of its options is multiplied: what scripts/studies/option_sensitivity.py asks.
+// How much the answers of each engine change when one of its options is multiplied: what
+// scripts/studies/option_sensitivity.py asks.
 //
 //   option_sensitivity ENGINE        gap | live_gap | fit | responses | signatures
 //
-// Writes one line of JSON with the options, [[name, value], ...]; then reads lines `NAME FACTOR` and answers each with one line of
-// JSON: by case, `words` (what the engine decided), `sizes` and `numbers` (by name), `details`. A count is rounded and at least 1.
-// Recordings are simulated with fixed seeds, once; the parameters of their rigs are drawn within their tolerances.
+// Writes one line of JSON with the options, [[name, value], ...]; then reads lines `NAME FACTOR` and answers each
+// with one line of JSON: by case, `words` (what the engine decided), `sizes` and `numbers` (by name), `details`. A
+// count is rounded and at least 1. Recordings are simulated with fixed seeds, once; the parameters of their rigs are
+// drawn within their tolerances.
 #include <cmath>
 #include <functional>
 #include <iostream>
@@ -69,7 +71,8 @@ Json empty_answer() {
   return {{"words", Json::array()}, {"sizes", Json::object()}, {"numbers", Json::object()}, {"details", Json::array()}};
 }
 
-// ---- gap: the servo actuator with few uncertain parameters, two runs of 1.25 s each, candidates at few ports: answers in seconds
+// ---- gap: the servo actuator with few uncertain parameters, two runs of 1.25 s each, candidates at few ports:
+// answers in seconds
 
 const Datasheet& small_servo() {
   static const Datasheet sheet = [] {

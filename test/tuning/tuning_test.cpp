@@ -35,11 +35,20 @@ TEST(NoiseTuning, KnowsTheRandomWalks) {
 TEST(NoiseTuning, MakesInnovationsConsistent) {
   const NoiseTuning tuned =
       tune_noise(servo(), servo().estimators.front(), {simulate(servo(), off_nominal("square", 7), 12)});
-  EXPECT_GT(tuned.likelihood_after, tuned.likelihood_before + 1);
-  for (std::size_t i = 0; i < tuned.after.size(); ++i) {
-    EXPECT_GT(tuned.after[i].consistency, 0.3) << tuned.after[i].name;
-    EXPECT_LT(tuned.after[i].consistency, 2) << tuned.after[i].name;
+  ASSERT_EQ(tuned.after.size(), 4u);
+  EXPECT_GT(tuned.likelihood_after, tuned.likelihood_before + 10);
+  for (const InnovationQuality& row : tuned.after) {
+    EXPECT_LT(std::abs(row.whiteness), 0.15) << row.name;
+    // The friction correction takes up part of the velocity's innovation: there the filter is too cautious.
+    if (row.name == "velocity")
+      EXPECT_NEAR(row.consistency, 0.35, 0.15);
+    else
+      EXPECT_NEAR(row.consistency, 1, 0.15) << row.name;
   }
+  // The noise of the recording is found again, over the printed 1e-6 and 1e-2.
+  const auto noise = [](const char* channel) { return servo().channels[column(channel)].noise_std; };
+  EXPECT_NEAR(std::sqrt(tuned.measurement_noise[0]) / noise("position"), 1, 0.1);
+  EXPECT_NEAR(std::sqrt(tuned.measurement_noise[3]) / noise("spool_position"), 1, 0.1);
   // What a healthy run cannot tell stays.
   const std::vector<double> printed = servo().estimators.front().settings.list("process_noise", 6, 0, 1e12);
   EXPECT_EQ(tuned.process_noise[4], printed[4]);
@@ -56,7 +65,10 @@ TEST(Thresholds, RiseAsAlarmsMustBeRarer) {
   for (std::size_t i = 0; i < often.size(); ++i) {
     EXPECT_LT(often[i].chosen, rarely[i].chosen) << often[i].detector;
     EXPECT_GE(rarely[i].upper, rarely[i].chosen) << rarely[i].detector;
-    EXPECT_LT(rarely[i].rate_as_set, 20) << rarely[i].detector;
+    // The shipped thresholds are wider than one false alarm in 100 hours needs, whatever is asked for here.
+    EXPECT_LT(rarely[i].rate_as_set, 0.01) << rarely[i].detector;
+    EXPECT_EQ(rarely[i].rate_as_set, often[i].rate_as_set) << rarely[i].detector;
+    EXPECT_LT(rarely[i].chosen, rarely[i].set) << rarely[i].detector;
   }
   EXPECT_THROW(tune_thresholds(servo(), stage, {simulate(servo(), servo_setup("square"), 20)}, 1, 10), InputError);
 }
@@ -71,11 +83,11 @@ TEST(TradeOff, FewerFalseAlarmsCostDelay) {
   EXPECT_LT(trade[0].threshold, trade[1].threshold);
   for (const TradeOff& t : trade) {
     ASSERT_FALSE(std::isnan(t.delays[0])) << t.value << " " << t.rate;
-    EXPECT_GT(t.delays[0], 0);
-    EXPECT_LT(t.delays[0], 20);
+    EXPECT_GT(t.delays[0], 1) << t.value << " " << t.rate;  // the detector wants a second of evidence
+    EXPECT_LT(t.delays[0], 3) << t.value << " " << t.rate;
   }
-  EXPECT_LE(trade[0].delays[0], trade[1].delays[0]);
-  EXPECT_LE(trade[3].delays[0], trade[1].delays[0]);  // a faster walk is a faster filter
+  EXPECT_LT(trade[0].delays[0], trade[1].delays[0]);
+  EXPECT_LT(trade[3].delays[0], trade[1].delays[0]);  // a faster walk is a faster filter
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace faultline {
 namespace {
 
 constexpr double kNinetyPercent = 1.645;
-constexpr double kHour = 3600;        // s
+constexpr double kSecondsPerHour = 3600;
 constexpr double kLeastNoise = 1e-9;  // of a residual: a guard against division by zero
 constexpr int kReferenceVersion = 1;  // mean features
 
@@ -55,7 +55,7 @@ SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& sp
   adjust(options_);
   feature_noise_ = model_->feature_noise();
   const std::size_t n = residual_names_.size(), f = feature_names_.size();
-  samples_between_alarms_ = static_cast<double>(n) * kHour / period_ / options_.false_alarms_per_hour;
+  samples_between_alarms_ = static_cast<double>(n) * kSecondsPerHour / period_ / options_.false_alarms_per_hour;
   capacity_ = static_cast<std::size_t>(options_.window_s / period_) + 2;
   ring_.assign(capacity_ * f, 0);
   at_.resize(f);

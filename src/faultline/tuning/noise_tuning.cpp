@@ -11,11 +11,11 @@
 namespace faultline {
 namespace {
 
-constexpr double kSettle = 0.05;    // share of each recording, in which the first estimates are still wrong
-constexpr double kFirstStep = 2.3;  // of the logarithm: a factor of ten
-constexpr double kLastStep = 0.2;
-constexpr double kWorthwhile = 1e-4;  // gain in mean log-likelihood
-constexpr double kLargest = 1e12, kSmallest = 1e-30;
+constexpr double kSettleFraction = 0.05;  // of each recording, in which the first estimates are still wrong
+constexpr double kFirstLogStep = 2.3;     // of the logarithm: a factor of ten
+constexpr double kLastLogStep = 0.2;
+constexpr double kWorthwhileLogLikelihood = 1e-4;  // gain in mean log-likelihood
+constexpr double kLargestVariance = 1e12, kSmallestVariance = 1e-30;
 
 struct Innovations {
   double likelihood = 0;
@@ -31,7 +31,7 @@ Innovations run_filter(const Datasheet& sheet, const StageSpec& stage, const std
     Estimate estimate;
     Sample sample;
     sample.values.resize(recording.columns());
-    const auto settle = static_cast<std::size_t>(kSettle * static_cast<double>(recording.rows()));
+    const auto settle = static_cast<std::size_t>(kSettleFraction * static_cast<double>(recording.rows()));
     std::fill(last.begin(), last.end(), 0);
     for (std::size_t k = 0; k < recording.rows(); ++k) {
       sample.time = recording.time[k];
@@ -94,8 +94,8 @@ NoiseTuning tune_noise(const Datasheet& sheet, const StageSpec& stage, const std
     throw InputError(fmt::format("{}: stage '{}' has no process_noise and measurement_noise to choose",
                                  stage.settings.where(), stage.name));
   NoiseTuning result;
-  result.process_noise = stage.settings.list("process_noise", 0, 0, kLargest);
-  result.measurement_noise = stage.settings.list("measurement_noise", 0, 0, kLargest);
+  result.process_noise = stage.settings.list("process_noise", 0, 0, kLargestVariance);
+  result.measurement_noise = stage.settings.list("measurement_noise", 0, 0, kLargestVariance);
   result.walks = random_walks(sheet, stage);
 
   std::vector<double*> entries;
@@ -112,15 +112,15 @@ NoiseTuning tune_noise(const Datasheet& sheet, const StageSpec& stage, const std
   Innovations best = evaluate();
   result.before = best.rows;
   result.likelihood_before = best.likelihood;
-  for (double step = kFirstStep; step > kLastStep; step *= 0.5) {
+  for (double step = kFirstLogStep; step > kLastLogStep; step *= 0.5) {
     for (double* entry : entries) {
       for (const double factor : {std::exp(step), std::exp(-step)}) {
         bool moved = false;
-        while (*entry * factor<kLargest&& * entry * factor> kSmallest) {
+        while (*entry * factor<kLargestVariance&& * entry * factor> kSmallestVariance) {
           const double kept = *entry;
           *entry *= factor;
           Innovations tried = evaluate();
-          if (!(tried.likelihood > best.likelihood + kWorthwhile)) {
+          if (!(tried.likelihood > best.likelihood + kWorthwhileLogLikelihood)) {
             *entry = kept;
             break;
           }

@@ -15,7 +15,7 @@ namespace faultline {
 namespace {
 
 constexpr double kEuler = 0.57721566490153286;
-constexpr double kHour = 3600;
+constexpr double kSecondsPerHour = 3600;
 constexpr std::size_t kFewestBlocks = 8;
 constexpr int kBootstraps = 400;
 
@@ -144,9 +144,9 @@ std::vector<Threshold> tune_thresholds(const Datasheet& sheet, const StageSpec& 
     t.setting = watched[d].criterion.setting;
     t.set = watched[d].criterion.threshold;
     t.offset = watched[d].criterion.offset;
-    t.chosen = gumbel.level(rate / kHour, block);
+    t.chosen = gumbel.level(rate / kSecondsPerHour, block);
     t.blocks = maxima[d].size();
-    t.rate_as_set = kHour / block * -std::expm1(-std::exp(-(t.set - gumbel.location) / gumbel.scale));
+    t.rate_as_set = kSecondsPerHour / block * -std::expm1(-std::exp(-(t.set - gumbel.location) / gumbel.scale));
     Random random(d + 1);
     std::vector<double> levels;
     for (int i = 0; i < kBootstraps; ++i) {
@@ -154,7 +154,7 @@ std::vector<Threshold> tune_thresholds(const Datasheet& sheet, const StageSpec& 
       for (std::size_t k = 0; k < maxima[d].size(); ++k)
         drawn.push_back(maxima[d][std::min(
             maxima[d].size() - 1, static_cast<std::size_t>(random.uniform() * static_cast<double>(maxima[d].size())))]);
-      levels.push_back(fit_gumbel(std::move(drawn)).level(rate / kHour, block));
+      levels.push_back(fit_gumbel(std::move(drawn)).level(rate / kSecondsPerHour, block));
     }
     std::sort(levels.begin(), levels.end());
     t.upper = levels[static_cast<std::size_t>(0.95 * kBootstraps)];
@@ -183,7 +183,7 @@ std::vector<TradeOff> trade_off(const Datasheet& sheet, const StageSpec& stage, 
     const Gumbel gumbel = fit_gumbel(maxima);
     std::vector<TradeOff> row;
     for (const double rate : rates)
-      row.push_back({factor, noise[state], rate, gumbel.level(rate / kHour, block),
+      row.push_back({factor, noise[state], rate, gumbel.level(rate / kSecondsPerHour, block),
                      std::vector<double>(faulty.size(), std::nan(""))});
     for (std::size_t f = 0; f < faulty.size(); ++f) {
       std::vector<bool> early(rates.size(), false);

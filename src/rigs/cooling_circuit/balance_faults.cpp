@@ -1,13 +1,17 @@
-// Balances and faults of the cooling circuit (balance_model.h). Source: Iannetti et al. (2015), equation (9), and config/cooling_circuit.
+// Balances and faults of the cooling circuit (balance_model.h). Source: Iannetti et al. (2015), equation (9), and
+// config/cooling_circuit/rig.yaml.
 //
-// Per branch, with flows through feed q_f, tube q_12 and throttle q_t, of which the meter shows q (before a leak of the outlet hose):
-//   q_12 = q + L_outlet,  q_f = q_12 + L_inlet,  q_t = q - L_drain,   L = rho k sqrt(P - P_d) for a leak of coefficient k
+// Per branch, with flows through feed q_f, tube q_12 and throttle q_t, of which the meter shows q (before a leak of
+// the outlet hose):
+//   q_12 = q + L_outlet,  q_f = q_12 + L_inlet,  q_t = q - L_drain,
+//   L = rho k sqrt(P - P_d) for a leak of coefficient k
 //   tube   ln q_12^0.875/sqrt(P_1 - P_2)        drain  ln q_t/sqrt(P_2 - P_d)     feed  ln q_f/sqrt(P_m - P_1)
 //   heat   ln (T_2 - theta_T) q_12/(q theta_Q)  water  T_1/10 K                   valve ln sum q_f/(z sqrt(P_s - P_m))
 // each less its reference; a clogged place divides its coefficient by 1 - fraction, an offset is taken off its channel.
-// P_m = mean of P_1 + (q_f/k_f)^2 with the nominal k_f: a wrong feed moves it by a fifth, which the residuals take along.
-// Equal by these balances, so always told together: what only the valve sees (droop, clogged valve, supply transmitter), and what
-// only one heat balance sees (wall heat, outlet thermocouple). Laminar leaks, scale and lag of a sensor pass for their siblings here.
+// P_m = mean of P_1 + (q_f/k_f)^2 with the nominal k_f: a wrong feed moves it by a fifth, which the residuals take
+// along. Equal by these balances, so always told together: what only the valve sees (droop, clogged valve, supply
+// transmitter), and what only one heat balance sees (wall heat, outlet thermocouple). Laminar leaks, scale and lag of
+// a sensor pass for their siblings here.
 #include <algorithm>
 #include <cmath>
 
@@ -143,7 +147,8 @@ class CoolingCircuit : public BalanceModel {
     residuals(features, none.data(), -1, 0, reference);
   }
 
-  // The drain's back pressure and the feeds are known to their tolerance, the valve's opening to the play of its positioner.
+  // The drain's back pressure and the feeds are known to their tolerance, the valve's opening to the play of its
+  // positioner.
   void errors(const double* features, const double* learnt, double* error) const override {
     const std::size_t n = branches_.size();
     std::fill_n(error, kResiduals * n + 1, 0.0);
@@ -151,10 +156,10 @@ class CoolingCircuit : public BalanceModel {
     const double* end_learnt = learnt + kFeatures * n;
     for (std::size_t i = 0; i < n; ++i) {
       const std::size_t outlet = kFeatures * i + kOutlet;
-      error[kResiduals * i + kDrain] = std::abs(drain_share(features[outlet]) - drain_share(learnt[outlet]));
+      error[kResiduals * i + kDrain] = std::abs(drain_error(features[outlet]) - drain_error(learnt[outlet]));
     }
     const double moved = std::abs(end[1] - end_learnt[1]) > kPlay ? kPlay / std::max(end[1], kPlay) : 0.0;
-    const double feeds = valve_share(features) - valve_share(learnt);
+    const double feeds = valve_error(features) - valve_error(learnt);
     error[kResiduals * n] = std::hypot(moved, feeds);
   }
 
@@ -204,10 +209,10 @@ class CoolingCircuit : public BalanceModel {
 
  private:
   // One sigma of ln k_d by the drain pressure, and of ln k_v by all feeds together.
-  double drain_share(double outlet) const {
+  double drain_error(double outlet) const {
     return 0.5 * drain_pressure_error_ / std::max(outlet - drain_pressure_, kLeast);
   }
-  double valve_share(const double* features) const {
+  double valve_error(const double* features) const {
     double manifold = 0, drop = 0;
     for (std::size_t i = 0; i < branches_.size(); ++i) {
       const double feed = features[kFeatures * i + kFlow] / branches_[i].feed;

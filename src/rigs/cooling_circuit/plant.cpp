@@ -3,16 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-<<<<<<< HEAD:src/rigs/cooling_circuit/plant.cpp
-#include "faultline/numerics/rosenbrock.h"
-#include "faultline/rig/orifice.h"
-=======
 #include <fmt/format.h>
 
 #include "faultline/numerics/rosenbrock.h"
 #include "faultline/rig/orifice.h"
 #include "faultline/signal/error.h"
->>>>>>> numerics:src/faultline/rigs/cooling_circuit.cpp
 
 namespace faultline {
 namespace {
