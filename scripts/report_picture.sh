@@ -16,7 +16,7 @@ trap 'rm -rf "$folder"' EXIT
 root_only=()
 if ((EUID == 0)); then root_only=(--no-sandbox); fi
 timeout 60 "$browser" --headless=new "${root_only[@]}" --disable-gpu --hide-scrollbars --user-data-dir="$folder/profile" \
-  --window-size=1180,1180 --screenshot="$folder/page.png" "file://$folder/report.html" > "$folder/log" 2>&1 ||
+  --window-size=1180,1510 --screenshot="$folder/page.png" "file://$folder/report.html" > "$folder/log" 2>&1 ||
   fail "chromium failed: $(tail -n 1 "$folder/log")"
 [[ -s $folder/page.png ]] || fail "chromium wrote no picture: $(tail -n 1 "$folder/log")"
 cp -- "$folder/page.png" "$2"

@@ -1,7 +1,9 @@
-// The course of a diagnosis as a table of at most 4000 rows, for plots. A longer recording is cut into 2000 stretches and each gives
-// two rows: per column its smallest and its largest value there, in the order in which they came, so that no spike is lost.
-// Columns: t; every channel; x.STATE and x.STATE.std in the model's units; q.QUANTITY and q.QUANTITY.std; i.CHANNEL and i.CHANNEL.std
-// (innovation, model's units); normalised_innovation, of stages that have an innovation.
+// The course of a diagnosis as a table of at most 4000 rows, for plots. A longer recording is cut into 2000 stretches
+// and each gives two rows: per column its smallest and its largest value there, in the order in which they came, so
+// that no spike is lost.
+// Columns: t; every channel; x.STATE and x.STATE.std in the model's units; q.QUANTITY and
+// q.QUANTITY.std; i.CHANNEL and i.CHANNEL.std (innovation, model's units); normalised_innovation, of stages that have
+// an innovation.
 #pragma once
 
 #include <string>
@@ -15,7 +17,8 @@ namespace faultline {
 
 class Series {
  public:
-  // Of all estimators of the diagnosis, which must outlive it; those after the first add their name to normalised_innovation.
+  // Of all estimators of the diagnosis, which must outlive it; those after the first add their name to
+  // normalised_innovation.
   Series(const Datasheet& sheet, const Diagnosis& diagnosis, std::size_t rows);
 
   void add(double time, const Sample& sample);

@@ -1,6 +1,6 @@
-// Hosts the estimator stages of some families of a rig: /RIG/sample in, /RIG/estimate out (one message a stage and sample), the
-// service ~reset. Only header stamps matter: the same stages fed offline with the same samples give the same estimates.
-// Which types there are, and of which family, the types themselves say (estimators/estimator.h).
+// Hosts the estimator stages of some families of a rig: /RIG/sample in, /RIG/estimate out (one message a stage and
+// sample), the service ~reset. Only header stamps matter: the same stages fed offline with the same samples give the
+// same estimates. Which types there are, and of which family, the types themselves say (estimators/estimator.h).
 #pragma once
 
 #include <functional>
@@ -19,7 +19,8 @@ namespace faultline {
 
 class EstimatorHost {
  public:
-  // `stage`: of the datasheet's estimators of these families; empty: all of them. Throws InputError that lists the stages there are.
+  // `stage`: of the datasheet's estimators of these families; empty: all of them. Throws InputError that lists the
+  // stages there are.
   EstimatorHost(const Datasheet& sheet, const std::vector<std::string>& families, const std::string& stage);
   // Subscribes once /RIG/estimate has `wait_for` subscribers, so that they miss nothing.
   void start(int wait_for);

@@ -1,5 +1,5 @@
-// EstimateJoin: complete sets, in the order of time, whatever way messages interleave; alarms of several estimators are those of the
-// offline program.
+// EstimateJoin: complete sets, in the order of time, whatever way messages interleave; alarms of several estimators are
+// those of the offline program.
 #include "faultline/alarms/estimate_join.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
-// The stage `fault_response`: its ranking before and after a leak opens, its times, and that a sample without a judgement costs nothing.
+// The stage `fault_response`: its ranking before and after a leak opens, its times, and that a sample without a
+// judgement costs nothing.
 #include <gtest/gtest.h>
 
 #include "allocations.h"

@@ -1,4 +1,5 @@
-// The isolator `response` on rankings made by hand: what it names, of which size, with which rivals, and when it says nothing.
+// The isolator `response` on rankings made by hand: what it names, of which size, with which rivals, and when it says
+// nothing.
 #include <cmath>
 
 #include <gtest/gtest.h>

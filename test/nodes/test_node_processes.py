@@ -44,7 +44,7 @@ class BadParameters(unittest.TestCase):
         ("kalman_node", {"rig": RIG, "stage": "none_such"}, ["~stage", "none_such", "there are"]),
         ("kalman_node", {"rig": RIG, "stge": "x"}, ["~stge", "unknown", "stage"]),
         ("kalman_node", {"rig": RIG, "wait_for": -1}, ["~wait_for", "-1", "0 to 100"]),
-        ("parameter_node", {"rig": RIG}, ["no estimator of this family"]),
+        ("parameter_node", {"rig": RIG}, ["no estimator of the family parameter"]),
         ("parameter_node", {"rig": "cooling_circuit", "stage": "branch_filter"}, ["~stage", "branch_filter", "balances"]),
         ("alarm_node", {"rig": RIG, "patience": 1000.0}, ["~patience", "1000", "0 to 60"]),
         ("alarm_node", {"rig": RIG, "patience": "long"}, ["~patience", "'long'", "number"]),

@@ -1,4 +1,5 @@
-// Registry: sorted by name whatever the order of registration, found by name, and what it says of a name that it does not know.
+// Registry: sorted by name whatever the order of registration, found by name, and what it says of a name that it does
+// not know.
 #include "faultline/signal/registry.h"
 
 #include <gtest/gtest.h>

@@ -1,11 +1,13 @@
-// Brings together what several estimators of a rig say about the same sample, however their messages interleave: live they run in
-// nodes of their own. Complete sets come out in the order of time, so that the alarm stage sees what it would see offline.
+// Brings together what several estimators of a rig say about the same sample, however their messages interleave: live
+// they run in nodes of their own. Complete sets come out in the order of time, so that the alarm stage sees what it
+// would see offline.
 //
-// A set that is still incomplete when a later one is complete is dropped and counted: an estimator that restarts or lost its sample
-// will not bring it any more. At most kMostWaiting sets wait; then the oldest is dropped. One estimator passes straight through.
+// A set that is still incomplete when a later one is complete is dropped and counted: an estimator that restarts or
+// lost its sample will not bring it any more. At most kMostWaiting sets wait; then the oldest is dropped. One estimator
+// passes straight through.
 //
-// Stages that speak only now and then (EstimatorType::occasional) are never waited for: what they said last stands in every set, an
-// empty estimate until they spoke. Their node sends them ahead of its others of the same sample.
+// Stages that speak only now and then (EstimatorType::occasional) are never waited for: what they said last stands in
+// every set, an empty estimate until they spoke. Their node sends them ahead of its others of the same sample.
 #pragma once
 
 #include <cstdint>
@@ -44,8 +46,8 @@ class EstimateJoin {
   std::uint64_t dropped_ = 0;
 };
 
-// For each of the datasheet's estimators whether its messages come now and then only. The first one's never do, whatever its type: the
-// alarm stage takes time and the state of the channels from it.
+// For each of the datasheet's estimators whether its messages come now and then only. The first one's never do,
+// whatever its type: the alarm stage takes time and the state of the channels from it.
 std::vector<bool> occasional_stages(const Datasheet& sheet);
 
 }  // namespace faultline

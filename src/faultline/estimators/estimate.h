@@ -1,5 +1,5 @@
-// What an estimator says about one sample: state with covariance, innovation, quantities derived from them, and a ranking of what may
-// be wrong. Most estimators fill some of these only.
+// What an estimator says about one sample: state with covariance, innovation, quantities derived from them, and a
+// ranking of what may be wrong. Most estimators fill some of these only.
 #pragma once
 
 #include <cstdint>
@@ -28,11 +28,12 @@ struct SizeInterval {
   double low = 0, high = 0;
 };
 
-// The size of an effect at amplitude a: none + a (full - none), or full/a where its no-effect value is infinite (rig/effect.h).
+// The size of an effect at amplitude a: none + a (full - none), or full/a where its no-effect value is infinite
+// (rig/effect.h).
 double effect_size(double none, double full, double amplitude);
 
-// A fault that may be there: an effect at a port, how much of it, and how well it explains what was measured. Its errors are normal in
-// the amplitude, so intervals are taken there.
+// A fault that may be there: an effect at a port, how much of it, and how well it explains what was measured. Its
+// errors are normal in the amplitude, so intervals are taken there.
 struct RankedHypothesis {
   std::string effect, port;           // of the datasheet
   AlarmKind kind = AlarmKind::fault;  // or sensor

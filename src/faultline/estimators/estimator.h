@@ -1,6 +1,7 @@
-// What runs inside an estimator stage: a filter of the Kalman family, a bank of least squares, the responses of a model to faults, a
-// virtual sensor. The stage (estimator_stage.h) gates the samples and hands over channels that are fit to be used, each at its last
-// good value; the estimator never sees a sample twice. Estimators register themselves by type, each in its own file.
+// What runs inside an estimator stage: a filter of the Kalman family, a bank of least squares, the responses of a model
+// to faults, a virtual sensor. The stage (estimator_stage.h) gates the samples and hands over channels that are fit to
+// be used, each at its last good value; the estimator never sees a sample twice. Estimators register themselves by
+// type, each in its own file.
 #pragma once
 
 #include <memory>
@@ -20,11 +21,13 @@ class Estimator {
   virtual std::vector<State> states() const = 0;                  // empty where it has none
   virtual std::vector<std::string> innovation_names() const = 0;  // what the innovation runs over
   virtual void begin(const double* channels) = 0;
-  // From the last sample to this one, `dt` s, in `steps` steps of about one period. False: the state is no number any more.
+  // From the last sample to this one, `dt` s, in `steps` steps of about one period. False: the state is no number any
+  // more.
   virtual bool advance(const double* channels, const ChannelStatus* status, double dt, int steps) = 0;
   // Whether there is anything that the last write() has not told. False only where the type is occasional.
   virtual bool news() const { return true; }
-  // Fills all but time, sequence, restarted and channel_status, which are there already. `begun`: this sample only began it.
+  // Fills all but time, sequence, restarted and channel_status, which are there already. `begun`: this sample only
+  // began it.
   virtual void write(const double* channels, bool begun, Estimate& estimate) const = 0;
 };
 

@@ -1,10 +1,11 @@
-// One estimator of a rig, from samples to estimates: gates what is not fit to be used, restarts on time jumps, runs the estimator
-// inside (estimator.h), whatever its type.
+// One estimator of a rig, from samples to estimates: gates what is not fit to be used, restarts on time jumps, runs the
+// estimator inside (estimator.h), whatever its type.
 // The nodes and the offline program call this same code in the same order.
 //
-// Gating: a measured channel that is missing or out of its range is left out of the correction; a driving channel holds its last
-// good value. A sample whose time is no number, or is not newer than the last, is not used (process returns false) unless time jumped
-// back by more than `jump`, or forward by more than `gap`: then everything begins anew with that sample.
+// Gating: a measured channel that is missing or out of its range is left out of the correction; a driving channel holds
+// its last good value. A sample whose time is no number, or is not newer than the last, is not used (process returns
+// false) unless time jumped back by more than `jump`, or forward by more than `gap`: then everything begins anew with
+// that sample.
 #pragma once
 
 #include <memory>
@@ -23,8 +24,9 @@ class EstimatorStage {
  public:
   EstimatorStage(const Datasheet& sheet, const StageSpec& spec);
 
-  // Writes the estimate after this sample; false if the sample was not used. Time, sequence, restarted and channel_status are always
-  // those of the sample; the rest stays as it was where there is no news. Without news only the first call allocates.
+  // Writes the estimate after this sample; false if the sample was not used. Time, sequence, restarted and
+  // channel_status are always those of the sample; the rest stays as it was where there is no news. Without news only
+  // the first call allocates.
   bool process(const Sample& sample, Estimate& estimate);
   void reset();
   // Whether the last sample that was used left anything to tell.

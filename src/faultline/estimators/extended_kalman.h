@@ -1,6 +1,6 @@
 // Extended Kalman filter in square-root form, for any process model that gives its Jacobians.
-// Sources: Simon, Optimal State Estimation (2006), chapter 13; Iannetti, Marzat, Piet-Lahanier et al., Fault diagnosis benchmark for a
-// rocket engine demonstrator (2015), equations (11)-(18).
+// Sources: Simon, Optimal State Estimation (2006), chapter 13; Iannetti, Marzat, Piet-Lahanier et al., Fault diagnosis
+// benchmark for a rocket engine demonstrator (2015), equations (11)-(18).
 //
 //   x- = f(x, u),  P- = A P A' + G Q_u G' + Q:   S- = triangle [A S, G sqrt(Q_u), sqrt(Q)]
 //   rows of y one after the other: off = y_i - h_i(x-) - C_i (x - x-),  then row_correction.h with h = C_i

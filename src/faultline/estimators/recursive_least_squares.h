@@ -1,6 +1,7 @@
 // Recursive least squares with forgetting for y = h' theta + e, theta of n parameters, in Potter's square-root form.
-// Sources: Iannetti, Marzat, Piet-Lahanier et al., Fault diagnosis benchmark for a rocket engine demonstrator (2015), equations (9),
-// (10); Potter's update as in Kaminski, Bryson, Schmidt, IEEE Trans. Automatic Control 16 (1971); conditional forgetting as in Astrom, Wittenmark, Adaptive Control (1995), chapter 11.
+// Sources: Astrom, Wittenmark, Adaptive Control (1995), chapters 2 and 11 (conditional forgetting); Potter's update as
+// in Kaminski, Bryson, Schmidt, IEEE Trans. Automatic Control 16 (1971); Iannetti, Marzat, Piet-Lahanier
+// et al., Fault diagnosis benchmark for a rocket engine demonstrator (2015), equations (9), (10).
 //
 // With the covariance P = S S' (per unit of noise variance), forgetting g, v = S' h, s = g + v'v:
 //   r = y - h' theta,  theta += S v r/s,  S = (S - S v v'/(s + sqrt(g s)))/sqrt(g)

@@ -1,7 +1,8 @@
-// A bank of recursive least squares, one for each relation of a model, inside a stage (estimator.h). Settings: forgetting,
-// initial_covariance (of the coefficients at the start, in units of noise variance over the square of the least excitation),
-// covariance_limit (times the initial covariance). The coefficients are the first quantities of the estimate.
-// The innovation is y - h' theta before the correction; its predicted sigma the running root mean square of itself.
+// A bank of recursive least squares, one for each relation of a model, inside a stage (estimator.h). Settings:
+// forgetting, initial_covariance (of the coefficients at the start, in units of noise variance over the square of the
+// least excitation), covariance_limit (times the initial covariance). The coefficients are the first quantities of the
+// estimate. The innovation is y - h' theta before the correction; its predicted sigma the running root mean square of
+// itself.
 #include <array>
 #include <cmath>
 

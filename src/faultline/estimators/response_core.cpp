@@ -1,6 +1,7 @@
-// The responses of a rig's model to faults (fault_responses.h) inside a stage: every sample is taken, and what was found last is told
-// until the next judgement. That comes `latency` s after a stretch ended, whenever it is ready: a thread of its own works it out, so that
-// samples are not held up, and live and offline say the same at the same sample. Its estimates hold a ranking only.
+// The responses of a rig's model to faults (fault_responses.h) inside a stage: every sample is taken, and what was
+// found last is told until the next judgement. That comes `latency` s after a stretch ended, whenever it is ready: a
+// thread of its own works it out, so that samples are not held up, and live and offline say the same at the same
+// sample. Its estimates hold a ranking only.
 // Settings: segment, segments, every, recent, memory, inflation, threshold (response_settings.h); latency [half of every].
 #include "faultline/estimators/response_core.h"
 

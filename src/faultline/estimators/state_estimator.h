@@ -1,5 +1,5 @@
-// The family of recursive state estimators: predict with a model, correct with what was measured. One instance runs at one
-// rate; no call but the constructor and reset() allocates.
+// The family of recursive state estimators: predict with a model, correct with what was measured. One instance runs at
+// one rate; no call but the constructor and reset() allocates.
 #pragma once
 
 #include <memory>

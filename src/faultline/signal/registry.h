@@ -1,9 +1,9 @@
-// Types of one kind by name: effects, rigs, controllers, models, estimators, detectors, isolators. Each adds itself from its own file
-// before main starts, so that a new one needs no other file. A kind is a plain struct with `name`, what makes one, and
-// `static constexpr const char* kKind`, the word for it in messages.
+// Types of one kind by name: effects, rigs, controllers, models, estimators, detectors, isolators. Each adds itself
+// from its own file before main starts, so that a new one needs no other file. A kind is a plain struct with `name`,
+// what makes one, and `static constexpr const char* kKind`, the word for it in messages.
 //
-// One list per kind in the whole process, shared libraries included; two of one name end the program before main. References stay
-// good once main runs.
+// One list per kind in the whole process, shared libraries included; two of one name end the program before main.
+// References stay good once main runs.
 #pragma once
 
 #include <algorithm>
@@ -54,6 +54,7 @@ Registry<Type>& registry() {
 
 }  // namespace faultline
 
-// At namespace scope of the type's own file: registers it before main starts. `id`: unique among those of its kind in that file.
+// At namespace scope of the type's own file: registers it before main starts. `id`: unique among those of its kind in
+// that file.
 #define FAULTLINE_REGISTER(Type, id, ...) \
   const bool registered_##Type##_##id = ::faultline::registry<::faultline::Type>().add(::faultline::Type __VA_ARGS__)
