@@ -104,6 +104,20 @@ TEST(AlarmStage, AnEndedAlarmTellsTheSizeWhileItWasThere) {
   EXPECT_GT(alarm.confidence, 0.99);
 }
 
+TEST(AlarmStage, NoEndedAlarmHasASizeThatMayBeNothing) {
+  // The isolator's finding and, after it, the redundancy, whose average still remembers.
+  SimulationSetup setup = off_nominal("random", 63);
+  setup.effects.push_back(parse_effect("offset@sensor.load_pressure:value=2e5,from=5,to=13,swells=1"));
+  const AlarmReport report = diagnosed(simulate(servo(), setup, 18));
+  ASSERT_EQ(report.alarms.size(), 2u) << told(report);
+  for (const Alarm& alarm : report.alarms) {
+    EXPECT_FALSE(alarm.active) << told(report);
+    EXPECT_GT(alarm.low, 0) << told(report);
+    EXPECT_LT(alarm.high, 2.3e5) << told(report);
+  }
+  EXPECT_EQ(headline(report)->effect, "offset") << told(report);
+}
+
 TEST(AlarmStage, DifferentialTransducerThatDriftsOffIsASensorAlarm) {
   SimulationSetup setup = off_nominal("square", 3);
   setup.effects.push_back(parse_effect("offset@sensor.load_pressure:value=6e4,from=20"));
@@ -114,6 +128,8 @@ TEST(AlarmStage, DifferentialTransducerThatDriftsOffIsASensorAlarm) {
   EXPECT_GT(alarm->raised, 20);
   EXPECT_LT(alarm->raised, 23);
   EXPECT_NEAR(alarm->size, 6e4, 6e3) << told(report);
+  EXPECT_LE(alarm->low, 6e4);
+  EXPECT_GE(alarm->high, 6e4);
 }
 
 // What is no leak: named by its own effect and place, with its size within a fifth and its bounds, and never taken for

@@ -86,7 +86,9 @@ TEST(BandDetector, AveragesAndComparesWithBothLimits) {
     }
     EXPECT_EQ(detection.active, std::abs(value) > 2e4) << value;
     EXPECT_NEAR(detection.size, value, 200);
-    EXPECT_NEAR(detection.high - detection.low, 6e4, 1e3);
+    EXPECT_NEAR(detection.low, detection.size - 2e4, 1e-6);  // a healthy average is anywhere between the limits
+    EXPECT_NEAR(detection.high, detection.size + 2e4, 1e-6);
+    EXPECT_EQ(detection.low * detection.high > 0, detection.active) << value;  // what is told is not nothing
     EXPECT_EQ(detector->size_unit(), "Pa");
   }
 }

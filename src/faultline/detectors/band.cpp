@@ -1,7 +1,8 @@
 // Band: a quantity whose average leaves [low, high]. For redundancies and balances, which are near zero on a healthy
 // rig.
 //   average' = (x - average)/average_time;  condition: average < low or average > high
-// Size: the average itself, in the quantity's unit.
+// Size: the average itself, in the quantity's unit. A healthy rig's average may be anywhere in the band, so the bounds of
+// what is wrong are the average less its two ends: wider than 90 % where the band was set with room to spare.
 #include <algorithm>
 #include <cmath>
 
@@ -30,7 +31,7 @@ class Band : public Detector {
       at_ = find_quantity(estimate, quantity_);
       unit_ = estimate.quantities[at_].unit;
       begin_ = last_ = estimate.time;
-      mean_ = variance_ = 0;
+      mean_ = 0;
       started_ = true;
       persistence_.reset();
     }
@@ -39,17 +40,14 @@ class Band : public Detector {
     last_ = estimate.time;
     const double age = estimate.time - begin_ + dt;
     const double gain = age > 0 ? std::min(1.0, dt / std::max(std::min(age, average_time_), 1e-9)) : 1.0;
-    const double off = value - mean_;
-    mean_ += gain * off;
-    variance_ += gain * (off * off - variance_);
+    mean_ += gain * (value - mean_);
     const bool outside = age >= average_time_ && (mean_ < low_ || mean_ > high_);
     detection.active = persistence_.update(estimate.time, outside);
     detection.since = persistence_.since();
     detection.has_size = true;
     detection.size = mean_;
-    const double std = std::sqrt(variance_);
-    detection.low = mean_ - std;
-    detection.high = mean_ + std;
+    detection.low = mean_ - std::max(high_, 0.0);
+    detection.high = mean_ - std::min(low_, 0.0);
     const double beyond = mean_ > high_ ? mean_ - high_ : mean_ < low_ ? low_ - mean_ : 0.0;
     detection.confidence = beyond > 0 ? 1 - 0.5 * std::exp(-beyond / std::max(high_ - low_, 1e-300)) : 0.0;
   }
@@ -69,7 +67,7 @@ class Band : public Detector {
   Persistence persistence_;
   bool started_ = false;
   std::size_t at_ = 0;
-  double begin_ = 0, last_ = 0, mean_ = 0, variance_ = 0;
+  double begin_ = 0, last_ = 0, mean_ = 0;
 };
 
 FAULTLINE_DETECTOR(band, {"band", make_detector_of<Band>});
