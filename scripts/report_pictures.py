@@ -19,7 +19,7 @@ from report_units import Scale, show, words  # noqa: E402
 KIND_COLOURS = {"fault": "#c0362c", "sensor": "#b4570f", "data": "#8a6d0b", "model": "#2f6fa8", "unknown": "#6b4fa3"}
 LINES = ["#1f5f99", "#d1741b", "#2f8f5b", "#8d4fa8", "#4d4d4d", "#b8336a", "#0f8b8d"]
 TRUTH, BAND = "#1c1c1c", "#2f8f5b"
-NINETY = 1.645  # two-sided 90 % bounds of a normal distribution, in standard deviations
+NINETY = 1.6449  # two-sided 90 % bounds of a normal distribution, in standard deviations
 STRETCHES = 1100
 WIDTH, LEFT, RIGHT = 10.6, 0.8, 0.1  # inches, of the picture and of its margins; the page scales it
 

@@ -14,14 +14,13 @@
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
 #include "faultline/fit/parameter_fit.h"
+#include "faultline/numerics/quantiles.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double kNinetyPercent = 1.645;
 
 struct Options {
   std::string rig, config, json, patch;
@@ -73,7 +72,8 @@ void write_patch(const Datasheet& sheet, const ParameterFit& fit, const std::str
   for (const FittedParameter& p : fit.parameters) {
     if (!p.determined) continue;
     set_parameter(sheet, text, p.name, "nominal", p.estimate);
-    set_parameter(sheet, text, p.name, "tolerance", 0.5 * (p.high - p.low) / kNinetyPercent / std::abs(p.estimate));
+    set_parameter(sheet, text, p.name, "tolerance",
+                  0.5 * (p.high - p.low) / kNinetyPercentSigmas / std::abs(p.estimate));
   }
   write_datasheet(text, file);
 }

@@ -25,7 +25,7 @@ FILTERS = {"divided_difference_1": "DD1", "divided_difference_2": "DD2", "unscen
 VOLTS = [1, 3, 5]
 PROFILES = ["square", "random"]
 ONSET, DURATION, SETTLED = 20, 60, 15  # s
-NINETY = 1.645
+NINETY = 1.6449
 
 
 def job(folder, sheet, seed, profile, volts, configs):

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "faultline/numerics/quantiles.h"
+
 namespace faultline {
 namespace {
 
-constexpr double kNinetyPercent = 1.645;   // standard deviations, two-sided
 constexpr double kLeastAmplitude = 1e-12;  // so that a size that falls with the amplitude stays finite
 constexpr double kLeastFraction = 1e-3;    // of the amplitude, where the interval of such a size would reach zero
 
@@ -19,8 +20,8 @@ double effect_size(double none, double full, double amplitude) {
 
 SizeInterval RankedHypothesis::sizes(double amplitude_std) const {
   const double least = std::isinf(none) ? kLeastFraction * amplitude : lowest;
-  const double one = effect_size(none, full, std::max(amplitude - kNinetyPercent * amplitude_std, least));
-  const double other = effect_size(none, full, amplitude + kNinetyPercent * amplitude_std);
+  const double one = effect_size(none, full, std::max(amplitude - kNinetyPercentSigmas * amplitude_std, least));
+  const double other = effect_size(none, full, amplitude + kNinetyPercentSigmas * amplitude_std);
   return {std::min(one, other), std::max(one, other)};
 }
 

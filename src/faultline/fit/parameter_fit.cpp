@@ -7,12 +7,12 @@
 #include <Eigen/Cholesky>
 
 #include "faultline/fit/segment_solver.h"
+#include "faultline/numerics/quantiles.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
 
-constexpr double kNinetyPercent = 1.645;
 constexpr double kRidge = 1e-9;  // added to the Hessian's diagonal: a guard against what no run shows
 
 double scale_of(const Parameter& p, const FitOptions& options) {
@@ -158,8 +158,8 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
       fitted.systematic = std::sqrt(errors.systematic(at, at)) * error / fitted.estimate;
       error *= std::sqrt(errors.statistical(at, at) + errors.systematic(at, at));
     }
-    fitted.low = fitted.estimate - kNinetyPercent * std::abs(error);
-    fitted.high = fitted.estimate + kNinetyPercent * std::abs(error);
+    fitted.low = fitted.estimate - kNinetyPercentSigmas * std::abs(error);
+    fitted.high = fitted.estimate + kNinetyPercentSigmas * std::abs(error);
     result.parameters.push_back(fitted);
   }
   const std::vector<double> after = solver.misfit(result.values);

@@ -10,19 +10,18 @@
 #include "faultline/gap/grid_step.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
+#include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
 
-constexpr double kNinetyPercent = 1.645;
-
 // `apart`: how far fits of single runs lie from each other, in the effect's coordinates.
 NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart,
                   const GapOptions::Verdict& options) {
   // The covariance knows nothing of what the model lacks.
-  const double width = kNinetyPercent * options.interval_ratio;
+  const double width = kNinetyPercentSigmas * options.interval_ratio;
   const Candidate& candidate = fit.effects[position];
   NamedEffect result;
   result.effect = candidate.effect.effect;

@@ -7,12 +7,12 @@
 #include <fmt/ranges.h>
 
 #include "faultline/detectors/run_length.h"
+#include "faultline/numerics/quantiles.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
 
-constexpr double kNinetyPercent = 1.645;
 constexpr double kSecondsPerHour = 3600;
 constexpr double kLeastNoise = 1e-9;  // of a residual: a guard against division by zero
 constexpr int kReferenceVersion = 1;  // mean features
@@ -323,8 +323,8 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   const double std = std::sqrt(m.variance + std::pow(options_.relative_error_fraction * m.size, 2));
   finding.none = h.shown_from;
   finding.size = h.shown_from + m.size;
-  finding.low = finding.size - kNinetyPercent * std;
-  finding.high = finding.size + kNinetyPercent * std;
+  finding.low = finding.size - kNinetyPercentSigmas * std;
+  finding.high = finding.size + kNinetyPercentSigmas * std;
   if (h.low == 0) finding.low = std::max(finding.low, h.shown_from);
   if (!h.drift_unit.empty()) tell_sensor(time, h, m.variance, finding);
   if (!finding.equivalent.empty())
@@ -372,8 +372,8 @@ void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double var
   finding.none = 0;
   finding.size = rate;
   const double std = std::sqrt(spread * spread + std::pow(options_.relative_error_fraction * rate, 2));
-  finding.low = rate - kNinetyPercent * std;
-  finding.high = rate + kNinetyPercent * std;
+  finding.low = rate - kNinetyPercentSigmas * std;
+  finding.high = rate + kNinetyPercentSigmas * std;
   for (std::string& other : finding.equivalent)
     if (other.rfind("offset@sensor.", 0) == 0) other = "drift" + other.substr(other.find('@'));
   finding.text = fmt::format("{}: this transducer drifts", h.port.substr(h.port.find('.') + 1));
