@@ -4,8 +4,8 @@
 //   mean += (x^2 - mean)/window;  with nu = 2 window - 1 the mean is chi-squared/nu (first two moments);
 //   alarm above its quantile
 // Settings: quantity (normalised); window (samples); false_alarms_per_hour at one sample every `period` s, counting
-//   every sample as a test of its own, which is on the safe side; noise: the quantity's own sigma on a healthy rig, 1 if
-//   its filter is exact; armed_by, armed_above (arming.h), minimum_time, release_time.   Size: the mean over noise^2.
+//   every sample as a test of its own, which is on the safe side; noise: the quantity's own sigma on a healthy rig, 1
+//   if its filter is exact; armed_by, armed_above (arming.h), minimum_time, release_time.   Size: the mean over noise^2.
 #include <algorithm>
 #include <cmath>
 
