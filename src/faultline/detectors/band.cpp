@@ -1,8 +1,8 @@
 // Band: a quantity whose average leaves [low, high]. For redundancies and balances, which are near zero on a healthy
 // rig.
 //   average' = (x - average)/average_time;  condition: average < low or average > high
-// Size: the average itself, in the quantity's unit. A healthy rig's average may be anywhere in the band, so the bounds of
-// what is wrong are the average less its two ends: wider than 90 % where the band was set with room to spare.
+// Size: the average itself, in the quantity's unit. A healthy rig's average may be anywhere in the band, so the bounds
+// of what is wrong are the average less its two ends: wider than 90 % where the band was set with room to spare.
 #include <algorithm>
 #include <cmath>
 

@@ -1,8 +1,8 @@
 // CUSUM: the two-sided test of cusum.h on one quantity. Settings:
 //   quantity; change: delta, in the quantity's unit, or relative_change: in parts of the reference
-//   threshold_changes: lambda in units of delta; or false_alarms_per_hour, from which lambda follows (run_length.h) with
-//     the quantity's white noise `noise` (in its unit, or relative_noise in parts of the reference) at one sample every
-//     `period` s
+//   threshold_changes: lambda in units of delta; or false_alarms_per_hour, from which lambda follows (run_length.h)
+//     with the quantity's white noise `noise` (in its unit, or relative_noise in parts of the reference) at one sample
+//     every `period` s
 //   reference: mu_0; or learn: s over which it is learnt once armed, kept until the estimator begins anew; one that was
 //     restored takes the place of what would be learnt
 //   armed_by, armed_above (arming.h), minimum_time, release_time

@@ -1,11 +1,13 @@
-// Innovation test: the mean square of a normalised innovation (one, if the filter is right) over about `window` samples.
+// Innovation test: the mean square of a normalised innovation (one, if the filter is right) over about `window`
+// samples.
 // Source: Mehra, Peschon, "An innovations approach to fault detection and diagnosis in dynamic systems", Automatica 7
 // (1971).
 //   mean += (x^2 - mean)/window;  with nu = 2 window - 1 the mean is chi-squared/nu (first two moments);
 //   alarm above its quantile
 // Settings: quantity (normalised); window (samples); false_alarms_per_hour at one sample every `period` s, counting
-//   every sample as a test of its own, which is on the safe side; noise: the quantity's own sigma on a healthy rig, 1 if
-//   its filter is exact; armed_by, armed_above (arming.h), minimum_time, release_time.   Size: the mean over noise^2.
+//   every sample as a test of its own, which is on the safe side; noise: the quantity's own sigma on a healthy rig, 1
+//   if its filter is exact; armed_by, armed_above (arming.h), minimum_time, release_time.
+// Size: the mean over noise^2.
 #include <algorithm>
 #include <cmath>
 

@@ -1,8 +1,8 @@
 // Redline: a measured quantity that stays beyond a fixed margin for a minimum time; what test benches stop by.
 // Settings:
 //   quantity; margin: in the quantity's unit, or relative_margin: in parts of the expected value
-//   expected: the value to stay near; or learn: s over which it is learnt whenever the detector arms anew. The first that
-//     is learnt is the reference; one that was restored takes its place when the detector arms for the first time.
+//   expected: the value to stay near; or learn: s over which it is learnt whenever the detector arms anew. The first
+//     that is learnt is the reference; one that was restored takes its place when the detector arms for the first time.
 //   armed_by, armed_above (arming.h), minimum_time, release_time
 // Size: the quantity itself while it was last beyond, with no bounds of its own.
 #include <algorithm>
