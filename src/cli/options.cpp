@@ -100,6 +100,12 @@ void check_files(const CLI::App& app) {
       throw InputError(fmt::format("{} -: this is written to a file, not to standard output; name one", output.option));
   for (const NamedFile& output : files_of(app, {kTextOutput})) outputs.push_back(output);
 
+  // A run that is learned from cannot judge what was learned.
+  for (const NamedFile& input : inputs)
+    for (const NamedFile& other : inputs)
+      if (input.option != other.option && same_file(input.path, other.path))
+        throw InputError(fmt::format("{}: this file is given as {} and as {}; take another for one of them", input.file,
+                                     input.option, other.option));
   for (const NamedFile& input : inputs)
     if (same_file(resolved(kStandardOutput), input.path))
       throw InputError(

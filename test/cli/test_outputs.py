@@ -78,6 +78,9 @@ class InputsAreKept(ProgramTest):
         self.assertIn("standard output goes into this file", done.stderr)
         self.assertEqual((self.folder / "a.bag").read_bytes(), self.before["a.bag"])
 
+    def test_a_run_cannot_judge_what_was_learned_from_it(self):
+        self.kept(["gap", "a.bag", "--holdout", "link.bag"], "given as RUN and as --holdout")
+
     def test_files_only(self):
         for command in (["gap", "a.bag", "--report", "-"], ["gap", "a.bag", "--adopt", "-"], ["fit", RIG, "a.bag", "--patch", "-"]):
             self.kept(command, "written to a file")
