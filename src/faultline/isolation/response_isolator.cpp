@@ -1,12 +1,13 @@
-// Isolation by responses: names the fault whose effect on the rig's model explains what is measured (estimators/fault_responses.h does
-// the work in a stage of its own; this tells its answer).
+// Isolation by responses: names the fault whose effect on the rig's model explains what is measured
+// (estimators/fault_responses.h does the work in a stage of its own; this tells its answer).
 //
-// Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What explains within `rival`
-// of that evidence (a fraction, and never less than `rival_least`) cannot be told from it and is listed as equivalent; if more than `most_rivals` are, the fault is
-// unknown. Size with 90 % bounds from the curvature of the evidence and `model_error` (relative: what tolerances leave). The evidence's
-// variances are inflated to decide with care; `std_factor` takes that back for the bounds.
-// Where it has an answer, it stands against the detectors' (isolator.h).
-// Settings: stage, place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals, model_error, std_factor [1].
+// Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What
+// explains within `rival` of that evidence (a fraction, and never less than `rival_least`) cannot be told from it and
+// is listed as equivalent; if more than `most_rivals` are, the fault is unknown. Size with 90 % bounds from the
+// curvature of the evidence and `model_error` (relative: what tolerances leave). The evidence's variances are
+// inflated to decide with care; `std_factor` takes that back for the bounds. Where it has an answer, it stands
+// against the detectors' (isolator.h). Settings: stage, place (1: the fault; 2: what is wrong beside it), confirm
+// [1], rival, rival_least, most_rivals, model_error, std_factor [1].
 #include <algorithm>
 #include <cmath>
 
