@@ -1,5 +1,5 @@
-// Balances and faults of the cooling circuit (balance_model.h). Source: seed of rig cooling_circuit, (9), and
-// config/cooling_circuit.yaml.
+// Balances and faults of the cooling circuit (balance_model.h). Source: "Fault diagnosis benchmark for a rocket engine
+// demonstrator", MASCOTTE bench (CNES/ONERA), equation (9), and its datasheet.
 //
 // Per branch, with flows through feed q_f, tube q_12 and throttle q_t, of which the meter shows q (before a leak of
 // the outlet hose):
