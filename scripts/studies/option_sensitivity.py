@@ -6,8 +6,8 @@
 Asks the program option_sensitivity (test/studies/), which simulates a fixed set of small recordings and answers for
 every option. What was measured is kept in catkin_ws/option_sensitivity.json, so that a run that was interrupted goes on
 where it was; answers of other sources (the unchanged options no longer give the same) are thrown away. The table is
-written at the end, on interruption, and with --table alone; rows that were not measured say so. Runs at the lowest
-priority.
+written at the end, on interruption, and with --table alone; rows that were not measured say so. Builds the program
+first; it runs at the lowest priority.
 """
 import argparse
 import json
@@ -171,7 +171,8 @@ def write_table(state):
                 row += "| " + cells(compare(before, answer) if answer is not None else None) + " "
             lines.append(row + "|")
         lines.append("")
-    lines.insert(4, f"Measured: {measured} of {whole} halved or doubled options.\n")
+    lines.insert(4, f"Measured: {measured} of {whole} options halved or doubled; the others took too long so far.\n"
+                 if measured < whole else f"Measured: all {whole} options halved or doubled.\n")
     TABLE.write_text("\n".join(lines))
 
 
@@ -240,6 +241,8 @@ def study(state, engines, jobs):
             while worker.is_alive():
                 worker.join(0.5)
     except KeyboardInterrupt:
+        for name in (signal.SIGINT, signal.SIGTERM):  # once is enough
+            signal.signal(name, signal.SIG_IGN)
         stop.set()
         for asked in running:
             if asked.process.poll() is None:
@@ -261,9 +264,15 @@ def main():
     state = json.loads(STATE.read_text()) if STATE.exists() else {}
     complete = True
     if not arguments.table:
+        build = ROOT / "catkin_ws/build"
+        if (build / "build.ninja").exists():
+            subprocess.run(["cmake", "--build", str(build), "--target", "option_sensitivity"], check=True)
         if not PROGRAM.exists():
-            sys.exit(f"option_sensitivity: {PROGRAM} is missing; ./faultline test --list builds it")
-        complete = study(state, arguments.engines, max(1, arguments.jobs))
+            sys.exit(f"option_sensitivity: {PROGRAM.relative_to(ROOT)} is missing; run ./faultline build first")
+        try:
+            complete = study(state, arguments.engines, max(1, arguments.jobs))
+        except KeyboardInterrupt:  # before anything was measured
+            complete = False
     write_table(state)
     print(f"wrote {TABLE.relative_to(ROOT)}")
     return 0 if complete else 130

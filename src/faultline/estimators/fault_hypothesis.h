@@ -1,8 +1,9 @@
 // What may be wrong with a rig: every effect at every port of its datasheet, each of one unknown size.
 //
-// The size is counted as an amplitude a: the parameter is none + a (full - none), or full/a where its no-effect value is infinite (as
-// effects grow, rig/effect.h). Other parameters that would change something stay at their no-effect values; shapes stand in the middle
-// of their range. Effects that have no size (stuck) or change no mean (noise, quantisation) are left to detectors.
+// The size is counted as an amplitude a: the parameter is none + a (full - none), or full/a where its no-effect value
+// is infinite (as effects grow, rig/effect.h). Other parameters that would change something stay at their no-effect
+// values; shapes stand in the middle of their range. Effects that have no size (stuck) or change no mean (noise,
+// quantisation) are left to detectors.
 #pragma once
 
 #include <string>

@@ -1,22 +1,24 @@
-// Which effect, and how much of it, explains what a rig's model does not: by the response of the model to every effect that its
-// datasheet allows, in the motion that was recorded.
-// Sources: Gustafsson, Adaptive Filtering and Change Detection (2000), chapter 9 (likelihood ratio with marginalised sizes); Isermann,
-// Fault-Diagnosis Systems (2006), chapter 9.
+// Which effect, and how much of it, explains what a rig's model does not: by the response of the model to every
+// effect that its datasheet allows, in the motion that was recorded. Sources: Gustafsson, Adaptive Filtering and
+// Change Detection (2000), chapter 9 (likelihood ratio with marginalised sizes); Isermann, Fault-Diagnosis Systems
+// (2006), chapter 9.
 //
-// Stretches of samples give r, T and d_h: residuals of the nominal model and their derivatives by parameters and by fault h
-// (stretch_model.h). Parameters are known to one tolerance and what earlier stretches said, so to first order fault h of amplitude a
-// costs
+// Stretches of samples give r, T and d_h: residuals of the nominal model and their derivatives by parameters and by
+// fault h (stretch_model.h). Parameters are known to one tolerance and what earlier stretches said, so to first order
+// fault h of amplitude a costs
 //
 //   L_h(a) = min over theta of  |r_ref + T_ref theta|^2 + |r + T theta + d_h a|^2 + theta' theta
 //   a_h = -(b - C' Lambda^-1 n)/D_h,  D_h = g - C' Lambda^-1 C,  evidence E_h = L(0) - L_h(a_h) = a_h^2 D_h
 //
-// with n = T'r, C = T'd, b = d'r, g = d'd and Lambda = 1 + T'T over all stretches. Many times over: as a change (the fault is in the
-// last stretch only, in the last two, ... of the recent ones) and from the start (it is in all); the most evidence decides. While
-// nothing is wrong the model is made linear anew around what it learnt of the parameters. The best few hypotheses are refined by
-// Gauss-Newton steps on the model with the effect in it, and a second fault is searched for beside the first.
+// with n = T'r, C = T'd, b = d'r, g = d'd and Lambda = 1 + T'T over all stretches. Many times over: as a change (the
+// fault is in the last stretch only, in the last two, ... of the recent ones) and from the start (it is in all); the
+// most evidence decides. While nothing is wrong the model is made linear anew around what it learnt of the
+// parameters. The best few hypotheses are refined by Gauss-Newton steps on the model with the effect in it, and a
+// second fault is searched for beside the first.
 //
-// Units: amplitudes as in FaultHypothesis; evidence is twice a log-likelihood ratio (response_settings.h). D_h says what could be
-// seen: a fault whose least amplitude at the threshold lies beyond its range is not observable in this motion.
+// Units: amplitudes as in FaultHypothesis; evidence is twice a log-likelihood ratio (response_settings.h). D_h says
+// what could be seen: a fault whose least amplitude at the threshold lies beyond its range is not observable in this
+// motion.
 #pragma once
 
 #include <map>
@@ -38,10 +40,11 @@ class FaultResponses {
   FaultResponses(const Datasheet& sheet, const ResponseSettings& settings);
 
   void reset();
-  // One sample; `good`: all channels are fit to be used. True where a stretch ended and everything below was found anew.
+  // One sample; `good`: all channels are fit to be used. True where a stretch ended and everything below was found
+  // anew.
   bool add(double time, const double* channels, bool good);
-  // The two halves of add(), for those who cannot wait: collect() says that take() has a stretch for judge(), which may run in
-  // another thread while samples are collected on.
+  // The two halves of add(), for those who cannot wait: collect() says that take() has a stretch for judge(), which
+  // may run in another thread while samples are collected on.
   bool collect(double time, const double* channels, bool good);
   std::unique_ptr<Recording> take() { return std::move(collecting_); }
   void judge(const Recording& stretch);
@@ -53,8 +56,8 @@ class FaultResponses {
   const std::vector<RankedFault>& second() const { return second_; }
   double since() const { return since_; }        // s, start of the first stretch that shows it
   double evidence() const { return evidence_; }  // of the best, refined or not
-  // Per hypothesis, over all stretches so far (forgetting as set): standard error of the amplitude of a fault that comes after as much
-  // healthy motion. Large where the motion does not show it.
+  // Per hypothesis, over all stretches so far (forgetting as set): standard error of the amplitude of a fault that
+  // comes after as much healthy motion. Large where the motion does not show it.
   std::vector<double> amplitude_errors() const;
   // Cosines between the responses to hypotheses after parameters and start states are projected out, over the same.
   Eigen::MatrixXd cosines() const;
@@ -85,7 +88,8 @@ class FaultResponses {
   std::vector<RankedFault> find_window();  // sets window_; what it screened there
   Scene scene() const;                     // of window_
   RankedFault refine(const Scene& scene, RankedFault start) const;
-  // Best first; sorted by evidence and cut to those that are refined. `closely`, if given, takes the amplitudes of the best before that.
+  // Best first; sorted by evidence and cut to those that are refined. `closely`, if given, takes the amplitudes of
+  // the best before that.
   std::vector<RankedFault> best_of(const Scene& scene, std::vector<RankedFault> screened,
                                    std::map<std::size_t, double>* closely = nullptr) const;
   void follow_size();

@@ -1,8 +1,9 @@
-// Every constant of the fault responses (stretch_model.h, fault_responses.h) on which an answer depends: what it means, its unit (in
-// the name), why it has this value. docs/options.md has how much the answers change when each is halved and doubled.
+// Every constant of the fault responses (stretch_model.h, fault_responses.h) on which an answer depends: what it
+// means, its unit (in the name), why it has this value. docs/options.md has how much the answers change when each is
+// halved and doubled.
 //
-// Evidence is twice a log-likelihood ratio, of squares divided by `inflation_variances`. Units else as in gap/gap_options.h; "found on
-// the servo actuator": chosen on simulated healthy and faulty runs of it, no derivation.
+// Evidence is twice a log-likelihood ratio, of squares divided by `inflation_variances`. Units else as in
+// gap/gap_options.h; "found on the servo actuator": chosen on simulated healthy and faulty runs of it, no derivation.
 #pragma once
 
 #include <array>
@@ -107,7 +108,8 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
 #undef FAULTLINE_OPTION
 }
 
-// Those that a datasheet may set, by its keys: segment, segments, every, recent, memory, inflation, threshold. `period`: s, of samples.
+// Those that a datasheet may set, by its keys: segment, segments, every, recent, memory, inflation, threshold.
+// `period`: s, of samples.
 ResponseSettings read_response_settings(const Settings& settings, double period);
 
 }  // namespace faultline

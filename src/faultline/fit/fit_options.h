@@ -1,6 +1,6 @@
-// Every constant of the parameter fit and of the segments that it shares with the fault responses on which an answer depends: what it
-// means, its unit (in the name), why it has this value. docs/options.md has how much the answers change when each is halved and
-// doubled. Units as in gap/gap_options.h.
+// Every constant of the parameter fit and of the segments that it shares with the fault responses on which an answer
+// depends: what it means, its unit (in the name), why it has this value. docs/options.md has how much the answers
+// change when each is halved and doubled. Units as in gap/gap_options.h.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,8 @@ namespace faultline {
 
 // segment_model.h: a model over a recording in segments.
 struct SegmentOptions {
-  // Samples on each side of the quadratic that smooths a start state: an average of 13, short against the motion at 1 kHz.
+  // Samples on each side of the quadratic that smooths a start state: an average of 13, short against the motion at 1
+  // kHz.
   std::size_t start_half_width_samples = 6;
   // Mean squared misfit up to which that quadratic describes the signal; what is above is an error of the start.
   double start_misfit_variances = 2;
@@ -17,7 +18,8 @@ struct SegmentOptions {
   double largest_residual_sigma = 1e4;
   // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit.
   double least_noise_fraction = 0.3;
-  // Deviation of a sample's distance in time from the sample period, as a fraction of it, up to which a run is evenly sampled.
+  // Deviation of a sample's distance in time from the sample period, as a fraction of it, up to which a run is evenly
+  // sampled.
   double period_error_fraction = 0.2;
 };
 

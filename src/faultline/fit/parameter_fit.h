@@ -2,14 +2,16 @@
 //
 //   minimise  sum over segments of rho(|r_w(p)|^2 / (values per segment))      r_w: fit/segment_model.h, rho: Huber's
 //
-// by Ceres's trust region; the scatter of each channel is estimated along (it is the model's error, not the noise, that limits a
-// rig's model). An interval holds three parts, added as variances:
-//   statistical  H^-1 (sum of g g') H^-1 over blocks of segments (Huber, White): right for residuals that are neither white nor normal
+// by Ceres's trust region; the scatter of each channel is estimated along (it is the model's error, not the noise,
+// that limits a rig's model). An interval holds three parts, added as variances:
+//   statistical  H^-1 (sum of g g') H^-1 over blocks of segments (Huber, White): right for residuals that are neither
+//                white nor normal
 //   parameters   how far the estimate moves when a parameter that is not estimated is off by its tolerance
 //   effects      how far it moves when an effect of the datasheet's `nuisance` is there
-// A parameter whose interval is no narrower than its tolerance is not determined by these runs: it keeps the datasheet's value, the
-// others are fitted again without it, and the reason is said. Assumes that the first segments' start states are well measured and that
-// parameters stay the same over all runs; an effect that the datasheet does not know biases the estimates.
+// A parameter whose interval is no narrower than its tolerance is not determined by these runs: it keeps the
+// datasheet's value, the others are fitted again without it, and the reason is said. Assumes that the first segments'
+// start states are well measured and that parameters stay the same over all runs; an effect that the datasheet does
+// not know biases the estimates.
 #pragma once
 
 #include <functional>
@@ -45,7 +47,8 @@ struct ParameterFit {
 
 using FitProgress = std::function<void(const std::string&)>;
 
-// InputError where the datasheet marks nothing or a run cannot be used. Uses `jobs` threads; the answer does not depend on how many.
+// InputError where the datasheet marks nothing or a run cannot be used. Uses `jobs` threads; the answer does not
+// depend on how many.
 ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::string, Recording>> runs, int jobs,
                             const FitProgress& progress = {}, const FitOptions& options = {});
 

@@ -1,6 +1,6 @@
-// A rig's model against recordings, in segments: an integrating plant cannot run free for long, so at the head of every segment its
-// states are put back to smoothed measurements. What is wrong with those start states is projected out to first order, as if each were
-// estimated along with everything else:
+// A rig's model against recordings, in segments: an integrating plant cannot run free for long, so at the head of
+// every segment its states are put back to smoothed measurements. What is wrong with those start states is projected
+// out to first order, as if each were estimated along with everything else:
 //
 //   r_w = (I + S S')^(-1/2) r,   r = (y - y_model)/sigma,   S = d r/d start, per standard error of the smoothed start
 //
@@ -40,7 +40,8 @@ class SegmentModel {
   // Cuts and checks. InputError: too short, unevenly sampled, not a number.
   SegmentedRun prepare(const std::string& name, Recording recording) const;
 
-  // Residuals of a run, rows x outputs, each over `sigma` of its output. Rows after the last whole segment do not count.
+  // Residuals of a run, rows x outputs, each over `sigma` of its output. Rows after the last whole segment do not
+  // count.
   Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma) const;
   // d residuals / d start per standard error, one matrix per state that a channel shows.
   std::vector<Eigen::MatrixXf> start_columns(const ModelChange& change, const SegmentedRun& run,

@@ -1,8 +1,9 @@
-// Least squares over the segments of runs with Ceres, and what the minimum knows: Hessian, scatter of the gradient over blocks, and
-// how the gradient answers to a change of the model. Parameters are counted in their scales (tolerances) around the datasheet's value.
+// Least squares over the segments of runs with Ceres, and what the minimum knows: Hessian, scatter of the gradient
+// over blocks, and how the gradient answers to a change of the model. Parameters are counted in their scales
+// (tolerances) around the datasheet's value.
 //
-// Each segment's whitened residuals and sensitivities [J r] are reduced by a QR decomposition to a triangle of (parameters + 1)
-// rows: the same norm, the same J'J and J'r, and hours of runs fit in memory.
+// Each segment's whitened residuals and sensitivities [J r] are reduced by a QR decomposition to a triangle of
+// (parameters + 1) rows: the same norm, the same J'J and J'r, and hours of runs fit in memory.
 #pragma once
 
 #include "faultline/fit/segment_model.h"
@@ -17,7 +18,8 @@ class SegmentSolver {
   std::size_t segments() const { return segments_; }
   // Root mean square residual per output, in its unit.
   std::vector<double> misfit(const std::vector<double>& values) const;
-  // Takes the scatter of each output from the residuals at `values`: a robust mean over segments, never below the noise.
+  // Takes the scatter of each output from the residuals at `values`: a robust mean over segments, never below the
+  // noise.
   void set_scatter(const std::vector<double>& values);
   // Moves the parameters `free` of `values` to the minimum.
   void solve(std::vector<double>& values, const std::vector<std::size_t>& free, std::size_t iterations) const;
@@ -27,8 +29,8 @@ class SegmentSolver {
     Eigen::MatrixXd scatter;  // sum over blocks of (sum of rho' J'r)(...)'
   };
   Information information(const std::vector<double>& values, const std::vector<std::size_t>& free) const;
-  // sum of rho' J'(r_minus - r_plus), one column per change: how the gradient at `values` answers when the truth moves from `minus` to
-  // `plus`.
+  // sum of rho' J'(r_minus - r_plus), one column per change: how the gradient at `values` answers when the truth
+  // moves from `minus` to `plus`.
   struct Change {
     ModelChange plus, minus;
   };

@@ -1,5 +1,5 @@
-// Which effects may explain a gap: every effect at every port of the datasheet where it fits, with the range of its parameters and a
-// coordinate that runs evenly over that range.
+// Which effects may explain a gap: every effect at every port of the datasheet where it fits, with the range of its
+// parameters and a coordinate that runs evenly over that range.
 #pragma once
 
 #include <string>
@@ -25,8 +25,8 @@ struct Candidate {
 // Of the same kind at the same port, whatever its size.
 bool same_effect(const Candidate& a, const Candidate& b);
 
-// Every effect at every fitting port of the datasheet, but for those in `without` ("effect" or "effect@port"). `duration`: s, of the
-// longest run: where an unbounded time may lie.
+// Every effect at every fitting port of the datasheet, but for those in `without` ("effect" or "effect@port").
+// `duration`: s, of the longest run: where an unbounded time may lie.
 std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without, double duration = 60,
                                   const GapOptions::Candidates& options = {});
 

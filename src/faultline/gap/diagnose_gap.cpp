@@ -46,8 +46,8 @@ NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::Vecto
   return result;
 }
 
-// Excess that small unmodelled things leave where nothing is missing. They have a size of their own, so the noisier the recording against
-// the datasheet's noise, the less of them is seen.
+// Excess that small unmodelled things leave where nothing is missing. They have a size of their own, so the noisier
+// the recording against the datasheet's noise, the less of them is seen.
 double quiet_excess(const ResidualModel& model) {
   const GapOptions::Verdict& options = model.options().verdict;
   double ratio = 0;
@@ -138,8 +138,8 @@ Interval shrink_interval(const std::vector<double>& before, const std::vector<do
   return {shrinks[shrinks.size() / 20], shrinks[shrinks.size() - 1 - shrinks.size() / 20]};
 }
 
-// The finalists of the first round with their distances and probabilities. Those that were not followed to the end are as far behind as
-// their quick fits.
+// The finalists of the first round with their distances and probabilities. Those that were not followed to the end
+// are as far behind as their quick fits.
 std::vector<RankedCause> rank_causes(const GapTrials& work, const EffectSearch& search) {
   const GapOptions::Verdict& options = work.options().verdict;
   std::vector<RankedCause> result;
@@ -281,7 +281,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   result.places = rank_places(sheet, search.screened, result.ranked, verdict.place_probability);
   if (found) name_effects(search, verdict, result);
 
-  // Doubt that what was found is the cause, or that nothing need be found: what is left, and how far the parameters had to bend for it.
+  // Doubt that what was found is the cause, or that nothing need be found: what is left, and how far the parameters
+  // had to bend for it.
   double doubt = there_was / (verdict.unexplained_quiet_ratio * quiet);
   if (found) {
     doubt = std::max(0.0, left - quiet) / std::max(there_was, 1e-9) / verdict.left_excess_fraction +

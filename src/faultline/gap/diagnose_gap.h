@@ -1,5 +1,5 @@
-// The gap diagnosis: measures the gap, refits the parameters, tries every effect at every fitting port, scores what it fitted on
-// runs that it did not see, and says the verdict. Knows no rig.
+// The gap diagnosis: measures the gap, refits the parameters, tries every effect at every fitting port, scores what
+// it fitted on runs that it did not see, and says the verdict. Knows no rig.
 //
 // 1. nominal -> refit: parameters move within their tolerances (priors).
 // 2. Screen: each candidate at a few sizes, one simulation each, parameters adjusted to first order.
@@ -28,7 +28,8 @@ struct GapSettings {
 // Called from several threads; what it throws ends the diagnosis and is thrown on.
 using GapProgress = std::function<void(double done, const std::string& text)>;
 
-// `runs` to learn from; `holdout` to score on (empty: the runs score each other; one run is cut in two). Throws InputError.
+// `runs` to learn from; `holdout` to score on (empty: the runs score each other; one run is cut in two). Throws
+// InputError.
 GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
                        const GapSettings& settings, const GapProgress& progress);
 

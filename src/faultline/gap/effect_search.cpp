@@ -26,8 +26,8 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
   return structures;
 }
 
-// Whether a structure is worth its last effect. What others leave is in part that they are not quite what the rig has, and something
-// smooths a part of that always.
+// Whether a structure is worth its last effect. What others leave is in part that they are not quite what the rig
+// has, and something smooths a part of that always.
 bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best, double quiet) {
   const GapOptions::Search& options = work.options().search;
   const double values = work.held_out_values();
@@ -45,8 +45,8 @@ bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best,
   return before - after > options.decisive_excess_fraction * before && before - after > quiet;
 }
 
-// An effect that was found alone was found with others missing: the close rivals of each round but the last are tried again beside
-// everything else, and take its place if they do better there.
+// An effect that was found alone was found with others missing: the close rivals of each round but the last are tried
+// again beside everything else, and take its place if they do better there.
 void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& followed, EffectSearch& search) {
   for (std::size_t round = 0; round + 1 < search.base.effects.size(); ++round) {
     const Structure& winner = followed[round].front();

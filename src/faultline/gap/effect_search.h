@@ -1,5 +1,6 @@
-// The search for the effects that explain a gap: round by round the best effect beside those found before, as long as one more pays; then
-// close rivals of those that were found while others were still missing are tried again. See diagnose_gap.h for the whole.
+// The search for the effects that explain a gap: round by round the best effect beside those found before, as long as
+// one more pays; then close rivals of those that were found while others were still missing are tried again. See
+// diagnose_gap.h for the whole.
 #pragma once
 
 #include "faultline/gap/gap_trials.h"
@@ -23,8 +24,9 @@ std::size_t position_of(const EffectSearch& search, std::size_t round);
 // Looks for at most `most_effects`, until a typical segment's excess is below `quiet_variances`.
 EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_variances);
 
-// Excess beyond the noise of a typical segment, in noise variances, from scores on the scale of GapTrials::robust(): a few segments that go astray (a
-// breakaway a moment too late) are no evidence that something is missing. `values`: how many residuals there are.
+// Excess beyond the noise of a typical segment, in noise variances, from scores on the scale of GapTrials::robust():
+// a few segments that go astray (a breakaway a moment too late) are no evidence that something is missing. `values`:
+// how many residuals there are.
 double typical_excess(const std::vector<double>& scores, double values);
 // The same of all segments, from their losses.
 double mean_excess(const std::vector<double>& losses, double values);

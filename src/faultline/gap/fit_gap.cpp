@@ -28,8 +28,8 @@ void set_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std:
   effects[at.first].effect.parameters[at.second] = effects[at.first].from_coordinate(at.second, value);
 }
 
-// Moves along the tangent in the effect's own unit: an effect that is a parameter's twin then trades with it exactly, whatever the
-// coordinate's scale. Large moves go by the coordinate.
+// Moves along the tangent in the effect's own unit: an effect that is a parameter's twin then trades with it exactly,
+// whatever the coordinate's scale. Large moves go by the coordinate.
 void move_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std::size_t> at, double step,
                      const GapOptions::Fit& options) {
   Candidate& candidate = effects[at.first];
@@ -211,7 +211,8 @@ Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit
   const Eigen::Index n = gram.rows() - 1;
   Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
   hessian.diagonal().array() += 1;
-  // What the segments' gradients scatter about their mean; for white residuals that is the Hessian again. The prior's one is kept.
+  // What the segments' gradients scatter about their mean; for white residuals that is the Hessian again. The prior's
+  // one is kept.
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
   for (const Eigen::VectorXd& gradient : gradients) mean += gradient / static_cast<double>(gradients.size());
   Eigen::MatrixXd scatter = Eigen::MatrixXd::Identity(n, n);

@@ -1,10 +1,12 @@
-// Every constant of the gap diagnosis on which an answer depends: what it means, its unit (in the name), why it has this value.
-// docs/options.md has a table of how much the answers change when each is halved and doubled, and the command that makes it.
+// Every constant of the gap diagnosis on which an answer depends: what it means, its unit (in the name), why it has
+// this value. docs/options.md has a table of how much the answers change when each is halved and doubled, and the
+// command that makes it.
 //
-// Units: _samples; _s; _fraction of what the comment names; _tolerances of the datasheet's parameters; _sigma: standard deviations of
-// the noise, or of what the comment names; _variances: noise variances; _log_likelihood: natural logarithm. Numbers without a unit count.
-// "Development" in a comment: chosen on the cases of the development seed of test/withheld, no derivation.
-// Not here: what a user sets (GapSettings), plain mathematics, guards against division by zero.
+// Units: _samples; _s; _fraction of what the comment names; _tolerances of the datasheet's parameters; _sigma:
+// standard deviations of the noise, or of what the comment names; _variances: noise variances; _log_likelihood:
+// natural logarithm. Numbers without a unit count. "Development" in a comment: chosen on the cases of the development
+// seed of test/withheld, no derivation. Not here: what a user sets (GapSettings), plain mathematics, guards against
+// division by zero.
 #pragma once
 
 #include <array>
@@ -15,28 +17,35 @@ namespace faultline {
 struct GapOptions {
   // residual_model.h: preparation of a run, noise, start states.
   struct Residuals {
-    // Samples from one restart of the states to the next: longer segments show slow effects, shorter ones keep the response linear in
-    // the start state; 250 samples are about ten periods of the servo actuator's hydraulic resonance.
+    // Samples from one restart of the states to the next: longer segments show slow effects, shorter ones keep the
+    // response linear in the start state; 250 samples are about ten periods of the servo actuator's hydraulic
+    // resonance.
     std::size_t segment_samples = 250;
     // Samples on each side of the quadratic that gives a start state, widest first: averages 13 or 7 samples.
     std::array<std::size_t, 2> start_half_width_samples = {6, 3};
-    // Mean squared misfit up to which that quadratic describes the signal: twice the noise, which white noise exceeds rarely.
+    // Mean squared misfit up to which that quadratic describes the signal: twice the noise, which white noise exceeds
+    // rarely.
     double start_misfit_variances = 2;
-    // Standard deviation of the prior of a start state, in noise of its channel: smoothing within a bend is biased by about this.
+    // Standard deviation of the prior of a start state, in noise of its channel: smoothing within a bend is biased by
+    // about this.
     double start_prior_sigma = 2;
-    // Step of the differences by the start state, in standard deviations of that prior: large against rounding, small against bends.
+    // Step of the differences by the start state, in standard deviations of that prior: large against rounding, small
+    // against bends.
     double start_difference_sigma = 0.5;
     // Largest shift of a start state, in the same: beyond, the segment's misfit is not the start's.
     double start_shift_limit_sigma = 20;
     // Samples on each side of the smoothing of measured inputs, widest first.
     std::array<std::size_t, 4> input_half_width_samples = {12, 6, 3, 2};
-    // What smoothing may take away, as a ratio to what it takes of white noise: a tenth more is scatter of the estimate, not signal.
+    // What smoothing may take away, as a ratio to what it takes of white noise: a tenth more is scatter of the
+    // estimate, not signal.
     double input_removed_variance_ratio = 1.1;
     // Residuals are cut at this many sigmas: finite where a model diverges, beyond anything a sensor shows.
     double largest_residual_sigma = 1e4;
-    // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit.
+    // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without
+    // limit.
     double least_noise_fraction = 0.3;
-    // Deviation of a sample's distance in time from the sample period, as a fraction of it, up to which a run is evenly sampled.
+    // Deviation of a sample's distance in time from the sample period, as a fraction of it, up to which a run is
+    // evenly sampled.
     double period_error_fraction = 0.2;
   } residuals;
 
@@ -46,8 +55,8 @@ struct GapOptions {
     double difference_tolerances = 0.1;
     // Bound of a parameter's deviation: beyond 3.5 standard deviations the datasheet is wrong, not the rig.
     double parameter_bound_tolerances = 3.5;
-    // Least noise variance of a segment as a fraction of the recording's: a segment cannot be better than its noise; a fifth leaves room
-    // for a noise estimate that is too large.
+    // Least noise variance of a segment as a fraction of the recording's: a segment cannot be better than its noise;
+    // a fifth leaves room for a noise estimate that is too large.
     double least_variance_fraction = 0.2;
     // Passes of the bounded solve in which parameters beyond their bound are held there; few are held in any pass.
     std::size_t bound_passes = 4;
@@ -103,7 +112,8 @@ struct GapOptions {
 
   // gap_trials.h: fits of structures.
   struct Trials {
-    // Samples of a misfit that say the same: about the correlation length of a residual that is not white (development).
+    // Samples of a misfit that say the same: about the correlation length of a residual that is not white
+    // (development).
     double correlated_samples = 20;
     std::size_t steps = 4;          // Gauss-Newton steps around one linearisation
     std::size_t quick_steps = 3;    // ... of a finalist
@@ -187,7 +197,8 @@ struct GapOptions {
   } next_runs;
 };
 
-// Calls visit(name, value) for every option, so that a study or a test sees all: value is a double, a count, or an array of those.
+// Calls visit(name, value) for every option, so that a study or a test sees all: value is a double, a count, or an
+// array of those.
 template <class Visit>
 void for_each_option(GapOptions& options, Visit&& visit) {
 #define FAULTLINE_OPTION(member) visit(#member, options.member)

@@ -1,5 +1,5 @@
-// What `faultline gap` answers: how far recording and model are apart, where, why, and how far the gap shrinks. Dumb data; the
-// JSON form is docs/gap.schema.json.
+// What `faultline gap` answers: how far recording and model are apart, where, why, and how far the gap shrinks. Dumb
+// data; the JSON form is docs/gap.schema.json.
 #pragma once
 
 #include <map>
@@ -33,7 +33,7 @@ struct GapLevel {
 struct Region {
   std::string name;       // of the operating range, "velocity positive" and the like
   double enrichment = 1;  // mean squared residual there over its mean everywhere
-  double share = 0;       // of the samples
+  double share = 0;       // fraction of the samples
   double refit = 0;       // mean squared residual there, in noise variances, of the refitted model ...
   double explained = 0;   // ... and with the effects added
 };
@@ -42,8 +42,8 @@ struct PlaceScore {
   std::string port;
   std::string component;
   std::string kind;                      // process | sensor
-  double score = 0;                      // gain in log likelihood that something at this place can win
-  double share = 0;                      // 0..1, posterior share over places
+  double score = 0;                      // gain in log-likelihood that an effect at this place can win
+  double share = 0;                      // posterior probability that the cause is at this place
   std::vector<std::string> inseparable;  // places whose signature this excitation cannot tell from this one
 };
 
@@ -58,7 +58,7 @@ struct NamedEffect {
 
 struct RankedCause {
   NamedEffect effect;
-  double gain = 0;            // held-out log likelihood over the refitted model
+  double gain = 0;            // held-out log-likelihood over the refitted model
   double behind = 0;          // how far behind the best
   double standard_error = 0;  // of that
 };
@@ -66,11 +66,12 @@ struct RankedCause {
 struct NextRun {
   std::string excitation;  // a profile of the datasheet
   double duration = 0;     // s
-  double gain = 0;         // predicted distance of the two rivals, in log likelihood
+  double gain = 0;         // predicted distance of the two rivals, in log-likelihood
   std::string between;     // which two it separates
 };
 
-// The deciding run and what the three levels make of it, at most 4000 rows: every n-th row as it is, so that columns may be subtracted.
+// The deciding run and what the three levels make of it, at most 4000 rows: every n-th row as it is, so that columns
+// may be subtracted.
 struct GapSeries {
   std::size_t run = 0;  // position among the runs and then the held-out runs, as they were given
   std::vector<std::string> channels;
@@ -97,7 +98,7 @@ struct GapResult {
   double shrink_refit = 0;    // 1 - excess_explained/excess_refit, held out
   double shrink_nominal = 0;  // against nominal
   Interval shrink_interval;   // 90 %, of shrink_refit
-  double closable = 0;        // share of what a flexible closure wins that the named effects win
+  double closable = 0;        // gain of the named effects as a fraction of that of a flexible closure
   std::vector<NextRun> next;
   GapSeries series;
   double seconds = 0;

@@ -3,8 +3,9 @@
 //   y_model = y - sigma r          r: residual of ResidualModel, the states put back every segment
 //   settled: r - S (S'S + I)^-1 S'r   per segment; S: d r/d start state per standard error of the start
 //
-// Settled residuals are those from the likeliest start states, so that the noise in the samples from which a segment starts is not taken for
-// a gap: a model that is right leaves noise. At most 4000 rows: every n-th row as it is. Where a model is off by more than 1e4 noise levels, its course is cut there.
+// Settled residuals are those from the likeliest start states, so that the noise in the samples from which a segment
+// starts is not taken for a gap: a model that is right leaves noise. At most 4000 rows: every n-th row as it is.
+// Where a model is off by more than 1e4 noise levels, its course is cut there.
 #pragma once
 
 #include "faultline/gap/gap_result.h"
@@ -14,8 +15,8 @@ namespace faultline {
 
 Eigen::MatrixXf settled_residuals(const ResidualModel& model, const GapModel& at, std::size_t run);
 
-// `run`: of the model's. `given`: how many runs were asked for; fewer than the model has where a single one was cut in two, and
-// then the time goes on over the cut.
+// `run`: of the model's. `given`: how many runs were asked for; fewer than the model has where a single one was cut
+// in two, and then the time goes on over the cut.
 GapSeries gap_series(const ResidualModel& model, std::size_t run, const GapModel& nominal, const GapModel& refitted,
                      const GapModel& explained, std::size_t given);
 

@@ -13,8 +13,8 @@
 namespace faultline {
 namespace {
 
-// Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect that is new changes
-// nothing yet.
+// Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect
+// that is new changes nothing yet.
 bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to, double fraction) {
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
     const Parameter& p = sheet.parameters[i];
@@ -38,8 +38,9 @@ bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to, doub
   return true;
 }
 
-// The effects with what some runs may not decide held where it is: those that were found before, like the parameters, and what these
-// runs hardly show - a rate limit that only steps reach would be fitted to anything. `shown`: information() of all runs.
+// The effects with what some runs may not decide held where it is: those that were found before, like the parameters,
+// and what these runs hardly show - a rate limit that only steps reach would be fitted to anything. `shown`:
+// information() of all runs.
 std::vector<Candidate> left_to(const std::vector<std::size_t>& runs, std::vector<Candidate> effects, std::size_t held,
                                const std::vector<Eigen::VectorXd>& shown, double least_fraction) {
   Eigen::Index at = 0;
@@ -253,8 +254,8 @@ double GapTrials::follow(Structure& structure, int jobs, std::size_t rounds) con
 
 void GapTrials::refine(Structure& structure, int jobs) const {
   const GapOptions::Trials& trials = options().trials;
-  // The refit without this effect may have bent parameters into a valley of their own, from which no step leads out: the fit starts at
-  // the datasheet's parameters again, and only where that ends worse than the quick fit from there.
+  // The refit without this effect may have bent parameters into a valley of their own, from which no step leads out:
+  // the fit starts at the datasheet's parameters again, and only where that ends worse than the quick fit from there.
   const FitResult quick = structure.fit;
   const Linearisation learn = around_.linear->subset(learn_);
   const double quick_loss = sum(robust(learn.segment_losses(residuals_of(model(), quick.model, learn_))));

@@ -1,6 +1,7 @@
-// Trials of the gap diagnosis: structures (sets of effects) are screened to first order, the best fitted quickly, the few best of those
-// fitted with everything else - parameters, start states, sensitivities of their own - and scored on runs that a fit did not see.
-// Holds the linearisation around the model that stands at the moment. See diagnose_gap.h for the whole.
+// Trials of the gap diagnosis: structures (sets of effects) are screened to first order, the best fitted quickly, the
+// few best of those fitted with everything else - parameters, start states, sensitivities of their own - and scored
+// on runs that a fit did not see. Holds the linearisation around the model that stands at the moment. See
+// diagnose_gap.h for the whole.
 #pragma once
 
 #include <memory>
@@ -46,7 +47,8 @@ class GapTrials {
 
   void tell(double share, const std::string& text) const;
 
-  // Refits the parameters around `effects` until nothing is gained; leaves start states and linearisation of all runs at the result.
+  // Refits the parameters around `effects` until nothing is gained; leaves start states and linearisation of all runs
+  // at the result.
   FitResult refit(const GapModel& start, const std::vector<Candidate>& effects);
   // The same from a refined structure on.
   FitResult refit(const Structure& refined);
@@ -54,24 +56,26 @@ class GapTrials {
   // The model as it is, with start states and linearisation of all runs at it.
   FitResult stand(const GapModel& model);
 
-  // What refit() or stand() just returned, scored fold by fold: the parameters belong to the rig and stay as all learning runs have them, and so
-  // do the effects but the last; that one is fitted again on a fold's learning runs and has to prove itself on the others.
+  // What refit() or stand() just returned, scored fold by fold: the parameters belong to the rig and stay as all
+  // learning runs have them, and so do the effects but the last; that one is fitted again on a fold's learning runs
+  // and has to prove itself on the others.
   Structure score(const FitResult& fit) const;
 
-  // Every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best starting point or
-  // wherever on the way to it from no effect it should be better.
+  // Every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best
+  // starting point or wherever on the way to it from no effect it should be better.
   std::vector<Structure> screen(const FitResult& base, double from, double to) const;
 
-  // Fits each with the linearisation as it stands, and sorts them, best first. With `search`, sizes are searched where a step fails, which
-  // takes several times as long.
+  // Fits each with the linearisation as it stands, and sorts them, best first. With `search`, sizes are searched
+  // where a step fails, which takes several times as long.
   void shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from, double to) const;
 
   // Fits each with start states and linearisation of its own and scores it in the same way.
   void refine(std::vector<Structure>& structures, double from, double to) const;
 
-  // What a flexible model of a port could win: the effects of `base`, and at a port through which a signal or an opening passes a piecewise
-  // linear curve and a memory (the effects of the family "flexible"), elsewhere everything smooth that the library has there. Each
-  // starts as small as its range allows. Without scores where the port has nothing to add.
+  // What a flexible model of a port could win: the effects of `base`, and at a port through which a signal or an
+  // opening passes a piecewise linear curve and a memory (the effects of the family "flexible"), elsewhere everything
+  // smooth that the library has there. Each starts as small as its range allows. Without scores where the port has
+  // nothing to add.
   Structure closure(const FitResult& base, const std::string& port) const;
 
   // Losses per held-out segment of a model as it is.
@@ -80,11 +84,13 @@ class GapTrials {
   double segment_values() const { return static_cast<double>(model().segment() * model().outputs().size()); }
   double held_out_values() const;
 
-  // Loss of each segment on a scale where one in which the model goes astray does not outweigh all others: the negative log
-  // likelihood with that segment's own noise level, n/2 log(2 loss/n). Near the noise it equals the loss but for a constant.
+  // Loss of each segment on a scale where one in which the model goes astray does not outweigh all others: the
+  // negative log likelihood with that segment's own noise level, n/2 log(2 loss/n). Near the noise it equals the loss
+  // but for a constant.
   std::vector<double> robust(const std::vector<double>& losses) const;
-  // Of a sum of differences in log likelihood: the variance of a log-likelihood ratio is about twice its size, and neighbouring samples
-  // of a residual that is not white count for one. Differences between segments are no uncertainty: an effect may show in a few only.
+  // Of a sum of differences in log-likelihood: the variance of a log-likelihood ratio is about twice its size, and
+  // neighbouring samples of a residual that is not white count for one. Differences between segments are no
+  // uncertainty: an effect may show in a few only.
   double standard_error(const std::vector<double>& differences) const;
 
  private:

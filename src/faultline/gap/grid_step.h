@@ -1,7 +1,8 @@
-// Rounding that the datasheet does not know. The noise of a recording takes rounding in, so no residual shows it; but a signal that takes
-// only values on a grid shows it by itself.
+// Rounding that the datasheet does not know. The noise of a recording takes rounding in, so no residual shows it; but
+// a signal that takes only values on a grid shows it by itself.
 //
-//   y_k = y_0 + n_k q,  n_k whole, for all samples within the datasheet's resolution;  q: the smallest distance between values
+//   y_k = y_0 + n_k q,  n_k whole, for all samples within the datasheet's resolution
+//   q: the smallest distance between values
 #pragma once
 
 #include "faultline/gap/gap_result.h"
@@ -13,8 +14,8 @@ namespace faultline {
 double grid_step(const Recording& recording, std::size_t column, double resolution,
                  const GapOptions::Grid& options = {});
 
-// Channels whose grid in all runs is coarser than the datasheet's resolution and noise, as the effect `quantisation` where the
-// datasheet lets it fit, has not adopted it and `without` does not leave it out.
+// Channels whose grid in all runs is coarser than the datasheet's resolution and noise, as the effect `quantisation`
+// where the datasheet lets it fit, has not adopted it and `without` does not leave it out.
 std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vector<GapRun>& runs,
                                           const std::vector<std::string>& without,
                                           const GapOptions::Grid& options = {});

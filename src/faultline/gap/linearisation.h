@@ -1,11 +1,12 @@
-// A driven model's residuals and their sensitivities around one set of parameters, computed once and shared by all candidates.
+// A driven model's residuals and their sensitivities around one set of parameters, computed once and shared by all
+// candidates.
 //
-//   L(z) = sum over segments of n/2 log(r' W r / n) + 1/2 |z|^2          z: deviation of each free parameter in tolerances
+//   L(z) = sum over segments of n/2 log(r' W r / n) + 1/2 |z|^2      z: deviation of each free parameter in tolerances
 //
-// W projects the start states out (residual_model.h). Each of a segment's n values has that segment's own noise level, whose best value is
-// put in: near the recording's noise a segment counts as 1/2 r' W r does, but one in which the model goes astray (a breakaway a
-// moment too late) does not outweigh all others, and a wrong structure does not drag parameters off for ever. Minimised by weights:
-// each step takes 1/2 w r' W r with w = n / r' W r.
+// W projects the start states out (residual_model.h). Each of a segment's n values has that segment's own noise
+// level, whose best value is put in: near the recording's noise a segment counts as 1/2 r' W r does, but one in which
+// the model goes astray (a breakaway a moment too late) does not outweigh all others, and a wrong structure does not
+// drag parameters off for ever. Minimised by weights: each step takes 1/2 w r' W r with w = n / r' W r.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,8 +15,8 @@
 
 namespace faultline {
 
-// Loss of a segment of n values with its own noise level, from 1/2 r' W r; its variance is not taken below `least` noise variances
-// (GapOptions::Linearisation::least_variance_fraction).
+// Loss of a segment of n values with its own noise level, from 1/2 r' W r; its variance is not taken below `least`
+// noise variances (GapOptions::Linearisation::least_variance_fraction).
 double robust(double loss, double values, double least);
 // d robust / d loss.
 double robust_weight(double loss, double values, double least);
@@ -26,24 +27,26 @@ struct SegmentProducts {
   std::vector<Eigen::VectorXd> against_parameters;
 };
 
-// What is computed once around a model and shared by all candidates: residuals, their sensitivity to parameters and start states.
+// What is computed once around a model and shared by all candidates: residuals, their sensitivity to parameters and
+// start states.
 class Linearisation {
  public:
-  // `runs`: which of the residual model's. Uses `jobs` threads. `starts`: sensitivities to start states where they are known already,
-  // per run.
+  // `runs`: which of the residual model's. Uses `jobs` threads. `starts`: sensitivities to start states where they
+  // are known already, per run.
   Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs, int jobs,
                 std::vector<std::vector<Eigen::MatrixXf>> starts = {});
 
-  // The sensitivities of `near` around a model that has hardly moved from there: only residuals and shifts of start states are new.
+  // The sensitivities of `near` around a model that has hardly moved from there: only residuals and shifts of start
+  // states are new.
   Linearisation(const ResidualModel& residuals, const GapModel& model, const Linearisation& near);
 
   // Loss r' W r / 2 of residuals r (one matrix per run) with the start states projected out, per segment.
   std::vector<double> segment_losses(const std::vector<Eigen::MatrixXf>& residuals) const;
   // The weight of each segment at the model.
   const std::vector<double>& weights() const { return weights_; }
-  // Gram matrix of columns (each: one matrix per run) under W and the weights, of which there is one per segment. The first column is
-  // residuals, to which the prior of the start states belongs; all others are sensitivities. `gradients`, if given, takes each segment's
-  // part of the products of the first column with the others.
+  // Gram matrix of columns (each: one matrix per run) under W and the weights, of which there is one per segment. The
+  // first column is residuals, to which the prior of the start states belongs; all others are sensitivities.
+  // `gradients`, if given, takes each segment's part of the products of the first column with the others.
   Eigen::MatrixXd gram(const std::vector<const std::vector<Eigen::MatrixXf>*>& columns,
                        const std::vector<double>& weights, std::vector<Eigen::VectorXd>* gradients = nullptr) const;
 
@@ -79,13 +82,13 @@ class Linearisation {
   std::vector<double> weights_;  // per segment, runs one after the other
 };
 
-// Minimum of 1/2 move' hessian move + gradient' move with z + the first z.size() moves within the parameters' bound: what leaves it is
-// held there, the rest solved again.
+// Minimum of 1/2 move' hessian move + gradient' move with z + the first z.size() moves within the parameters' bound:
+// what leaves it is held there, the rest solved again.
 Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
                              const GapOptions::Linearisation& options);
 
-// L with the parameters adjusted to first order within their bound, for residuals of a changed model at the linearisation's parameters z.
-// `move`, if given, takes the adjustment.
+// L with the parameters adjusted to first order within their bound, for residuals of a changed model at the
+// linearisation's parameters z. `move`, if given, takes the adjustment.
 double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z,
                       Eigen::VectorXd* move = nullptr);
 

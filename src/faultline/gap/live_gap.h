@@ -1,16 +1,17 @@
 // The gap while the rig runs: the nominal model beside the live samples, segment by segment.
 //
-//   excess of a segment = max(0, rms^2 - noise^2)/noise^2      per channel, settled residuals (gap_series.h) of the nominal model
+//   excess of a segment = max(0, rms^2 - noise^2)/noise^2   per channel, settled residuals of the nominal model
 //   smoothed            = mean excess over the last `smoothing_segments`
 //
-// A channel leaves normal when its smoothed excess is above what the datasheet calls normal, and is back below `return_ratio` of that.
-// While some channel is out, the place is sought at times, on the window of the last segments, by the first steps of `faultline gap`
-// (gap_trials.h): every effect screened, the best fitted together with
-// the parameters. The port of the best is the place; ports that gain nearly
-// as much cannot be told apart from it on this window. `faultline gap` on recordings does the rest.
+// A channel leaves normal when its smoothed excess is above what the datasheet calls normal, and is back below
+// `return_ratio` of that. While some channel is out, the place is sought at times, on the window of the last
+// segments, by the first steps of `faultline gap` (gap_trials.h): every effect screened, the best fitted together
+// with the parameters. The port of the best is the place; ports that gain nearly as much cannot be told apart from it
+// on this window. `faultline gap` on recordings does the rest.
 //
-// Deterministic in the samples, reads no clock, knows no rig. Not thread safe; process() may take some seconds when a place is sought,
-// so a live caller gives it a thread of its own. A missing, invalid or late sample cuts the window; a jump of time begins anew.
+// Deterministic in the samples, reads no clock, knows no rig. Not thread safe; process() may take some seconds when a
+// place is sought, so a live caller gives it a thread of its own. A missing, invalid or late sample cuts the window;
+// a jump of time begins anew.
 #pragma once
 
 #include <cstdint>
@@ -84,14 +85,14 @@ struct LiveChannelGap {
 struct LiveRegion {
   std::string name;
   double enrichment = 1;  // mean squared residual there over its mean everywhere
-  double share = 0;       // of the samples
+  double share = 0;       // fraction of the samples
 };
 
 struct LivePlace {
   std::string port;  // empty: not sought, or nothing fits
   std::string component;
   std::string effect;                    // that fits best there
-  double share = 0;                      // of the residual beyond noise and tolerances that it explains
+  double share = 0;                      // fraction of the residual beyond noise and tolerances that it explains
   std::vector<std::string> inseparable;  // other ports that explain nearly as much
   double time = 0;                       // s, end of the window it was found in
 };

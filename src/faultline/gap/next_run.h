@@ -1,5 +1,6 @@
-// Which excitation would tell two explanations apart: each profile of the datasheet is simulated with one of them, and the other,
-// with its parameters adjusted to first order, is held against that. The loss that remains is the predicted log likelihood between them.
+// Which excitation would tell two explanations apart: each profile of the datasheet is simulated with one of them,
+// and the other, with its parameters adjusted to first order, is held against that. The loss that remains is the
+// predicted log-likelihood between them.
 #pragma once
 
 #include "faultline/gap/fit_gap.h"

@@ -29,8 +29,8 @@ std::vector<double> quadratic_weights(std::size_t half_width) {
   return weights;
 }
 
-// The signal without its noise at a row: a quadratic over as many samples as it describes; where the signal bends too fast (a spool
-// that jumps), the sample itself.
+// The signal without its noise at a row: a quadratic over as many samples as it describes; where the signal bends too
+// fast (a spool that jumps), the sample itself.
 double smoothed(const Recording& recording, std::size_t row, std::size_t column, double noise,
                 const GapOptions::Residuals& options) {
   for (const std::size_t w : options.start_half_width_samples) {
@@ -196,7 +196,8 @@ Eigen::MatrixXf ResidualModel::simulate(const GapModel& model, const GapRun& run
   return result;
 }
 
-// What a stuck sensor holds is read from the recording: its simulated value has the error of the segment in which it stuck, for ever.
+// What a stuck sensor holds is read from the recording: its simulated value has the error of the segment in which it
+// stuck, for ever.
 void ResidualModel::read_held_values(const GapModel& model, const GapRun& run, Eigen::MatrixXf& residuals) const {
   for (const EffectSpec& spec : model.effects) {
     if (spec.effect != "stuck" || sheet_.port(spec.port).kind != PortKind::sensor) continue;
@@ -212,7 +213,8 @@ void ResidualModel::read_held_values(const GapModel& model, const GapRun& run, E
 
 Eigen::MatrixXf ResidualModel::residuals(const GapModel& model, std::size_t run) const {
   Eigen::MatrixXf result = simulate(model, runs_[run], runs_[run].restarts, runs_[run].start_states);
-  // The row of a restart still shows where the segment before it ended, which is not what this segment's states explain.
+  // The row of a restart still shows where the segment before it ended, which is not what this segment's states
+  // explain.
   for (std::size_t g = 1; g < runs_[run].segments(); ++g)
     result.row(static_cast<Eigen::Index>(runs_[run].restarts[g])).setZero();
   return result;

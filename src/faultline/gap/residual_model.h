@@ -1,14 +1,14 @@
-// Residuals of a driven model over recordings, by segments: an integrating plant cannot run free for long, so the states are put
-// back every segment. The start states are estimated with everything else: they begin at smoothed measurements and are shifted by d
-// (in units of their prior's standard deviation); what is left of their error is projected out, so that to first order a
-// segment's loss is its marginal likelihood over the start state.
+// Residuals of a driven model over recordings, by segments: an integrating plant cannot run free for long, so the
+// states are put back every segment. The start states are estimated with everything else: they begin at smoothed
+// measurements and are shifted by d (in units of their prior's standard deviation); what is left of their error is
+// projected out, so that to first order a segment's loss is its marginal likelihood over the start state.
 //
-//   r = (y - y_model)/sigma,  loss = min over e of 1/2 |r + S e|^2 + 1/2 |d + e|^2       S: d r/d (start state/its deviation)
+//   r = (y - y_model)/sigma,  loss = min over e of 1/2 |r + S e|^2 + 1/2 |d + e|^2   S: d r/d start state
 //
-// The prior is wider than the smoothing's error: a state that moves within the smoothing window is smoothed with a bias.
-// sigma per channel is the recording's own noise (from third differences), never below rounding. Measured inputs that drive the model
-// are smoothed as far as what is taken away is white: their noise would break a stuck body loose too early. Channels that are
-// ground truth are not used, and commands that are ground truth count as 0.
+// The prior is wider than the smoothing's error: a state that moves within the smoothing window is smoothed with a
+// bias. sigma per channel is the recording's own noise (from third differences), never below rounding. Measured
+// inputs that drive the model are smoothed as far as what is taken away is white: their noise would break a stuck
+// body loose too early. Channels that are ground truth are not used, and commands that are ground truth count as 0.
 #pragma once
 
 #include <Eigen/Core>
@@ -50,12 +50,13 @@ class ResidualModel {
   Eigen::MatrixXf residuals(const GapModel& model, std::size_t run) const;
   // The same with the states put back every `horizon` samples, and the first `horizon` rows after each counted.
   Eigen::MatrixXf residuals(const GapModel& model, std::size_t run, std::size_t horizon) const;
-  // d residuals / d start states (each in deviations of its prior), by differences: one matrix per state that channels show.
+  // d residuals / d start states (each in deviations of its prior), by differences: one matrix per state that
+  // channels show.
   std::vector<Eigen::MatrixXf> start_sensitivity(const GapModel& model, std::size_t run) const;
   // Shifts of the start states that channels show, in deviations of their prior: segments x shown states.
   Eigen::MatrixXd start_shift(std::size_t run) const;
-  // Moves the start states to those that fit the model best, where that lowers a segment's loss. One Gauss-Newton step a call.
-  // Returns the sensitivities that it used: `known` ones, or its own where that is empty.
+  // Moves the start states to those that fit the model best, where that lowers a segment's loss. One Gauss-Newton
+  // step a call. Returns the sensitivities that it used: `known` ones, or its own where that is empty.
   std::vector<Eigen::MatrixXf> settle_starts(const GapModel& model, std::size_t run,
                                              std::vector<Eigen::MatrixXf> known = {});
 

@@ -47,7 +47,8 @@ std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals
   const std::vector<double> power = power_of(residuals, size);
   double spectra = 0;
   for (const Eigen::MatrixXf& run : residuals) spectra += static_cast<double>(run.cols());
-  // A sum of so many exponentials exceeds so many times its mean only with probability exp(-rarity) (Laurent and Massart 2000).
+  // A sum of so many exponentials exceeds so many times its mean only with probability exp(-rarity) (Laurent and
+  // Massart 2000).
   const double least =
       1 + std::sqrt(2 * options.rarity_log_likelihood / spectra) + options.rarity_log_likelihood / spectra;
   const double spacing = 1 / (static_cast<double>(size) * period);

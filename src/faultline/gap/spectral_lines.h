@@ -1,5 +1,5 @@
-// Sharp lines in the spectrum of residuals: where an effect that swings would have to swing. Its frequency is a valley as narrow as one over
-// the length of the run, which no coarse search meets.
+// Sharp lines in the spectrum of residuals: where an effect that swings would have to swing. Its frequency is a
+// valley as narrow as one over the length of the run, which no coarse search meets.
 #pragma once
 
 #include <vector>
@@ -10,8 +10,8 @@
 
 namespace faultline {
 
-// Up to options.lines frequencies [Hz] between `low` and `high` at which the residuals' power, summed over columns and runs, stands out most
-// from its neighbourhood (median), strongest first. `period`: s, between rows.
+// Up to options.lines frequencies [Hz] between `low` and `high` at which the residuals' power, summed over columns
+// and runs, stands out most from its neighbourhood (median), strongest first. `period`: s, between rows.
 std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals, double period, double low,
                                    double high, const GapOptions::Spectrum& options = {});
 

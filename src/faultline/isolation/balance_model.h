@@ -1,9 +1,11 @@
-// What a rig's balances say of each fault, for the signature isolator. A model names features (quantities of an estimator stage),
-// residuals that are zero while nothing has changed, and hypotheses: faults of one unknown size each.
+// What a rig's balances say of each fault, for the signature isolator. A model names features (quantities of an
+// estimator stage), residuals that are zero while nothing has changed, and hypotheses: faults of one unknown size
+// each.
 //
-// A hypothesis is tried by taking its effect out of the features: residuals(features, reference, h, size) are those that a rig
-// without the fault would show if fault h of that size explained what is measured. The right one, of the right size, leaves nothing.
-// Its derivative by the size is the fault's signature. Models register themselves by name.
+// A hypothesis is tried by taking its effect out of the features: residuals(features, reference, h, size) are those
+// that a rig without the fault would show if fault h of that size explained what is measured. The right one, of the
+// right size, leaves nothing. Its derivative by the size is the fault's signature. Models register themselves by
+// name.
 #pragma once
 
 #include <memory>
@@ -43,8 +45,8 @@ class BalanceModel {
   virtual std::vector<std::vector<int>> residual_channels() const = 0;
   // Coefficients at the balances, from mean features of a healthy rig; `reference` has one entry per residual.
   virtual void reference(const double* features, double* reference) const = 0;
-  // What the change of the operating point since `learnt` may do to each residual because the balances are only nearly right; one
-  // sigma, zero at the same point.
+  // What the change of the operating point since `learnt` may do to each residual because the balances are only
+  // nearly right; one sigma, zero at the same point.
   virtual void errors(const double* features, const double* learnt, double* error) const = 0;
   // hypothesis -1: as measured.
   virtual void residuals(const double* features, const double* reference, int hypothesis, double size,

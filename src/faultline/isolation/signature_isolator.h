@@ -1,25 +1,31 @@
 // Isolation by signatures: which single fault, and of which size, explains what the balances of a rig show.
-// Sources: Basseville, Nikiforov, Detection of Abrupt Changes (1993), chapters 2 and 7; Gertler, Fault Detection and Diagnosis in
-// Engineering Systems (1998), chapter 3.
+// Sources: Basseville, Nikiforov, Detection of Abrupt Changes (1993), chapters 2 and 7; Gertler, Fault Detection and
+// Diagnosis in Engineering Systems (1998), chapter 3.
 //
 // 1. Once armed, mean features of `learn` s give the reference. It is kept from one operating point to the next.
-// 2. Whenever it arms, the noise sigma_i of each residual follows from that of the features at the operating point there is; a residual
-//    of more than `noise_limit` is left out. A two-sided CUSUM (cusum.h) on each, its threshold from sigma_i and
-//    false_alarms_per_hour over all of them (run_length.h), starts an event; the CUSUM says when it began.
-// 3. From then on, features are averaged over the n samples since (at most `window` s, the latest). For every hypothesis h
-//      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2 + error_i^2)  (Gauss-Newton steps)
-//    floor_i stands for what the balances themselves get wrong, error_i for what more of it a change of operating point brings. The least chi2_h names the fault; all within `rival` of it are
-//    told as equivalent; a least chi2_h above `fit` per residual is an unknown fault.
-// 4. Rivals that only the speed of their step tells apart (a warmed wall acts through the water's heat capacity, a thermocouple's offset
-//    at once): once the window is nearly full, the first moments of the residual concerned are held against its plateau.
-// 5. A sensor's offset that grows in proportion to the time since the beginning is a drift; one that makes up for every change, so that
-//    the sensor itself shows none, means that it is stuck.
+// 2. Whenever it arms, the noise sigma_i of each residual follows from that of the features at the operating point
+//    there is; a residual of more than `noise_limit` is left out. A two-sided CUSUM (cusum.h) on each, its threshold
+//    from sigma_i and false_alarms_per_hour over all of them (run_length.h), starts an event; the CUSUM says when it
+//    began.
+// 3. From then on, features are averaged over the n samples since (at most `window` s, the latest). For every
+//    hypothesis h
+//      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2 + error_i^2)
+//    a squared Mahalanobis distance. floor_i stands for what the balances themselves get wrong, error_i for what more
+//    of it a change of operating point brings. The least chi2_h names the fault; all within `rival` of it are told as
+//    equivalent; a least chi2_h above `fit` per residual is an unknown fault.
+// 4. Rivals that only the speed of their step tells apart (a warmed wall acts through the water's heat capacity, a
+//    thermocouple's offset at once): once the window is nearly full, the first moments of the residual concerned are
+//    held against its plateau.
+// 5. A sensor's offset that grows in proportion to the time since the beginning is a drift; one that makes up for
+//    every change, so that the sensor itself shows none, means that it is stuck.
 // The finding is given at `confirm` samples if few hypotheses are left, else at `patience` s, and then as unknown if
-// there are still many; not at all while nothing fits better than "no change" by `significance`. It is sharpened as samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its threshold.
-// One fault at a time: two at once are named as the one that fits best, or as unknown. A fault that is there from the start is
-// learnt as normal, unless a reference learnt before is restored.
-// Settings (signature_options.h): stage, model, armed_by, armed_above, learn, false_alarms_per_hour, noise_limit, window, confirm, patience, rival,
-// significance, fit, relative_error (of a size, from tolerances), release_time; change_KIND and floor_KIND for each kind of residual of the model.
+// there are still many; not at all while nothing fits better than "no change" by `significance`. It is sharpened as
+// samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its
+// threshold. One fault at a time: two at once are named as the one that fits best, or as unknown. A fault that is there
+// from the start is learnt as normal, unless a reference learnt before is restored. Settings (signature_options.h):
+// stage, model, armed_by, armed_above, learn, false_alarms_per_hour, noise_limit, window, confirm, patience, rival,
+// significance, fit, relative_error (of a size, from tolerances), release_time; change_KIND and floor_KIND for each
+// kind of residual of the model.
 #pragma once
 
 #include <cstddef>

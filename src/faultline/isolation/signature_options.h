@@ -1,7 +1,8 @@
-// Every constant of the signature isolator on which an answer depends: what it means, its unit (in the name), why it has this value.
-// docs/options.md has how much the answers change when each is halved and doubled.
+// Every constant of the signature isolator on which an answer depends: what it means, its unit (in the name), why it
+// has this value. docs/options.md has how much the answers change when each is halved and doubled.
 //
-// chi-squared: squared Mahalanobis distance of residuals from what a hypothesis says of them. Units else as in gap/gap_options.h.
+// chi-squared: squared Mahalanobis distance of residuals from what a hypothesis says of them. Units else as in
+// gap/gap_options.h.
 #pragma once
 
 #include <cstddef>

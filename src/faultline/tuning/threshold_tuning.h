@@ -1,11 +1,11 @@
 // Thresholds of detectors for a stated rate of false alarms, and what they cost in delay.
 //
-// A detector alarms where its criterion stays above the threshold for `minimum_time`. The largest sustained criterion in each block of a
-// healthy recording follows a Gumbel distribution, fitted by its probability-weighted moments b_0, b_1 (Hosking, Wallis, Wood,
-// Technometrics 27, 1985):
+// A detector alarms where its criterion stays above the threshold for `minimum_time`. The largest sustained criterion
+// in each block of a healthy recording follows a Gumbel distribution, fitted by its probability-weighted moments b_0,
+// b_1 (Hosking, Wallis, Wood, Technometrics 27, 1985):
 //   sigma = (2 b_1 - b_0)/ln 2,  mu = b_0 - 0.5772 sigma,   threshold(rate) = mu - sigma ln(rate * block)
-// Extrapolates beyond what was recorded: the 90 % upper bound from a bootstrap over blocks says how far that can be trusted. Assumes
-// blocks that are alike and longer than the criterion's memory; at least eight of them.
+// Extrapolates beyond what was recorded: the 90 % upper bound from a bootstrap over blocks says how far that can be
+// trusted. Assumes blocks that are alike and longer than the criterion's memory; at least eight of them.
 #pragma once
 
 #include <cstdint>
