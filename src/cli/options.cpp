@@ -38,12 +38,21 @@ bool same_file(const std::string& a, const std::string& b) {
   return a == b || (fs::exists(a, error) && fs::equivalent(a, b, error));
 }
 
+// A datasheet that is given as its folder or its rig.yaml is read from two files.
+std::vector<std::string> parts_of(const std::string& file) {
+  std::error_code error;
+  const fs::path path = fs::is_directory(file, error) ? fs::path(file) / "rig.yaml" : fs::path(file);
+  if (path.filename() != "rig.yaml") return {file};
+  return {path.string(), (path.parent_path() / "stages.yaml").string()};
+}
+
 std::vector<NamedFile> files_of(const CLI::App& app, std::initializer_list<const char*> types) {
   std::vector<NamedFile> files;
   for (const CLI::Option* option : app.get_options())
     for (const char* type : types)
       if (option->get_type_name() == type)
-        for (const std::string& file : option->results()) files.push_back({option->get_name(), file, resolved(file)});
+        for (const std::string& file : option->results())
+          for (const std::string& part : parts_of(file)) files.push_back({option->get_name(), file, resolved(part)});
   return files;
 }
 

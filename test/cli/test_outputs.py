@@ -2,6 +2,7 @@
 writes the same file."""
 import os
 import pathlib
+import shutil
 import signal
 import subprocess
 import sys
@@ -160,6 +161,13 @@ class Output(ProgramTest):
         (self.folder / "folder.bag").mkdir()
         self.complains(["simulate", RIG, "-o", "folder.bag"], "folder.bag", "folder")
         self.assertEqual(self.files(), ["folder.bag"])
+
+    def test_both_files_of_a_datasheet_are_read(self):
+        shutil.copytree(ROOT / "config" / RIG, self.folder / "own")
+        before = (self.folder / "own/stages.yaml").read_bytes()
+        for config in ("own", "own/rig.yaml"):
+            self.complains(["rigs", RIG, "--config", config, "--json", "own/stages.yaml"], "stages.yaml", "this file is read")
+        self.assertEqual((self.folder / "own/stages.yaml").read_bytes(), before)
 
     def test_longest_name(self):
         name = "n" * 251 + ".csv"

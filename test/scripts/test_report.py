@@ -304,7 +304,7 @@ class Files(ReportCase):
         for name in ("run.bag", "link", "hard", "j.json", "s.csv", "own.yaml"):
             done = self.run_report(str(self.bag), "-o", str(self.folder / name), "--config", str(self.folder / "own.yaml"))
             self.assert_one_line(done, name, "this file is read")
-        self.assert_one_line(self.run_report(str(self.bag), "-o", str(ROOT / "config" / "servo_actuator.yaml")), "own datasheets")
+        self.assert_one_line(self.run_report(str(self.bag), "-o", str(ROOT / "config" / "servo_actuator" / "rig.yaml")), "own datasheets")
         self.assertEqual({path: path.read_bytes() for path in self.folder.iterdir()}, before)
 
     def test_a_link_stays_a_link_and_a_device_a_device(self):

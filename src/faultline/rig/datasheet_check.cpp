@@ -155,8 +155,9 @@ void check_states(const Datasheet& sheet, Rig& rig) {
 
 void check_controllers(const Datasheet& sheet) {
   Names known;
-  for (const ControllerType& type : controller_types())
-    if (type.rig == sheet.rig) known.push_back(type.name);
+  const std::string of_rig = sheet.rig + "/";
+  for (const ControllerType& type : registry<ControllerType>().all())
+    if (type.name.rfind(of_rig, 0) == 0) known.push_back(type.name.substr(of_rig.size()));
   for (const auto& [name, settings] : sheet.controllers)
     if (std::find(known.begin(), known.end(), name) == known.end())
       throw InputError(fmt::format("{} is a controller that this build does not have for {}; there are {}{}",
