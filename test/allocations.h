@@ -1,4 +1,5 @@
-// Counts what a piece of code takes from the heap in its thread. Exactly one file of a program includes count_allocations.h.
+// Counts what a piece of code takes from the heap in its thread. Exactly one file of a program includes
+// count_allocations.h.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,5 @@
-// Runs of the cooling circuit as recordings show it: parameters off the datasheet, the small nuisance effects, sensor noise.
+// Runs of the cooling circuit as recordings show it: parameters off the datasheet, the small nuisance effects, sensor
+// noise.
 #pragma once
 
 #include <string>

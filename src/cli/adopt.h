@@ -1,5 +1,5 @@
-// Writes what a gap diagnosis found into a copy of the datasheet: refitted parameters as new nominal values, named effects under
-// `nominal_effects`. Comments and layout of the file stay.
+// Writes what a gap diagnosis found into a copy of the datasheet: refitted parameters as new nominal values, named
+// effects under `nominal_effects`. Comments and layout of the file stay.
 #pragma once
 
 #include <string>

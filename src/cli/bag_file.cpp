@@ -63,8 +63,8 @@ void check_checksum(const std::string& file, const BagConnection& connection) {
                     connection.topic, connection.type));
 }
 
-// The bytes of a message, to be walked over before they are read: what ROS generates makes room for as many items as an array says
-// it has, before it looks whether they are there.
+// The bytes of a message, to be walked over before they are read: what ROS generates makes room for as many items as an
+// array says it has, before it looks whether they are there.
 class Walk {
  public:
   Walk(const std::string& file, const BagMessage& message) : file_(file), message_(message) {}
@@ -140,7 +140,8 @@ struct BagWriter::Parts {
   std::unique_ptr<rosbag::Bag> bag;
   faultline_msgs::Sample message;
 
-  // A bag that failed once must not be closed again: its destructor would throw. What it holds is lost with the program.
+  // A bag that failed once must not be closed again: its destructor would throw. What it holds is lost with the
+  // program.
   [[noreturn]] void fail(const std::string& why) {
     static_cast<void>(bag.release());
     throw InputError(

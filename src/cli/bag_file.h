@@ -1,7 +1,7 @@
 // Recordings as ROS bags (docs/bag_format.md): /RIG/description once, /RIG/sample for every sample.
 //
-// Bags that the program writes begin at a fixed instant, 2000-01-01T00:00:00Z plus the first sample's time, so that the same samples
-// make the same bytes. Message stamps and receive times are the samples' own.
+// Bags that the program writes begin at a fixed instant, 2000-01-01T00:00:00Z plus the first sample's time, so that the
+// same samples make the same bytes. Message stamps and receive times are the samples' own.
 #pragma once
 
 #include <memory>
@@ -49,7 +49,8 @@ struct BagContent {
   std::vector<double> values;
 };
 
-// `rig`: whose samples to take; empty: those of the one rig that the bag holds. InputError if there are none, or of several rigs.
+// `rig`: whose samples to take; empty: those of the one rig that the bag holds. InputError if there are none, or of
+// several rigs.
 BagContent read_bag(const std::string& file, const std::string& rig);
 
 }  // namespace faultline

@@ -168,8 +168,8 @@ class Reader {
       throw InputError(
           fmt::format("{}: the compression '{}' is not known; none, bz2 and lz4 are", file_, chunk.compression));
     if (chunk.size > kLargestRecord || data.left() == 0) throw CutOff();
-    // The size is what the record says. calloc's memory costs nothing before it is written to, and what the decompressor leaves of it
-    // is zeros, which are no record.
+    // The size is what the record says. calloc's memory costs nothing before it is written to, and what the
+    // decompressor leaves of it is zeros, which are no record.
     chunk_.reset(static_cast<std::uint8_t*>(std::calloc(chunk.size, 1)));
     if (!chunk_) throw CutOff();
     decompressor_.decompress(bz2 ? rosbag::compression::BZ2 : rosbag::compression::LZ4, chunk_.get(), chunk.size,

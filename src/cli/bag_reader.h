@@ -1,8 +1,8 @@
-// Reads the messages of a ROS bag (format 2.0) in the order in which they were written, chunk by chunk, at the speed of the
-// decompression. rosbag::View parses every message's header into a map of strings, twice: at 1 kHz that alone takes longer than the
-// diagnosis. Source of the format: http://wiki.ros.org/Bags/Format/2.0
-// Not read: encrypted bags and format 1.2. A bag without an index, or shorter than its index says, was cut off: InputError that
-// names `rosbag reindex`.
+// Reads the messages of a ROS bag (format 2.0) in the order in which they were written, chunk by chunk, at the speed of
+// the decompression. rosbag::View parses every message's header into a map of strings, twice: at 1 kHz that alone takes
+// longer than the diagnosis. Source of the format: http://wiki.ros.org/Bags/Format/2.0
+// Not read: encrypted bags and format 1.2. A bag without an index, or shorter than its index says, was cut off:
+// InputError that names `rosbag reindex`.
 #pragma once
 
 #include <cstdint>

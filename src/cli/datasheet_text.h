@@ -7,10 +7,12 @@
 
 namespace faultline {
 
-// What a datasheet is written as, in one file: the rig's facts and, where they stand in a file of their own, the stages.
+// What a datasheet is written as, in one file: the rig's facts and, where they stand in a file of their own, the
+// stages.
 std::string datasheet_text(const Datasheet& sheet);
 
-// Gives a parameter another nominal value, or tolerance (`key`). InputError where the text is of a form that cannot be edited in place.
+// Gives a parameter another nominal value, or tolerance (`key`). InputError where the text is of a form that cannot be
+// edited in place.
 void set_parameter(const Datasheet& sheet, std::string& text, const std::string& parameter, const std::string& key,
                    double value);
 

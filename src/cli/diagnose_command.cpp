@@ -1,5 +1,5 @@
-// `faultline diagnose`: what is wrong with a recording. Runs the rig's estimators and alarm stage over it as fast as they go; the same
-// code in the same order as the nodes. The JSON form is a contract: docs/diagnose.schema.json.
+// `faultline diagnose`: what is wrong with a recording. Runs the rig's estimators and alarm stage over it as fast as
+// they go; the same code in the same order as the nodes. The JSON form is a contract: docs/diagnose.schema.json.
 #include <algorithm>
 #include <cmath>
 #include <memory>

@@ -1,4 +1,5 @@
-// `faultline fit`: the parameters that a rig's datasheet marks, from recordings, with intervals; and what the recordings cannot tell.
+// `faultline fit`: the parameters that a rig's datasheet marks, from recordings, with intervals; and what the
+// recordings cannot tell.
 #include <cmath>
 #include <memory>
 #include <thread>

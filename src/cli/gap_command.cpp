@@ -1,5 +1,5 @@
-// `faultline gap`: where model and rig part, which effect causes it, and how far the gap shrinks once that effect is added. The JSON
-// form is a contract: docs/gap.schema.json.
+// `faultline gap`: where model and rig part, which effect causes it, and how far the gap shrinks once that effect is
+// added. The JSON form is a contract: docs/gap.schema.json.
 #include <algorithm>
 #include <cmath>
 #include <iterator>

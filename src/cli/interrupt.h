@@ -1,6 +1,7 @@
-// Ctrl-C, SIGTERM and SIGHUP end the program at once, wherever it is: what it has begun to write is removed, one line on stderr
-// says so, and the exit status is 128 + the signal. A reader of standard output that goes away (SIGPIPE) does the same in silence.
-// A signal that was ignored when the program began (nohup, a background job of a script) stays ignored.
+// Ctrl-C, SIGTERM and SIGHUP end the program at once, wherever it is: what it has begun to write is removed, one line
+// on stderr says so, and the exit status is 128 + the signal. A reader of standard output that goes away (SIGPIPE) does
+// the same in silence. A signal that was ignored when the program began (nohup, a background job of a script) stays
+// ignored.
 #pragma once
 
 #include <string>

@@ -1,4 +1,5 @@
-// JSON as the program writes it: indented, and bytes of names and remarks that are not UTF-8 shown as the replacement character.
+// JSON as the program writes it: indented, and bytes of names and remarks that are not UTF-8 shown as the replacement
+// character.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
-// A recording from a .bag or .csv file together with the datasheet of its rig, checked against it: what diagnose, export and every
-// other subcommand that reads recordings begins with.
+// A recording from a .bag or .csv file together with the datasheet of its rig, checked against it: what diagnose,
+// export and every other subcommand that reads recordings begins with.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,8 @@ struct LoadedRecording {
   std::string made_by;               // from the bag's description
 };
 
-// The datasheet of `rig` from the shared config folder, or that of the file `config` (whose rig must be `rig`, if that is given).
+// The datasheet of `rig` from the shared config folder, or that of the file `config` (whose rig must be `rig`, if that
+// is given).
 Datasheet load_datasheet(const std::string& rig, const std::string& config);
 
 // `rig` may be empty for a bag, which says itself; a CSV file needs it or `config`.

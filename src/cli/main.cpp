@@ -1,6 +1,6 @@
 // The program `faultline`: finds the subcommand, runs it, and turns every failure into one line on stderr.
-// Exit status: 0 the job ran, 2 bad usage, bad input or an output that cannot be written, 128 + signal interrupted, 1 a fault of
-// the program itself.
+// Exit status: 0 the job ran, 2 bad usage, bad input or an output that cannot be written, 128 + signal interrupted, 1 a
+// fault of the program itself.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -21,7 +21,8 @@
 
 namespace {
 
-// A program that is started without standard output would give its number to the first file that it opens, and print into that.
+// A program that is started without standard output would give its number to the first file that it opens, and print
+// into that.
 void open_standard_streams() {
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (::fcntl(stream, F_GETFD) < 0 && ::open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY) != stream)

@@ -31,7 +31,8 @@ bool is_file(const std::string& path) {
   return fs::is_regular_file(path, error);
 }
 
-// Two names of one file: links, and hard links. What is no regular file (a terminal, /dev/null) takes and gives at once.
+// Two names of one file: links, and hard links. What is no regular file (a terminal, /dev/null) takes and gives at
+// once.
 bool same_file(const std::string& a, const std::string& b) {
   std::error_code error;
   if (fs::exists(a, error) && !is_file(a)) return false;

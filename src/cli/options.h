@@ -1,8 +1,8 @@
 // What options of several subcommands have in common.
 //
-// Files: a subcommand declares with each option whether its file is read or written. check_files() then looks at all of them before
-// the subcommand begins, so that an answer never takes the place of a recording or a datasheet, whatever the names are.
-// Numbers: NaN, infinity, text behind a number and numbers out of range are refused.
+// Files: a subcommand declares with each option whether its file is read or written. check_files() then looks at all of
+// them before the subcommand begins, so that an answer never takes the place of a recording or a datasheet, whatever
+// the names are. Numbers: NaN, infinity, text behind a number and numbers out of range are refused.
 #pragma once
 
 #include <cstdint>
@@ -20,9 +20,9 @@ CLI::Option* add_output(CLI::App& app, const std::string& name, std::string& fil
 // Text, for which - is standard output.
 CLI::Option* add_text_output(CLI::App& app, const std::string& name, std::string& file, const std::string& meaning);
 
-// InputError where an option's value is empty, a file is read as two things, an output is an input (also by a link, or one of the
-// program's own datasheets), two outputs are one file, or an output cannot be written. To be called when all options are read; nothing
-// is written.
+// InputError where an option's value is empty, a file is read as two things, an output is an input (also by a link, or
+// one of the program's own datasheets), two outputs are one file, or an output cannot be written. To be called when all
+// options are read; nothing is written.
 void check_files(const CLI::App& app);
 
 CLI::Validator number_between(double low, double high);

@@ -1,7 +1,7 @@
-// A file that is there whole or not at all: it is written beside its place under a name of its own (NAME.RANDOM.part), which no other
-// run and no other file has, and renamed by commit(); without commit(), and when the program is interrupted, the part is removed. A
-// link stays a link. What exists and is no regular file (a device, a pipe) is written directly. Errors are InputErrors that name the
-// file.
+// A file that is there whole or not at all: it is written beside its place under a name of its own (NAME.RANDOM.part),
+// which no other run and no other file has, and renamed by commit(); without commit(), and when the program is
+// interrupted, the part is removed. A link stays a link. What exists and is no regular file (a device, a pipe) is
+// written directly. Errors are InputErrors that name the file.
 #pragma once
 
 #include <cstdio>

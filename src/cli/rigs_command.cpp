@@ -1,4 +1,5 @@
-// `faultline rigs`: what rigs there are, and for each its channels, states, parameters, ports and the effects that fit them.
+// `faultline rigs`: what rigs there are, and for each its channels, states, parameters, ports and the effects that fit
+// them.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

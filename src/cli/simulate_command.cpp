@@ -1,4 +1,5 @@
-// `faultline simulate`: a seeded run of a rig, with effects, into a bag or a CSV file. The same options and seed give the same bytes.
+// `faultline simulate`: a seeded run of a rig, with effects, into a bag or a CSV file. The same options and seed give
+// the same bytes.
 #include <unistd.h>
 
 #include <cmath>

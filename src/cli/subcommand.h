@@ -1,6 +1,6 @@
-// A subcommand of the program `faultline`: one file each, which adds itself with FAULTLINE_SUBCOMMAND. Its function adds options to
-// the CLI11 app it gets and returns the job, which runs when they are read and its files are checked (options.h). The job throws
-// InputError for bad input; main.cpp turns that into one line on stderr and exit status 2.
+// A subcommand of the program `faultline`: one file each, which adds itself with FAULTLINE_SUBCOMMAND. Its function
+// adds options to the CLI11 app it gets and returns the job, which runs when they are read and its files are checked
+// (options.h). The job throws InputError for bad input; main.cpp turns that into one line on stderr and exit status 2.
 #pragma once
 
 #include <functional>

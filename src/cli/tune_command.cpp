@@ -1,5 +1,6 @@
-// `faultline tune`: from recordings of a healthy rig, the noise covariances of an estimator stage, the thresholds of its detectors for a
-// stated rate of false alarms, and what each setting costs in delay (on simulated faults of the datasheet).
+// `faultline tune`: from recordings of a healthy rig, the noise covariances of an estimator stage, the thresholds of
+// its detectors for a stated rate of false alarms, and what each setting costs in delay (on simulated faults of the
+// datasheet).
 #include <algorithm>
 #include <cmath>
 #include <memory>

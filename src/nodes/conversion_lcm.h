@@ -13,8 +13,9 @@
 
 namespace faultline {
 
-// Reads a message from the bytes of a packet or a log. False where they are of another type, or a length in them does not fit how many
-// they are: what lcm-gen generates makes room for as many items as a message says it has, before it looks whether they are there.
+// Reads a message from the bytes of a packet or a log. False where they are of another type, or a length in them does
+// not fit how many they are: what lcm-gen generates makes room for as many items as a message says it has, before it
+// looks whether they are there.
 bool decode(const void* data, int size, faultline_lcm::sample_t& message);
 bool decode(const void* data, int size, faultline_lcm::rig_description_t& message);
 

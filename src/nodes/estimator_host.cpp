@@ -68,7 +68,8 @@ void EstimatorHost::start(int wait_for) {
 
 void EstimatorHost::take(const Sample& sample) {
   for (Hosted& h : hosted_) h.due = h.stage.process(sample, h.estimate) && (!h.occasional || h.stage.news());
-  // Those that speak now and then come first: who joins the estimates of a sample (estimate_join.h) has then heard them.
+  // Those that speak now and then come first: who joins the estimates of a sample (estimate_join.h) has then heard
+  // them.
   for (const bool occasional : {true, false})
     for (const Hosted& h : hosted_)
       if (h.due && h.occasional == occasional) estimates_.publish(to_message(h.estimate, h.names));

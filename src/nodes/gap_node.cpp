@@ -1,4 +1,5 @@
-// gap_node: the nominal model beside the live rig. Samples -> /RIG/gap and /diagnostics. Parameters and topics: docs/nodes.md.
+// gap_node: the nominal model beside the live rig. Samples -> /RIG/gap and /diagnostics. Parameters and topics:
+// docs/nodes.md.
 #include <ros/ros.h>
 
 #include "nodes/gap_publisher.h"

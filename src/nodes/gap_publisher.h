@@ -1,7 +1,8 @@
-// Hosts the live gap of a rig: /RIG/sample in; /RIG/gap (latched) at each segment; its state on /diagnostics once a second: a warning
-// where the gap has left normal, an error from three times the limit. Samples are handed to a worker thread of low priority, since seeking the place takes a large part
-// of a second; what the callback does is put one sample into a queue. A queue that is full (10 s at 1 kHz) drops its oldest half: the gap
-// is then cut there, and /diagnostics says so.
+// Hosts the live gap of a rig: /RIG/sample in; /RIG/gap (latched) at each segment; its state on /diagnostics once a
+// second: a warning where the gap has left normal, an error from three times the limit. Samples are handed to a worker
+// thread of low priority, since seeking the place takes a large part of a second; what the callback does is put one
+// sample into a queue. A queue that is full (10 s at 1 kHz) drops its oldest half: the gap is then cut there, and
+// /diagnostics says so.
 #pragma once
 
 #include <condition_variable>

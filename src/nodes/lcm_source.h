@@ -8,9 +8,9 @@
 
 namespace faultline {
 
-// The url with a receive buffer for UDP, unless it has one: 4 MiB, or `allowed` bytes where the system allows less (0: unknown, no
-// change). The system's default holds about 280 small datagrams, which a busy machine overruns when it lets the driver wait for 0.3 s.
-// Empty: LCM's default url.
+// The url with a receive buffer for UDP, unless it has one: 4 MiB, or `allowed` bytes where the system allows less (0:
+// unknown, no change). The system's default holds about 280 small datagrams, which a busy machine overruns when it lets
+// the driver wait for 0.3 s. Empty: LCM's default url.
 std::string with_receive_buffer(const std::string& url, long allowed);
 
 class LcmSource {

@@ -12,7 +12,8 @@ namespace {
 
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Largest difference of A from differences of predict(), each entry in parts of its row's largest, columns scaled by `scale`.
+// Largest difference of A from differences of predict(), each entry in parts of its row's largest, columns scaled by
+// `scale`.
 double worst_entry(const ProcessModel& model, const std::vector<double>& x, const std::vector<double>& scale,
                    double dt) {
   const auto n = static_cast<Eigen::Index>(x.size());

@@ -1,5 +1,5 @@
-// Models with known answers for tests of estimators: a linear one of any size, whose exact filter is Kalman's, and one whose
-// measurement is a square.
+// Models with known answers for tests of estimators: a linear one of any size, whose exact filter is Kalman's, and one
+// whose measurement is a square.
 #pragma once
 
 #include <cmath>

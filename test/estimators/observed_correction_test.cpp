@@ -1,4 +1,5 @@
-// Correction by one observed state: state, covariance and innovation of the full Kalman formula, the root stays triangular.
+// Correction by one observed state: state, covariance and innovation of the full Kalman formula, the root stays
+// triangular.
 #include "faultline/estimators/observed_correction.h"
 
 #include <gtest/gtest.h>

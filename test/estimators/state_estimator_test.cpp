@@ -1,5 +1,5 @@
-// The contract of every state estimator: on a linear model it is Kalman's filter; the covariance stays symmetric and positive;
-// the normalised innovation has the mean it must have; missing rows; a complete reset; nothing is allocated.
+// The contract of every state estimator: on a linear model it is Kalman's filter; the covariance stays symmetric and
+// positive; the normalised innovation has the mean it must have; missing rows; a complete reset; nothing is allocated.
 #include "faultline/estimators/state_estimator.h"
 
 #include <gtest/gtest.h>
@@ -181,8 +181,8 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{"unscented_kalman", 16, 8, false}));
 
 TEST(DividedDifference, SecondOrderBeatsFirstOnASquare) {
-  // y = x^2 with a wide first guess: the first order misses E(y) = x^2 + P and trusts its answer too much. Known in closed form for
-  // one correction: S_y = 4 x^2 P + 2 P^2 + R to second order, mean x^2 + P.
+  // y = x^2 with a wide first guess: the first order misses E(y) = x^2 + P and trusts its answer too much. Known in
+  // closed form for one correction: S_y = 4 x^2 P + 2 P^2 + R to second order, mean x^2 + P.
   SquareModel model;
   const auto dd1 = make_state_estimator("divided_difference_1", model),
              dd2 = make_state_estimator("divided_difference_2", model);

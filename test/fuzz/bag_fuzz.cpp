@@ -1,5 +1,5 @@
-// Whatever bytes a bag holds: read_bag returns samples that fit together, or throws InputError; in either case the memory that it takes
-// is in proportion to what is there, not to what a length in the file says.
+// Whatever bytes a bag holds: read_bag returns samples that fit together, or throws InputError; in either case the
+// memory that it takes is in proportion to what is there, not to what a length in the file says.
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>

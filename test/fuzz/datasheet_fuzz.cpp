@@ -1,4 +1,5 @@
-// Whatever bytes a datasheet holds: read_datasheet returns a sheet, or throws InputError with one line that begins with the file.
+// Whatever bytes a datasheet holds: read_datasheet returns a sheet, or throws InputError with one line that begins with
+// the file.
 #include <unistd.h>
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// Whatever is written as an effect: parse_effect returns one whose text reads back as the same effect, or throws InputError. What
-// parses can be checked against a port and asked for its growth.
+// Whatever is written as an effect: parse_effect returns one whose text reads back as the same effect, or throws
+// InputError. What parses can be checked against a port and asked for its growth.
 #include <cmath>
 #include <cstddef>
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Copies of the shipped datasheets with one mistake each: every misspelt name, effect, unit and every line that contradicts the
-// equations is refused with one line that names the file and the line.
+// Copies of the shipped datasheets with one mistake each: every misspelt name, effect, unit and every line that
+// contradicts the equations is refused with one line that names the file and the line.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -69,7 +69,8 @@ class Copy {
     return 1;
   }
 
-  // The first line that holds `from` gets `to` in its place. Expects a refusal at `at` (0: that line) that holds `says`.
+  // The first line that holds `from` gets `to` in its place. Expects a refusal at `at` (0: that line) that holds
+  // `says`.
   void expect(const std::string& from, const std::string& to, const std::string& says, std::size_t at = 0,
               const std::string& name = "rig.yaml") const {
     const std::size_t number = line_with(from, name);

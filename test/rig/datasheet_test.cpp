@@ -360,8 +360,8 @@ TEST_F(SmallDatasheet, OneWrongValueIsRefusedWithKeyAndLine) {
   }
 }
 
-// Every mapping of the small datasheet, which has every key of the schema: a value that is itself a mapping with a word and a mapping
-// in it is right nowhere.
+// Every mapping of the small datasheet, which has every key of the schema: a value that is itself a mapping with a word
+// and a mapping in it is right nowhere.
 TEST_F(SmallDatasheet, EveryKeyRefusesWhatIsWrongEverywhere) {
   int keys = 0;
   const auto mutate = [&](auto&& self, const YAML::Node& whole, YAML::Node node, const std::string& path) -> void {

@@ -1,4 +1,5 @@
-// Dry friction: sticking, breaking away, stopping at a reversal; and a block on a driven spring against its exact solution.
+// Dry friction: sticking, breaking away, stopping at a reversal; and a block on a driven spring against its exact
+// solution.
 #include "faultline/rig/friction.h"
 
 #include <gtest/gtest.h>
@@ -70,7 +71,8 @@ TEST(DryFriction, BlockOnASpringStopsWhereItShould) {
     if (was_stuck && !friction.stuck()) ++turns;
     was_stuck = friction.stuck();
   }
-  // Turns at 0.47, -0.37, 0.27, -0.17, 0.07; the last is beyond 0.05, so once more, to -(0.07 - 0.1) = 0.03, which holds.
+  // Turns at 0.47, -0.37, 0.27, -0.17, 0.07; the last is beyond 0.05, so once more, to -(0.07 - 0.1) = 0.03, which
+  // holds.
   EXPECT_NEAR(std::abs(position), 0.03, 1e-4);
   EXPECT_EQ(velocity, 0);
   EXPECT_TRUE(friction.stuck());

@@ -1,5 +1,5 @@
-// What holds for every rig that this build has equations for: starts at rest, finite derivatives, the same rows for the same
-// seed, outputs that fit the channels' ranges, every profile and every named fault simulates.
+// What holds for every rig that this build has equations for: starts at rest, finite derivatives, the same rows for the
+// same seed, outputs that fit the channels' ranges, every profile and every named fault simulates.
 #include <gtest/gtest.h>
 
 #include "faultline/rig/rig.h"

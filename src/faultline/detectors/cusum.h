@@ -1,5 +1,5 @@
-// Two-sided cumulative sum test. Sources: Page, "Continuous inspection schemes", Biometrika 41 (1954); Iannetti, Marzat,
-// Piet-Lahanier et al., Fault diagnosis benchmark for a rocket engine demonstrator (2015), equation (19).
+// Two-sided cumulative sum test. Sources: Page, "Continuous inspection schemes", Biometrika 41 (1954); Iannetti,
+// Marzat, Piet-Lahanier et al., Fault diagnosis benchmark for a rocket engine demonstrator (2015), equation (19).
 //
 //   up = max(up + r - delta/2, 0),  down = max(down - r - delta/2, 0);   alarm: up or down above lambda
 // r is the residual less its mean, in any unit; delta the smallest change that matters, lambda the threshold, both in

@@ -1,8 +1,9 @@
-// Flexible curve: y = u + range (sum over i of a_i h_i(u/range)), h_i: hats of a piecewise linear curve with knots at -1, -1/4, 1/4, 1.
+// Flexible curve: y = u + range (sum over i of a_i h_i(u/range)), h_i: hats of a piecewise linear curve with knots at
+// -1, -1/4, 1/4, 1.
 //
-// a_i [1]: what is added at each knot, of full scale; beyond the outer knots the last line goes on. Linear in all parameters.
-// No rig is said to have it: the gap diagnoser uses it to find what any static curve at a place could win (its closure), so no datasheet
-// lists it.
+// a_i [1]: what is added at each knot, of full scale; beyond the outer knots the last line goes on. Linear in all
+// parameters. No rig is said to have it: the gap diagnoser uses it to find what any static curve at a place could win
+// (its closure), so no datasheet lists it.
 
 #include <algorithm>
 #include <array>

@@ -1,8 +1,8 @@
 // Flexible memory: y = u + gain (m - u), time_constant m' = u - m: one state that may pull either way.
 //
-// gain [1]: 1 is a lag, negative is a lead, between them a share of both. time_constant [s], a shape. Discretised exactly for an input
-// held over the step. Linear in `gain`. No rig is said to have it: the gap diagnoser uses it to find what a memory at a place could
-// win (its closure), so no datasheet lists it.
+// gain [1]: 1 is a lag, negative is a lead, between them a share of both. time_constant [s], a shape. Discretised
+// exactly for an input held over the step. Linear in `gain`. No rig is said to have it: the gap diagnoser uses it to
+// find what a memory at a place could win (its closure), so no datasheet lists it.
 
 #include <cmath>
 

@@ -1,6 +1,7 @@
 // Lag: time_constant dy/dt = u - y, a first-order low pass.
 //
-// time_constant [s]. Discretised exactly for an input that runs straight from one step h to the next, e = exp(-h/time_constant):
+// time_constant [s]. Discretised exactly for an input that runs straight from one step h to the next, e =
+// exp(-h/time_constant):
 //   y += (1 - e)(u_before - y) + (1 - (1 - e) time_constant/h)(u - u_before)
 // so that the lag of a signal that moves is the time constant, however short. y starts at the first value (no start-up
 // transient). Continuous in time_constant down to 0, where y = u.

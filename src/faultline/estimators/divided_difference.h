@@ -1,17 +1,18 @@
 // Divided difference filter of first (DD1) and second order (DD2), square-root form.
 // Source: Norgaard, Poulsen, Ravn, "New developments in state estimation for nonlinear systems", Automatica 36 (2000);
-// Mahulkar et al. 2011, equations (26)-(32) with their misprints mended: process noise stands in the a-priori root, K S_w in the
-// a-posteriori root, and the correction is added.
+// Mahulkar et al. 2011, equations (26)-(32) with their misprints mended: process noise stands in the a-priori root, K
+// S_w in the a-posteriori root, and the correction is added.
 //
 // With step h (h^2 = 3 for Gaussian errors), s_p the columns of the root S of P, f_p+- = f(x +- h s_p), f_0 = f(x):
 //   x-  = (h^2 - n)/h^2 f_0 + 1/(2 h^2) sum (f_p+ + f_p-)                       DD1: x- = f_0
 //   S1  = (f_p+ - f_p-)/(2 h),   S2 = sqrt(h^2 - 1)/(2 h^2) (f_p+ + f_p- - 2 f_0)   DD1: no S2
 //   S-  = triangle [S1 S2 S_v];  the same differences of h(x) with S- give Y1, Y2 and S_y = triangle [Y1 Y2 S_w]
 //   K   = S- Y1' (S_y S_y')^-1,  x = x- + K (y - y-),  S = triangle [S- - K Y1, K S_w, K Y2]
-// `triangle` is a Householder reduction: the covariance stays symmetric and positive by construction. Where y are plainly some of
-// the states (ProcessModel::observed_states) Y2 is nothing and the correction is taken row by row instead, which is the same
-// (observed_correction.h) at a tenth of the cost.
-// Fails where the model returns something that is not finite: the state then is not finite either, and the stage restarts.
+// `triangle` is a Householder reduction: the covariance stays symmetric and positive by construction. Where y are
+// plainly some of the states (ProcessModel::observed_states) Y2 is nothing and the correction is taken row by row
+// instead, which is the same (observed_correction.h) at a tenth of the cost.
+// Fails where the model returns something that is not finite: the state then is not finite either, and the stage
+// restarts.
 #pragma once
 
 #include <Eigen/Core>

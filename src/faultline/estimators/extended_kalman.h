@@ -4,9 +4,10 @@
 //
 //   x- = f(x, u),  P- = A P A' + G Q_u G' + Q:   S- = triangle [A S, G sqrt(Q_u), sqrt(Q)]
 //   rows of y one after the other: off = y_i - h_i(x-) - C_i (x - x-),  then row_correction.h with h = C_i
-// A, G and C are the model's, at the last estimate and at x-. Q_u is the noise of measured inputs. The innovation is told against x-.
-// As every extended filter it is good to first order: where f bends within the spread of P the covariance is too small.
-// Throws InputError where the model has no Jacobian. Fails where the model returns something not finite: the stage restarts.
+// A, G and C are the model's, at the last estimate and at x-. Q_u is the noise of measured inputs. The innovation is
+// told against x-. As every extended filter it is good to first order: where f bends within the spread of P the
+// covariance is too small. Throws InputError where the model has no Jacobian. Fails where the model returns something
+// not finite: the stage restarts.
 #pragma once
 
 #include "faultline/estimators/square_root_state.h"

@@ -1,6 +1,6 @@
-// A discrete-time model as estimators see it: x+ = f(x, u, dt) + v, y = h(x) + w, v ~ N(0, Q dt/T), w ~ N(0, R). Any number of
-// unknown parameters may stand among the states as random walks. Where the inputs u are measured, their noise may be given too:
-// it reaches the states through G = df/du. Models register themselves by name.
+// A discrete-time model as estimators see it: x+ = f(x, u, dt) + v, y = h(x) + w, v ~ N(0, Q dt/T), w ~ N(0, R). Any
+// number of unknown parameters may stand among the states as random walks. Where the inputs u are measured, their noise
+// may be given too: it reaches the states through G = df/du. Models register themselves by name.
 #pragma once
 
 #include <memory>
@@ -35,10 +35,12 @@ class ProcessModel {
   virtual void measurement(const double* channels, double* y) const = 0;         // scaled
   virtual void predict(const double* state, double dt, double* next) const = 0;  // dt in s
   virtual void observe(const double* state, double* y) const = 0;
-  // Where y is plainly some of the states: which, one per row of y. Empty: filters ask observe(). Saves them most of a correction.
+  // Where y is plainly some of the states: which, one per row of y. Empty: filters ask observe(). Saves them most of a
+  // correction.
   virtual std::vector<int> observed_states() const { return {}; }
 
-  // A = df/dx, states x states, row after row; false where the model has none (an extended Kalman filter then refuses it).
+  // A = df/dx, states x states, row after row; false where the model has none (an extended Kalman filter then refuses
+  // it).
   virtual bool jacobian(const double* /*state*/, double /*dt*/, double* /*a*/) const { return false; }
   // C = dh/dx, outputs x states, row after row; asked for only where observed_states() is empty.
   virtual bool observe_jacobian(const double* /*state*/, double* /*c*/) const { return false; }
@@ -49,7 +51,8 @@ class ProcessModel {
   // Derived quantities with physical units; `covariance` row after row. Names and number never change.
   virtual void quantities(const double* channels, const double* state, const double* covariance,
                           std::vector<Quantity>& result) const = 0;
-  // Those of them that rest on the innovation (measured minus predicted) and its predicted standard deviation; after quantities().
+  // Those of them that rest on the innovation (measured minus predicted) and its predicted standard deviation; after
+  // quantities().
   virtual void innovation_quantities(const double* /*innovation*/, const double* /*innovation_std*/,
                                      std::vector<Quantity>& /*result*/) const {}
 };

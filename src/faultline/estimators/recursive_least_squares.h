@@ -5,10 +5,11 @@
 //
 // With the covariance P = S S' (per unit of noise variance), forgetting g, v = S' h, s = g + v'v:
 //   r = y - h' theta,  theta += S v r/s,  S = (S - S v v'/(s + sqrt(g s)))/sqrt(g)
-// P is positive whatever is rounded. Bounded: where trace(P/g) would pass `covariance_limit`, that step does not forget, so the
-// trace never passes it however long the input stands still. Excitation guard: |h| below `excitation` changes nothing.
-// Variance of theta, for white noise and a window of about 1/(1 - g) samples: P noise_variance/(1 + g), noise_variance being
-// the running mean of r^2 g/s. Units are the caller's. Blind to what it cannot tell: a wrong theta fits a wrong y just as well.
+// P is positive whatever is rounded. Bounded: where trace(P/g) would pass `covariance_limit`, that step does not
+// forget, so the trace never passes it however long the input stands still. Excitation guard: |h| below `excitation`
+// changes nothing. Variance of theta, for white noise and a window of about 1/(1 - g) samples: P noise_variance/(1 +
+// g), noise_variance being the running mean of r^2 g/s. Units are the caller's. Blind to what it cannot tell: a wrong
+// theta fits a wrong y just as well.
 #pragma once
 
 #include <array>

@@ -1,5 +1,6 @@
-// Relations between the channels of a rig that are linear in unknown coefficients: y_i = h_i' theta_i. Each is fitted by its own
-// recursive least squares. y and h may be filtered (state variable filters), so a model has memory. Models register themselves.
+// Relations between the channels of a rig that are linear in unknown coefficients: y_i = h_i' theta_i. Each is fitted
+// by its own recursive least squares. y and h may be filtered (state variable filters), so a model has memory. Models
+// register themselves.
 #pragma once
 
 #include <memory>

@@ -2,8 +2,9 @@
 // Source: Potter's update, as in Kaminski, Bryson, Schmidt, IEEE Trans. Automatic Control 16 (1971).
 //
 //   v = S'h,  s = r + v'v,  K = S v/s,  x += K off,  S -= S v v'/(s + sqrt(r s))
-// `off` is y minus what is predicted. S stays real for every r > 0; it need not be triangular and does not stay so. Rows with
-// independent noise may be taken one after the other; the sum of off^2/s is the normalised innovation squared of all.
+// `off` is y minus what is predicted. S stays real for every r > 0; it need not be triangular and does not stay so.
+// Rows with independent noise may be taken one after the other; the sum of off^2/s is the normalised innovation squared
+// of all.
 #pragma once
 
 #include <cmath>

@@ -1,8 +1,8 @@
-// What Kalman filters in square-root form share: the state, a root S of its covariance P = S S', noise roots, and corrections by
-// rows whose measurement is linear in the state (row_correction.h).
+// What Kalman filters in square-root form share: the state, a root S of its covariance P = S S', noise roots, and
+// corrections by rows whose measurement is linear in the state (row_correction.h).
 //
-// A filter writes its propagated columns into `wide` and calls add_noise(), which puts G sqrt(Q_u) and sqrt(Q) behind them and
-// reduces all to the new root. Sizes are the model's; nothing is allocated after the constructor.
+// A filter writes its propagated columns into `wide` and calls add_noise(), which puts G sqrt(Q_u) and sqrt(Q) behind
+// them and reduces all to the new root. Sizes are the model's; nothing is allocated after the constructor.
 #pragma once
 
 #include <vector>

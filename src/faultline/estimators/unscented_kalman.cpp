@@ -48,7 +48,8 @@ void UnscentedKalmanFilter::linearise() {
     s_.predicted += weight_ * y;
     (p < n ? plus_ : minus_).col(p % n) = y;
   }
-  // P_xy = sum W (x_p - x)(y_p - y-)' = S D' with D the halved differences over the spread, so C S = D: C = D S^-1, S triangular.
+  // P_xy = sum W (x_p - x)(y_p - y-)' = S D' with D the halved differences over the spread, so C S = D: C = D S^-1, S
+  // triangular.
   for (int i = 0; i < m; ++i) {
     double bend = centre_weight_ * (y_middle_[i] - s_.predicted[i]) * (y_middle_[i] - s_.predicted[i]);
     for (int p = 0; p < n; ++p) {

@@ -1,5 +1,5 @@
-// An isolator turns the estimates of a rig's stages into a finding: which fault or sensor it is, where, how large, and what else
-// it might be. Settings of all: stage (an estimator of the rig; its first where there is none given).
+// An isolator turns the estimates of a rig's stages into a finding: which fault or sensor it is, where, how large, and
+// what else it might be. Settings of all: stage (an estimator of the rig; its first where there is none given).
 #pragma once
 
 #include <limits>
@@ -37,8 +37,9 @@ class Isolator {
   virtual void reset() = 0;
   // `doubted`: one flag per channel of the rig, set where its transducer is already known to be off.
   virtual void process(const Estimate& estimate, const std::vector<bool>& doubted, Finding& finding) = 0;
-  // Whether its findings stand against the detectors': it weighed every fault of the datasheet against all that was measured. What a
-  // detector takes for something else is then not told, and what a detector found waits until the isolator has judged that time.
+  // Whether its findings stand against the detectors': it weighed every fault of the datasheet against all that was
+  // measured. What a detector takes for something else is then not told, and what a detector found waits until the
+  // isolator has judged that time.
   virtual bool overrules() const { return false; }
   virtual double judged_until() const { return std::numeric_limits<double>::infinity(); }  // s
   // As Detector has them: what it learnt of the healthy rig, and to judge by that instead of learning.

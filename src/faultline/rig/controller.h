@@ -1,5 +1,5 @@
-// A controller runs once per sample on the measured channels and writes the set points and commands of the same row, which
-// are held until the next. Controllers register themselves as rig/name.
+// A controller runs once per sample on the measured channels and writes the set points and commands of the same row,
+// which are held until the next. Controllers register themselves as rig/name.
 #pragma once
 
 #include <memory>

@@ -1,6 +1,7 @@
-// The datasheet of a rig: config/<rig>/rig.yaml with stages.yaml beside it, read strictly. It fixes the nominal model's numbers, names and places, and
-// names the stages that diagnose the rig. One schema for all rigs (docs/datasheet.md); unknown or missing keys, wrong types
-// and values out of range are InputErrors that name the file, the line, the key and what is allowed.
+// The datasheet of a rig: config/<rig>/rig.yaml with stages.yaml beside it, read strictly. It fixes the nominal model's
+// numbers, names and places, and names the stages that diagnose the rig. One schema for all rigs (docs/datasheet.md);
+// unknown or missing keys, wrong types and values out of range are InputErrors that name the file, the line, the key
+// and what is allowed.
 #pragma once
 
 #include <map>
@@ -32,8 +33,8 @@ struct State {
 };
 
 // A named set of numbers, for what has settings but no structure of its own: a controller's gains, a profile's shape, a
-// stage's settings. Numbers, lists of numbers and words are kept apart; a reader takes what it knows with Settings::number
-// and the like and calls check_used(), which refuses what nobody asked for.
+// stage's settings. Numbers, lists of numbers and words are kept apart; a reader takes what it knows with
+// Settings::number and the like and calls check_used(), which refuses what nobody asked for.
 class Settings {
  public:
   Settings() = default;
@@ -61,8 +62,8 @@ class Settings {
   mutable std::map<std::string, bool> used_;
 };
 
-// What a controller is asked for during a run. `controller` names an entry of Datasheet::controllers; `shape` one of the
-// excitation shapes of rig/excitation.h; `settings` are that shape's.
+// What a controller is asked for during a run. `controller` names an entry of Datasheet::controllers; `shape` one of
+// the excitation shapes of rig/excitation.h; `settings` are that shape's.
 struct Profile {
   std::string name;
   std::string controller;
@@ -139,10 +140,12 @@ struct Datasheet {
   std::map<std::string, double> normal_gap;  // channel -> largest excess that is normal on this rig
   std::vector<std::string> notes;
 
-  // Where an entry stands, as FILE:LINE: 'path': "ports.force.piston", or a section, "ports". Empty in a sheet that was not read.
+  // Where an entry stands, as FILE:LINE: 'path': "ports.force.piston", or a section, "ports". Empty in a sheet that was
+  // not read.
   std::map<std::string, std::string> places;
   std::string place(const std::string& entry) const;  // the file where there is none
-  // What the look-ups below and EffectSet were asked for, as "ports.force.piston", while check_datasheet() watches; else null.
+  // What the look-ups below and EffectSet were asked for, as "ports.force.piston", while check_datasheet() watches;
+  // else null.
   std::shared_ptr<std::set<std::string>> asked;
 
   // Throw InputError that names the datasheet and lists what there is.
@@ -155,8 +158,8 @@ struct Datasheet {
   std::vector<double> nominal() const;                   // parameter values in order
 };
 
-// Reads and checks one datasheet: a folder with rig.yaml and, where the rig is diagnosed, stages.yaml; or that rig.yaml; or a single
-// file of another name that holds both.
+// Reads and checks one datasheet: a folder with rig.yaml and, where the rig is diagnosed, stages.yaml; or that
+// rig.yaml; or a single file of another name that holds both.
 Datasheet read_datasheet(const std::string& path);
 
 // The datasheets of all rigs in a folder (RIG/rig.yaml), sorted by rig.

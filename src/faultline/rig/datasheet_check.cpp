@@ -51,7 +51,8 @@ bool add_missing(std::vector<T>& things, const Names& asked) {
 
 constexpr int kMostMadeUp = 50;  // of these the first is told anyway
 
-// What `make` looks up in the datasheet. A name that is not there is made up and `make` begins again, so that all are known.
+// What `make` looks up in the datasheet. A name that is not there is made up and `make` begins again, so that all are
+// known.
 template <class Make>
 Asked what_it_asks(const Datasheet& sheet, Make&& make) {
   Datasheet watched = sheet;
@@ -70,7 +71,8 @@ Asked what_it_asks(const Datasheet& sheet, Make&& make) {
   return *watched.asked;
 }
 
-// What was asked for and is not listed: told at the entry that was probably meant, one that nobody asked for, else at the section.
+// What was asked for and is not listed: told at the entry that was probably meant, one that nobody asked for, else at
+// the section.
 template <class T>
 void check_nothing_lacks(const Datasheet& sheet, const Asked& asked, const std::string& section, const char* what,
                          const std::vector<T>& things) {

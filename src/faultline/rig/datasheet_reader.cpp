@@ -1,7 +1,7 @@
 // Reads a datasheet section by section; what each key means is told in docs/datasheet.md. Checked here: keys, types,
 // ranges, units, signs, that names refer to something in the same datasheet, and that the library has the effects with
-// these parameters and bounds. rig/datasheet_check.cpp then holds the whole against the equations. Stages are checked by
-// the library when they are made.
+// these parameters and bounds. rig/datasheet_check.cpp then holds the whole against the equations. Stages are checked
+// by the library when they are made.
 #include <fmt/format.h>
 
 #include <array>
@@ -158,7 +158,8 @@ int read_measured_by(const YamlValue& value, const Datasheet& sheet, const State
   return find_channel(sheet.channels, channel.name);
 }
 
-// What people write about a start value may be prose; words of several parts in it are names, or symbols, of the datasheet.
+// What people write about a start value may be prose; words of several parts in it are names, or symbols, of the
+// datasheet.
 void check_names_in(const YamlValue& value, const Names& known) {
   const std::string text = value.text();
   const std::string letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";

@@ -1,7 +1,7 @@
 // Reads how a rig is run and diagnosed: measured inputs, controllers, profiles, faults, small effects that are always
 // there, stages. What each key means is told in docs/datasheet.md. Shapes of profiles are made once, so that a wrong
-// setting shows here; effects must be listed at their ports. rig/datasheet_check.cpp makes each controller once; stages are checked by
-// whoever makes them.
+// setting shows here; effects must be listed at their ports. rig/datasheet_check.cpp makes each controller once; stages
+// are checked by whoever makes them.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -19,7 +19,8 @@ std::vector<std::string> list_of(const Names& names) { return {names.begin(), na
 
 enum class Sizes { as_the_port_says, as_the_effect_allows };
 
-// effect@port:name=value,...: the port must be one of the rig's, the effect and its parameters listed there, the sizes allowed.
+// effect@port:name=value,...: the port must be one of the rig's, the effect and its parameters listed there, the sizes
+// allowed.
 std::string read_effect(const YamlValue& value, const Datasheet& sheet, Sizes sizes) {
   const std::string text = value.text();
   const auto at = text.find('@');

@@ -24,7 +24,8 @@ std::string text_or(const YamlValue& entry, const std::string& key, const std::s
 // A unit as faultline/signal/units.h reads it; InputError at `value` else, or if it must be an SI unit and is not.
 std::string unit_of(const YamlValue& value, bool must_be_si);
 
-// InputError at `value` if a quantity of this unit is above 0 by its nature (an area, a mass, a time, ...) and `number` is not.
+// InputError at `value` if a quantity of this unit is above 0 by its nature (an area, a mass, a time, ...) and `number`
+// is not.
 void check_sign(const YamlValue& value, const std::string& unit, double number);
 // What such a quantity is: "an area"; empty where its sign is free.
 std::string positive_quantity(const std::string& unit);

@@ -1,11 +1,12 @@
 // An effect sits at a port and changes what passes through it. One class serves simulating, injecting, estimating,
 // diagnosing and closing the gap.
 //
-// Every effect has bounded parameters with units and a value at which it changes nothing. It may start at a time and grow:
-// from `from` to `to` its size rises linearly from nothing to the full parameters (a step where `to` is `from` or not
-// given; `to` before `from` is refused).
-// With `swells` it comes and goes that many times between `from` and `to`, as (1 - cos)/2, and is gone before and after.
-// A parameter whose no-effect value is infinite grows as 1/size; one without a no-effect value (a shape) keeps its value.
+// Every effect has bounded parameters with units and a value at which it changes nothing. It may start at a time and
+// grow: from `from` to `to` its size rises linearly from nothing to the full parameters (a step where `to` is `from` or
+// not given; `to` before `from` is refused).
+// With `swells` it comes and goes that many times between `from` and `to`, as (1 - cos)/2, and is gone before and
+// after. A parameter whose no-effect value is infinite grows as 1/size; one without a no-effect value (a shape) keeps
+// its value.
 #pragma once
 
 #include <array>
@@ -54,8 +55,8 @@ class Effect {
 
   // Signal at a command or sensor port: called once per step of context().step, in order of time [s].
   virtual double signal(double value, double /*time*/) { return value; }
-  // What must have gone in, for the given thing to come out: for sensors whose reading drives the model. Static effects only. NaN: what
-  // comes out says nothing about it.
+  // What must have gone in, for the given thing to come out: for sensors whose reading drives the model. Static effects
+  // only. NaN: what comes out says nothing about it.
   virtual double undo_signal(double value, double /*time*/) { return value; }
   virtual void force(const Motion&, BodyForces&) const {}
   virtual double flow(const LeakPath&) const { return 0; }  // m^3/s, added

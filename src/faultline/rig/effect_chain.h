@@ -79,7 +79,8 @@ class EffectChain {
 
 class EffectSet {
  public:
-  // `step`: s, time between calls at signal ports. InputError where the rig has no such port or the effect does not fit it.
+  // `step`: s, time between calls at signal ports. InputError where the rig has no such port or the effect does not fit
+  // it.
   EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed);
   EffectSet(const EffectSet&) = delete;
   EffectSet& operator=(const EffectSet&) = delete;

@@ -103,8 +103,8 @@ class Multisine : public Excitation {
     const double highest = s.number("highest", lowest, kHuge);
     const double amplitude = s.number("amplitude", 0, kHuge);
     Random random(seed);
-    // Geometric spacing; amplitudes fall with frequency, so that the speed stays within what the rig can do. Every frequency is a
-    // multiple of one, so that the signal repeats and its peak can be looked for over one repetition.
+    // Geometric spacing; amplitudes fall with frequency, so that the speed stays within what the rig can do. Every
+    // frequency is a multiple of one, so that the signal repeats and its peak can be looked for over one repetition.
     const double base = lowest / kRepetition;
     double peak = 0;
     for (int k = 0; k < count; ++k) {

@@ -1,9 +1,11 @@
-// Raw set points over time, the same for every rig: one shape and its settings (of a profile in the datasheet), and a seed.
+// Raw set points over time, the same for every rig: one shape and its settings (of a profile in the datasheet), and a
+// seed.
 //
 //   constant    value
 //   square      low, high, period, duty [0.5], start [0]
 //   triangle    amplitude, mean [0], period
-//   sines       count, base, span, amplitude, roll_off, spread [0.03], fade [1]: sum of sines at f_k = base + span k/count Hz
+//   sines       count, base, span, amplitude, roll_off, spread [0.03], fade [1]: sum of sines at f_k = base + span
+//   k/count Hz
 //               (each off by +-spread), amplitude exp(-(f/roll_off)^2), random phases
 //   multisine   count, lowest, highest [Hz], amplitude [peak], mean [0]: random phases; repeats after 10/lowest s
 //   steps       low, high, shortest, longest: random levels held for random times

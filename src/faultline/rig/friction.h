@@ -2,9 +2,10 @@
 //
 //   v != 0:  force = level(sgn v) sgn v             v = 0:  force balances the rest, up to the breakaway level
 //
-// Karnopp's idea: the body has a mode (slipping to +, slipping to -, stuck) that changes only between integration steps, so that
-// the equations are smooth within a step. Source: D. Karnopp, "Computer simulation of stick-slip friction in mechanical dynamic
-// systems", 1985. A step in which the velocity changes sign ends at v = 0; the error is of the order of the step.
+// Karnopp's idea: the body has a mode (slipping to +, slipping to -, stuck) that changes only between integration
+// steps, so that the equations are smooth within a step. Source: D. Karnopp, "Computer simulation of stick-slip
+// friction in mechanical dynamic systems", 1985. A step in which the velocity changes sign ends at v = 0; the error is
+// of the order of the step.
 #pragma once
 
 namespace faultline {

@@ -1,5 +1,5 @@
-// The name that somebody may have meant: the one with the fewest edits to what stands there (Levenshtein, Binary codes capable of
-// correcting deletions, insertions and reversals, 1966), if they are at most a third of its letters.
+// The name that somebody may have meant: the one with the fewest edits to what stands there (Levenshtein, Binary codes
+// capable of correcting deletions, insertions and reversals, 1966), if they are at most a third of its letters.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
-// Signed square root with a laminar transition: y / (y^2 + d^2)^(1/4), which is sgn(y) sqrt|y| for |y| >> d and y/sqrt(d) near 0.
-// Turbulent flow through an orifice is a coefficient times this of the pressure drop; y and d in Pa.
+// Signed square root with a laminar transition: y / (y^2 + d^2)^(1/4), which is sgn(y) sqrt|y| for |y| >> d and
+// y/sqrt(d) near 0. Turbulent flow through an orifice is a coefficient times this of the pressure drop; y and d in Pa.
 #pragma once
 
 #include <cmath>

@@ -1,5 +1,5 @@
-// A port: a named place of a rig, with a kind. What passes through each kind of port stands here as one small struct (or a
-// plain number); effects that sit at the port change it, and the rig's equations use what comes out.
+// A port: a named place of a rig, with a kind. What passes through each kind of port stands here as one small struct
+// (or a plain number); effects that sit at the port change it, and the rig's equations use what comes out.
 //
 //   command.X, sensor.Y   a signal: one number per integration step
 //   force.BODY            Motion in, BodyForces out

@@ -1,6 +1,6 @@
-// A rig: the equations of one nominal model, with the ports where effects sit. A rig's own file in rigs/ derives from Rig and
-// registers itself under the name of its datasheet. What rigs share (ports on signals, sampling, integration) is the
-// simulator's.
+// A rig: the equations of one nominal model, with the ports where effects sit. A rig's own file in rigs/ derives from
+// Rig and registers itself under the name of its datasheet. What rigs share (ports on signals, sampling, integration)
+// is the simulator's.
 #pragma once
 
 #include <memory>
@@ -13,13 +13,14 @@
 
 namespace faultline {
 
-// The number of states depends on the effects (a pipe with inertia has a flow). The inputs of the equations are all channels, with
-// commands and inputs as they reach the plant.
+// The number of states depends on the effects (a pipe with inertia has a flow). The inputs of the equations are all
+// channels, with commands and inputs as they reach the plant.
 class Rig : public OdeSystem {
  public:
   // Initial state for the given channel values; sets all discrete modes. `channels`: one value per channel.
   virtual void start(const double* channels, double* state) = 0;
-  // Takes a given nominal state (in the datasheet's order) instead of the initial one; effect states start at rest. Sets no modes.
+  // Takes a given nominal state (in the datasheet's order) instead of the initial one; effect states start at rest.
+  // Sets no modes.
   virtual void start_at(const double* nominal_state, const double* channels, double* state) = 0;
   // Sets all discrete modes (slipping, sticking) as the state says.
   virtual void set_modes(const double* /*state*/) {}
@@ -33,8 +34,8 @@ struct RigType {
   double substep;  // s, at which the integration has converged
   // `parameters` in the datasheet's order. Keeps references to the effects' chains: they must outlive the rig.
   std::unique_ptr<Rig> (*make)(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
-  // s, of the model that a recording drives, which may be coarser; 0: substep. Effects in a line or a transmission bring states that are
-  // faster than the rig's own: with them the model takes `substep` too.
+  // s, of the model that a recording drives, which may be coarser; 0: substep. Effects in a line or a transmission
+  // bring states that are faster than the rig's own: with them the model takes `substep` too.
   double model_substep = 0;
 };
 

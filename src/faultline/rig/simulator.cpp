@@ -75,7 +75,8 @@ class Plant {
   }
 
   // Puts the rig's states back; effects keep their memory, and what sensors show at this time stays as it was.
-  // A state that is NaN goes on. A state that a channel shows is what that channel says, back through its sensor's effects.
+  // A state that is NaN goes on. A state that a channel shows is what that channel says, back through its sensor's
+  // effects.
   void restart(double time, const double* channels, const double* nominal_state) {
     std::vector<double>& state = start_;
     if (std::all_of(nominal_state, nominal_state + state.size(), [](double v) { return std::isnan(v); })) return;
@@ -137,8 +138,8 @@ class Plant {
     return std::max(1, static_cast<int>(std::ceil(sheet.sample_period / wanted - 1e-9)));
   }
 
-  // Outputs as they are, then as sensors with effects show them. Sensors without effects only need the last substep, but the
-  // outputs are cheap.
+  // Outputs as they are, then as sensors with effects show them. Sensors without effects only need the last substep,
+  // but the outputs are cheap.
   void observe(double time) {
     rig_->outputs(time, integrator_->state(), shown_.data());
     for (const auto& [channel, chain] : sensors_) shown_[channel] = chain->signal(shown_[channel], time);

@@ -1,12 +1,12 @@
 // Runs a rig with its effects, sensors and controller, sample by sample.
 //
 // Row k holds what the sensors say at t_k and the commands issued at t_k, which act until t_{k+1}. Between samples the
-// equations are integrated in equal substeps with the classic fourth-order Runge-Kutta method (Boost.odeint), or, for a rig
-// that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep. The run starts
-// from the rig's own initial state under the first row's commands.
-// Deterministic for a given seed. One seed s starts a generator for each purpose, so that none moves with another: the first set
-// point s, the second s + 15485863, measured input i (from 0) 7919 s + i + 1, sensor noise 104729 s + 17, effect i a hash of s and
-// i. The rig's own parameters are no part of a run: draw_parameters() has a seed of its own.
+// equations are integrated in equal substeps with the classic fourth-order Runge-Kutta method (Boost.odeint), or, for a
+// rig that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep. The
+// run starts from the rig's own initial state under the first row's commands.
+// Deterministic for a given seed. One seed s starts a generator for each purpose, so that none moves with another: the
+// first set point s, the second s + 15485863, measured input i (from 0) 7919 s + i + 1, sensor noise 104729 s + 17,
+// effect i a hash of s and i. The rig's own parameters are no part of a run: draw_parameters() has a seed of its own.
 #pragma once
 
 #include <cstdint>
@@ -49,9 +49,9 @@ class Simulator {
 // `duration` s from 0, both ends included.
 Recording simulate(const Datasheet& sheet, const SimulationSetup& setup, double duration);
 
-// The model driven by what a recording holds: commands and inputs are taken from it, outputs are predicted row by row without
-// noise and rounding. At given rows the rig's states may be put back to given values, while effects on signals keep their
-// memory: the segments of an integrating plant.
+// The model driven by what a recording holds: commands and inputs are taken from it, outputs are predicted row by row
+// without noise and rounding. At given rows the rig's states may be put back to given values, while effects on signals
+// keep their memory: the segments of an integrating plant.
 class DrivenModel {
  public:
   DrivenModel(const Datasheet& sheet, const SimulationSetup& setup);
@@ -59,10 +59,10 @@ class DrivenModel {
   DrivenModel(const DrivenModel&) = delete;
   DrivenModel& operator=(const DrivenModel&) = delete;
 
-  // Predicts rows first .. first + count - 1. `restarts`: rows (rising, from `first` on) at which the nominal states are set to
-  // start_states + i * (number of the datasheet's states); before the first restart the rig's own initial state runs. A
-  // restart acts after its row was predicted: the row still shows where the segment before it ended. Calls
-  // row(index, channels) with one value per channel for each of them.
+  // Predicts rows first .. first + count - 1. `restarts`: rows (rising, from `first` on) at which the nominal states
+  // are set to start_states + i * (number of the datasheet's states); before the first restart the rig's own initial
+  // state runs. A restart acts after its row was predicted: the row still shows where the segment before it ended.
+  // Calls row(index, channels) with one value per channel for each of them.
   template <class Row>
   void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
            const double* start_states, Row&& row) {
@@ -88,8 +88,8 @@ class DrivenModel {
   std::unique_ptr<Parts> parts_;
 };
 
-// Parameters drawn around nominal with their tolerances (normal, cut at two sigma), for a rig that is off its datasheet. Several runs
-// of one rig take the same seed here and other seeds in their setups.
+// Parameters drawn around nominal with their tolerances (normal, cut at two sigma), for a rig that is off its
+// datasheet. Several runs of one rig take the same seed here and other seeds in their setups.
 std::vector<double> draw_parameters(const Datasheet& sheet, std::uint64_t seed);
 
 }  // namespace faultline

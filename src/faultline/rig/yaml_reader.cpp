@@ -64,8 +64,8 @@ struct DocumentStart : YAML::EventHandler {
   void OnMapEnd() override {}
 };
 
-// The parser takes what cannot begin a document, as a comma, for an empty document and stays in front of it: asked for all
-// documents (YAML::LoadAll) it never ends. It is asked for two.
+// The parser takes what cannot begin a document, as a comma, for an empty document and stays in front of it: asked for
+// all documents (YAML::LoadAll) it never ends. It is asked for two.
 void refuse_what_follows(const std::string& file, const std::string& text) {
   std::istringstream stream(text);
   YAML::Parser parser(stream);

@@ -47,7 +47,8 @@ void split(const char* begin, const char* end, std::vector<Span>& cells) {
 // What a message can show of a cell: one line, not too long, nothing that a terminal would act on.
 std::string shown(const Span& cell) { return printable(cell.text().substr(0, kShownText)); }
 
-// False where the cell is not a number. An empty cell is NaN. Text behind the cell ends strtod: a comma or a line's end.
+// False where the cell is not a number. An empty cell is NaN. Text behind the cell ends strtod: a comma or a line's
+// end.
 bool read_number(const Span& cell, double& value) {
   value = std::numeric_limits<double>::quiet_NaN();
   if (cell.empty()) return true;

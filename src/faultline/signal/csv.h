@@ -3,10 +3,11 @@
 //   t,channel,...         t in s; each channel in its own SI unit
 //   t[ms],channel[bar]    or in the unit in brackets, converted on reading (units.h)
 //   sequence              may stand as a further column: the DAQ's count; without it rows are counted from 0
-// A number may be missing: an empty cell or `nan`. Lines that are empty or begin with # are skipped. Numbers are written with as
-// many digits as bring back the same bits. Set points and ground truth may be absent from a file: they become 0.
-// Fails with InputError that names file, line and column: text in a number, a cell too few, a column that the rig has not,
-// a channel that the file has not, a unit that does not convert, time that does not rise, a file without samples.
+// A number may be missing: an empty cell or `nan`. Lines that are empty or begin with # are skipped. Numbers are
+// written with as many digits as bring back the same bits. Set points and ground truth may be absent from a file: they
+// become 0. Fails with InputError that names file, line and column: text in a number, a cell too few, a column that the
+// rig has not, a channel that the file has not, a unit that does not convert, time that does not rise, a file without
+// samples.
 #pragma once
 
 #include <cstddef>

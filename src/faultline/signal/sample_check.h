@@ -1,5 +1,6 @@
-// Looks at a run of samples as it comes and counts what is wrong with it: gaps, samples lost by the DAQ's own count, time that
-// runs backwards or stands still, numbers that are missing. With dt the time from one sample to the next and T the period:
+// Looks at a run of samples as it comes and counts what is wrong with it: gaps, samples lost by the DAQ's own count,
+// time that runs backwards or stands still, numbers that are missing. With dt the time from one sample to the next and
+// T the period:
 //   gap: dt > 1.5 T;   duplicate: dt = 0;   backward: dt < 0;   period: the median of the first 1000 positive dt.
 // Times of samples are those of the DAQ; nothing here reads a clock.
 #pragma once

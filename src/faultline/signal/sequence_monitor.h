@@ -6,7 +6,8 @@
 //   out of order  s < h within W, not seen before: arrived after a later one
 //   duplicate     s <= h within W, seen before
 //   restart       the DAQ began anew: s more than W below h; or s <= h with a stamp that the old numbering does not
-//                 explain, |t - (t_h - (h - s) T)| > tolerance; or s > h with a stamp before t_h; or s more than W above
+//                 explain, |t - (t_h - (h - s) T)| > tolerance; or s > h with a stamp before t_h; or s more than W
+//                 above
 //                 h in less than half the time that so many samples take. Everything seen is forgotten, the counts
 //                 stay; nothing counts as lost.
 //   late          whatever its number: arrived more than `late_after` behind the DAQ's pace. With a the arrival by some

@@ -1,18 +1,21 @@
 // What must balance in the cooling circuit, as relations with one unknown coefficient each (relation_model.h).
-// Source: Iannetti et al. (2015), equation (9), for the tube; the others are the rig's own equations at rest, config/cooling_circuit.
+// Source: Iannetti et al. (2015), equation (9), for the tube; the others are the rig's own equations at rest,
+// config/cooling_circuit.
 //
 //   {b}_tube   q_2 = c q_2^0.125 sqrt(P_1 - P_2)
 //   {b}_drain  q_2 = k_d sqrt(P_2 - P_d)
 //   {b}_feed   q_2 = k_f sqrt(P_m - P_1),   P_m = mean over the branches of P_1 + (q_2/k_f nominal)^2
-//   {b}_heat   T_2 - theta_T = Q_n theta_Q;  M theta_T' = q_2 (T_1 - theta_T),  M theta_Q' = -q_2 theta_Q + s/cv,  M = rho b a^2
+//   {b}_heat   T_2 - theta_T = Q_n theta_Q;  M theta_T' = q_2 (T_1 - theta_T),  M theta_Q' = -q_2 theta_Q + s/cv,  M =
+//   rho b a^2
 //   {b}_water  T_1 = T_w
 //   valve      sum q_2 = k_v z sqrt(P_s - P_m)
-// z and s follow the commands with their nominal lags. The pressures settle within 0.1 ms and the manifold within 2 ms, so balances at
-// rest hold from sample to sample; only z and s are doubtful while a command moves. P_m is not measured: a branch whose feed is off
-// pulls P_m by a fifth of it, which isolation reckons with. Rows with a drop below `smallest_drop` (Pa) or without firing are not used.
-// Further quantities: every channel but the commands, z, s, {b}_heat_row (theta_Q), {b}_heat_rise (T_2 - theta_T), {b}_back_pressure
-// (P_2 - (q_2/k_d nominal)^2, whose swings are those behind the throttle), and steady_time:
-// s since the bench fires and no command moved by more than 0.5 %; 0 while it does not fire.
+// z and s follow the commands with their nominal lags. The pressures settle within 0.1 ms and the manifold within 2 ms,
+// so balances at rest hold from sample to sample; only z and s are doubtful while a command moves. P_m is not measured:
+// a branch whose feed is off pulls P_m by a fifth of it, which isolation reckons with. Rows with a drop below
+// `smallest_drop` (Pa) or without firing are not used. Further quantities: every channel but the commands, z, s,
+// {b}_heat_row (theta_Q), {b}_heat_rise (T_2 - theta_T), {b}_back_pressure (P_2 - (q_2/k_d nominal)^2, whose swings are
+// those behind the throttle), and steady_time: s since the bench fires and no command moved by more than 0.5 %; 0 while
+// it does not fire.
 #include <algorithm>
 #include <cmath>
 

@@ -1,16 +1,21 @@
-// The branches of the cooling circuit as a Kalman filter sees them: per branch P_2 and d = F c = c/b, driven by measured q_2 and P_1.
+// The branches of the cooling circuit as a Kalman filter sees them: per branch P_2 and d = F c = c/b, driven by
+// measured q_2 and P_1.
 // Source: Iannetti et al. (2015), equations (8), (11)-(18); its misprints are told in config/cooling_circuit.
 //
 //   P_2' = -F q_2 + d q_2^0.125 sqrt(P_1 - P_2),  d a random walk;  y = P_2;  F = 1/b
-// scheme euler: one explicit step, as printed. With the b of the datasheet its A(1,1) is about -150 (chamber): the prediction is
-//   unstable, the gain almost 1, and the residual after correction is the innovation shrunk to a few Pa whatever the model says.
+// scheme euler: one explicit step, as printed. With the b of the datasheet its A(1,1) is about -150 (chamber): the
+// prediction is
+//   unstable, the gain almost 1, and the residual after correction is the innovation shrunk to a few Pa whatever the
+//   model says.
 // scheme exact: with w = sqrt(P_1 - P_2), w* = F q_2^0.875/d, v = w/w*, the equation separates:
 //   v + ln|1 - v| = v_0 + ln|1 - v_0| - K,   K = d^2 q_2^-0.75 dt/(2 F),   P_2(t + dt) = P_1 - (w* v)^2
-//   K is 20 to 150 at 1 ms: P_2 then is P_1 - w*^2 with the P_1 and q_2 of the same instant, and a filter of it is an honest one of d.
+//   K is 20 to 150 at 1 ms: P_2 then is P_1 - w*^2 with the P_1 and q_2 of the same instant, and a filter of it is an
+//   honest one of d.
 // The printed (13) keeps the power 0.125 in the derivative by q; right is 0.125 q^-0.875, used here in both schemes.
-// Where P_1 <= P_2 or q_2 is below `smallest_flow` the equation says nothing (paper: raise a flag): P_2 holds, `reversed` is 1.
-// Settings: pressure_walk (Pa) and coefficient_walk (relative to d) per step, flow_noise (kg/s), inlet_noise and outlet_noise (Pa),
-// residual: before or after the correction, which {b}_pressure_residual shows.
+// Where P_1 <= P_2 or q_2 is below `smallest_flow` the equation says nothing (paper: raise a flag): P_2 holds,
+// `reversed` is 1.
+// Settings: pressure_walk (Pa) and coefficient_walk (relative to d) per step, flow_noise (kg/s), inlet_noise and
+// outlet_noise (Pa), residual: before or after the correction, which {b}_pressure_residual shows.
 #include <algorithm>
 #include <cmath>
 

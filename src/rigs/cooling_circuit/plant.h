@@ -1,7 +1,8 @@
 // Water cooling circuit of a rocket-engine test bench: tank, bench valve, manifold and five parallel branches.
 // Source: fault diagnosis benchmark on the MASCOTTE bench (ATAC campaign 2014); numbers in config/cooling_circuit.
 //
-//   root(x) = x/(x^2 + d^2)^(1/4), tube(x) = c^(8/7) x/(x^2 + d^2)^(3/14), d = 100 Pa: q^0.875 = c sqrt(x), the tube's Blasius loss
+//   root(x) = x/(x^2 + d^2)^(1/4), tube(x) = c^(8/7) x/(x^2 + d^2)^(3/14), d = 100 Pa: q^0.875 = c sqrt(x), the tube's
+//   Blasius loss
 //   tau_v z' = clamp(u) - z,  tau_s s' = max(h, 0) - s,  q_v = k_v z root(P_s - P_m),  V_m/a^2 P_m' = q_v - sum q_f
 //   each branch: q_f = k_f root(P_m - P_1),  q_12 = tube(P_1 - P_2),  q_2 = k_d root(P_2 - P_d) + leak after the meter
 //     b P_1' = q_f - q_12 - leak,  b P_2' = q_12 - q_2 - leak                                         (1), (4), (8)
@@ -11,8 +12,9 @@
 // Mass flows in kg/s, leaks are rho times the volume flow of the effect, pressures absolute in Pa, temperatures in K.
 // Stiff: cavities settle within microseconds. States as in the datasheet, then, where pipes have inertia, the
 // pressure x over what they feed: with line.feed over the valve, (inertance/rho) (k_v z root(x))' = P - P_m - x; with
-// line.{b}_orifice over the tube, (inertance/rho) tube(x)' = P_1 - P_2 - x. Viscosity scales c by (mu/mu_nominal)^-0.125, mu falling
-// exponentially with the branch's mean temperature. A restriction's effects at the tube act on c sqrt(x).
+// line.{b}_orifice over the tube, (inertance/rho) tube(x)' = P_1 - P_2 - x. Viscosity scales c by
+// (mu/mu_nominal)^-0.125, mu falling exponentially with the branch's mean temperature. A restriction's effects at the
+// tube act on c sqrt(x).
 #pragma once
 
 #include "faultline/rig/rig.h"

@@ -1,5 +1,6 @@
 // The bench's sequencer: open loop, it issues the bench valve's opening u and the heat load h with limited slew and an
-// interlock h <= interlock u, so that no wall is fired on without water. It starts at its first set points, without a ramp.
+// interlock h <= interlock u, so that no wall is fired on without water. It starts at its first set points, without a
+// ramp.
 //
 //   test_sequence  u is the raw set point; h runs through heat_time, heat_level, linear in between
 //   throttling     u is the raw set point; h is heat_level from heat_start on

@@ -6,8 +6,8 @@
 //   x3+ = x3 + T theta3 (-Abar x2 - x5 root(x3) + x4 sqrt(max(0, P_s/S_c3 - sgn(x4) x3)))
 //   x4+ = x4 + T (-x4 + k_v i/S_c4)/tau_v
 //   theta1 = A S_c3/m, theta3 = K S_c4/(compliance sqrt(S_c3)), Abar = A/(K S_c4 sqrt(S_c3)), bbar = b/(A S_c3)
-// F_fc uses tanh(v/0.005 m/s): the filter needs no sticking, x6 takes what is missing. Blind to the leak while P_L is near zero
-// (standstill): x5 then only drifts, and its covariance says so.
+// F_fc uses tanh(v/0.005 m/s): the filter needs no sticking, x6 takes what is missing. Blind to the leak while P_L is
+// near zero (standstill): x5 then only drifts, and its covariance says so.
 #include <algorithm>
 #include <cmath>
 

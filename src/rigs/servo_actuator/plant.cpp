@@ -166,7 +166,8 @@ ServoActuator::Body ServoActuator::load(const double* state, const double* chann
 double ServoActuator::supply(double time, const double* state, const double* channels) const {
   const double measured = channels[supply_];
   if (!has_droop_) return measured;
-  // Flow drawn from P, taken at the pressure without droop: one step of the fixed point, exact to second order in the droop.
+  // Flow drawn from P, taken at the pressure without droop: one step of the fixed point, exact to second order in the
+  // droop.
   const double opening = valve_port_.opening(state[kSpool]);
   const double before = supply_port_.boundary(measured, 0, time);
   const double node_a = has_line_ ? state[line_] : state[kPressureA];

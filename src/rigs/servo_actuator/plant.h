@@ -1,17 +1,21 @@
 // Double-rod servo-hydraulic actuator with a proportional valve and a bypass valve that is the internal leak.
 // Source: Mahulkar, Adams, Derriso, Control Engineering Practice 19 (2011) 649-657; numbers in config/servo_actuator.
 //
-//   Q_a = K o(x_v) sqrt2 root(P - p_a), Q_b = K o(x_v) sqrt2 root(p_b)      x_v > 0; mirrored for x_v <= 0         like (4)
-//   Q_i = k_q max(x_leak, 0) root(p_a - p_b) + flow.chamber_a_chamber_b                                             (33)-(35)
-//   (V_0 + A x)/beta p_a' = Q_a - A v - Q_i - flow.chamber_a_tank                                                   like (2)
+//   Q_a = K o(x_v) sqrt2 root(P - p_a), Q_b = K o(x_v) sqrt2 root(p_b)      x_v > 0; mirrored for x_v <= 0         like
+//   (4)
+//   Q_i = k_q max(x_leak, 0) root(p_a - p_b) + flow.chamber_a_chamber_b
+//   (33)-(35)
+//   (V_0 + A x)/beta p_a' = Q_a - A v - Q_i - flow.chamber_a_tank
+//   like (2)
 //   (V_0 - A x)/beta p_b' = A v - Q_b + Q_i - flow.chamber_b_tank
 //   m v' = (p_a - p_b) A - b v - F_friction(v) - F_load - F_stop - force.piston                                     (1)
 //   tau_v x_v' = k_v i - x_v;  tau_l x_leak' = u_leak - x_leak;  tau_m q_m' = |Q_bypass| - q_m                      (3)
 //
-// P is the supply at the valve: the measured one changed by source.supply_pressure. beta = V_0/(2 compliance), changed by
-// compliance.chambers. With line_inertia each hose has a flow and a valve-side node of 0.2 V_0; with backlash or elasticity at
-// transmission.rod the moving mass and the friction are shared between piston and load. SI units throughout; states as in the
-// datasheet, then [p_a, p_b at the valve, q_a, q_b in the hoses], then [x, v of the load], where they exist.
+// P is the supply at the valve: the measured one changed by source.supply_pressure. beta = V_0/(2 compliance), changed
+// by compliance.chambers. With line_inertia each hose has a flow and a valve-side node of 0.2 V_0; with backlash or
+// elasticity at transmission.rod the moving mass and the friction are shared between piston and load. SI units
+// throughout; states as in the datasheet, then [p_a, p_b at the valve, q_a, q_b in the hoses], then [x, v of the load],
+// where they exist.
 #pragma once
 
 #include "faultline/rig/friction.h"

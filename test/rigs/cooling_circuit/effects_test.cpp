@@ -1,5 +1,5 @@
-// Every effect at every port of the cooling circuit: it acts, stays finite over its whole range, starts at rest, and the
-// Jacobian that the implicit steps use is that of the equations.
+// Every effect at every port of the cooling circuit: it acts, stays finite over its whole range, starts at rest, and
+// the Jacobian that the implicit steps use is that of the equations.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// The cooling circuit's physics: the datasheet's reference point and operating points, balances of mass and energy at rest and on the
-// way, what each kind of leak does to the meter, how it starts and shuts.
+// The cooling circuit's physics: the datasheet's reference point and operating points, balances of mass and energy at
+// rest and on the way, what each kind of leak does to the meter, how it starts and shuts.
 #include "rigs/cooling_circuit/plant.h"
 
 #include <gtest/gtest.h>

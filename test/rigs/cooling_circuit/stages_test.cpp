@@ -1,5 +1,5 @@
-// The cooling circuit's estimator stages on simulated recordings: c of the rig, over operating points, with honest uncertainty; the
-// branch filters as printed and integrated exactly; reversed pressures; gaps.
+// The cooling circuit's estimator stages on simulated recordings: c of the rig, over operating points, with honest
+// uncertainty; the branch filters as printed and integrated exactly; reversed pressures; gaps.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -103,8 +103,8 @@ TEST(BranchFilter, ExactFilterHasTheInnovationItStates) {
 }
 
 TEST(BranchFilter, AsPrintedTheResidualAfterCorrectionIsAFewPascal) {
-  // Q = diag(0.003^2, 1000^2), R = 2e5 Pa^2, Euler steps: the paper's "order of 10 Pa", which says nothing of the model, since
-  // before correction it is off by more than ten kilopascal.
+  // Q = diag(0.003^2, 1000^2), R = 2e5 Pa^2, Euler steps: the paper's "order of 10 Pa", which says nothing of the
+  // model, since before correction it is off by more than ten kilopascal.
   EstimatorStage after(cooling(), {"f", "extended_kalman", with("euler", "after", std::sqrt(2e5), 1e-6)});
   EstimatorStage before(cooling(), {"f", "extended_kalman", with("euler", "before", std::sqrt(2e5), 1e-6)});
   Simulator simulator(cooling(), cooling_recording("steady", 214));

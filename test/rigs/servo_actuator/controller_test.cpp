@@ -1,4 +1,5 @@
-// Controllers: every registered one resets completely and keeps its limits; the servo actuator's laws against the datasheet.
+// Controllers: every registered one resets completely and keeps its limits; the servo actuator's laws against the
+// datasheet.
 #include "faultline/rig/controller.h"
 
 #include <gtest/gtest.h>
@@ -75,7 +76,8 @@ TEST(PositionControl, HoldsStillWhereItStands) {
 }
 
 TEST(PositionControl, FirstStepFollowsTheLaw) {
-  // At rest and off the set point by e, with the reference still there: n = -k_f (A P_L + k_p e), i = n/(A K sqrt(margin)/C).
+  // At rest and off the set point by e, with the reference still there: n = -k_f (A P_L + k_p e), i = n/(A K
+  // sqrt(margin)/C).
   const auto controller = made("standstill");
   controller->reset();
   auto channels = rest();

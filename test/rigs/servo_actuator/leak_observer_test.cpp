@@ -1,5 +1,6 @@
-// The servo actuator's leak model: its derivatives against those worked out by hand, the filter against the equations written out
-// plainly, and the paper's numbers on the rig simulator: leak coefficient at 5 V, time to 90 % over the process noise of the leak.
+// The servo actuator's leak model: its derivatives against those worked out by hand, the filter against the equations
+// written out plainly, and the paper's numbers on the rig simulator: leak coefficient at 5 V, time to 90 % over the
+// process noise of the leak.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -139,8 +140,8 @@ struct PlainFilter {
 };
 
 TEST(ServoLeak, FilterEqualsItsEquationsWrittenPlainly) {
-  // Two seconds, in which the rig moves and leaks. (Much longer and rounding decides: near standstill the Euler step of the tanh
-  // friction magnifies the last digit, in this filter as in the paper's.)
+  // Two seconds, in which the rig moves and leaks. (Much longer and rounding decides: near standstill the Euler step of
+  // the tanh friction magnifies the last digit, in this filter as in the paper's.)
   SimulationSetup setup = servo_setup("random", 2);
   open_bypass(setup, 1, 4);
   const Recording r = simulate(servo(), setup, 2);
@@ -172,7 +173,8 @@ TEST(ServoLeak, FilterEqualsItsEquationsWrittenPlainly) {
   EXPECT_LT(worst, 1e-9);
 }
 
-// Mean of the scaled leak coefficient between two times, and when it first reached 90 % of its final mean after the step.
+// Mean of the scaled leak coefficient between two times, and when it first reached 90 % of its final mean after the
+// step.
 struct LeakRun {
   double level = 0, rise = 0, healthy = 0;
 };

@@ -1,5 +1,5 @@
-// The simulator with the servo actuator: determinism, convergence, what sensors do, the physics of the nominal model, and the
-// numbers that the datasheet's source gives for this rig.
+// The simulator with the servo actuator: determinism, convergence, what sensors do, the physics of the nominal model,
+// and the numbers that the datasheet's source gives for this rig.
 #include "faultline/rig/simulator.h"
 
 #include <gtest/gtest.h>
@@ -140,7 +140,8 @@ TEST(Simulator, ChambersAddUpToTheSupplyAndTheValveBalances) {
 }
 
 TEST(Simulator, VolumeIsConserved) {
-  // beta_e/V dp/dt integrated: flow in minus flow displaced minus leak is stored as pressure, chamber by chamber, over a run.
+  // beta_e/V dp/dt integrated: flow in minus flow displaced minus leak is stored as pressure, chamber by chamber, over
+  // a run.
   SimulationSetup setup = servo_setup("random");
   setup.noise = false;
   open_bypass(setup, 1, 5);
@@ -415,7 +416,8 @@ TEST_P(EveryEffect, GrowsDuringARun) {
     }
 }
 
-// What effects add - a load on one flank of its play, a swinging oil column - goes on when the states are put back to where they are.
+// What effects add - a load on one flank of its play, a swinging oil column - goes on when the states are put back to
+// where they are.
 TEST_P(EveryEffect, PuttingStatesBackToWhereTheyAreChangesNothing) {
   if (servo().port(GetParam().port).kind == PortKind::sensor) return;  // shows the states otherwise than they are
   for (const double share : {0.3, 0.9}) {
