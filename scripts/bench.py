@@ -53,10 +53,14 @@ NUMERICS = [  # group of benchmarks, what it is, what it is done with
 
 def measured(program, quick):
     """Benchmarks by name, as Google Benchmark tells them: medians, or one short run each."""
-    options = ['--benchmark_min_time=0.001'] if quick else ['--benchmark_repetitions=5', '--benchmark_min_time=0.2',
-                                                            '--benchmark_enable_random_interleaving=true']
-    done = subprocess.run([program, '--benchmark_format=json', *options], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, text=True)
+    options = (
+        ['--benchmark_min_time=0.001']
+        if quick
+        else ['--benchmark_repetitions=5', '--benchmark_min_time=0.2', '--benchmark_enable_random_interleaving=true']
+    )
+    done = subprocess.run(
+        [program, '--benchmark_format=json', *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ['nothing said'])[-1]
         sys.exit(f'./faultline bench: {program} ended with {done.returncode}: {last}')
@@ -71,8 +75,10 @@ def core_table(found):
     print(f'{"":48s} {"time":>10s} {"x real time":>12s} {"allocations":>12s}   aim')
     for name, title, aim in ROWS:
         run = found[name]
-        print(f'{title:48s} {run["cpu_time"] / 1e3:7.3f} us {run_rate(run):12.0f} '
-              f'{round(run["allocations"], 2):12g}   {aim}')
+        print(
+            f'{title:48s} {run["cpu_time"] / 1e3:7.3f} us {run_rate(run):12.0f} '
+            f'{round(run["allocations"], 2):12g}   {aim}'
+        )
     ratio = found['filter_step_second_order']['cpu_time'] / found['peer_kalman_step']['cpu_time']
     print(f'{"filter step, second order, over its peer":48s} {ratio:10.2f}')
 
@@ -86,8 +92,10 @@ def numerics_table(found):
             run = found[name]
             who = ours if run is used else name.rsplit('/', 1)[1]
             error = f'{run["error"]:9.1e}' if 'error' in run else ''
-            print(f'{title if run is used else "":40s} {who:26s} {run["cpu_time"] / 1e3:7.3f} us '
-                  f'{run["cpu_time"] / used["cpu_time"]:7.2f} {error}'.rstrip())
+            print(
+                f'{title if run is used else "":40s} {who:26s} {run["cpu_time"] / 1e3:7.3f} us '
+                f'{run["cpu_time"] / used["cpu_time"]:7.2f} {error}'.rstrip()
+            )
     if not any('sundials' in name for name in found):
         print('without SUNDIALS: install libsundials-dev (6 or later) and build anew to have it compared')
 
@@ -99,18 +107,44 @@ def run_rate(run):
 def latency(root, programs, duration):
     with tempfile.TemporaryDirectory() as folder:
         samples = os.path.join(folder, 'samples.csv')
-        subprocess.run([os.path.join(programs, 'faultline'), 'simulate', 'servo_actuator', '--profile', 'random',
-                        '--duration', '10', '-o', samples], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.run(
+            [
+                os.path.join(programs, 'faultline'),
+                'simulate',
+                'servo_actuator',
+                '--profile',
+                'random',
+                '--duration',
+                '10',
+                '-o',
+                samples,
+            ],
+            check=True,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         print(f'\nover ROS at 1 kHz for {duration:g} s (aim: p99 <= 3 ms)', flush=True)
-        return subprocess.run([sys.executable, os.path.join(root, 'test/bench/latency.py'), '--programs', programs,
-                               '--csv', samples, '--sheet', os.path.join(root, 'config/servo_actuator'),
-                               '--duration', str(duration)]).returncode
+        return subprocess.run(
+            [
+                sys.executable,
+                os.path.join(root, 'test/bench/latency.py'),
+                '--programs',
+                programs,
+                '--csv',
+                samples,
+                '--sheet',
+                os.path.join(root, 'config/servo_actuator'),
+                '--duration',
+                str(duration),
+            ]
+        ).returncode
 
 
 def main():
     parser = argparse.ArgumentParser(prog='./faultline bench', description=__doc__)
-    parser.add_argument('--duration', type=float,
-                        help='s of the latency measure, 0: without it (default: 30; with --quick 0)')
+    parser.add_argument(
+        '--duration', type=float, help='s of the latency measure, 0: without it (default: 30; with --quick 0)'
+    )
     parser.add_argument('--quick', action='store_true', help='every benchmark once: shows that all run, not how fast')
     parser.add_argument('--programs', help='folder of the programs (default: the workspace of this repository)')
     arguments, rest = parser.parse_known_args()

@@ -7,8 +7,11 @@ import numpy as np
 import report_pictures as base
 from report_units import Scale, show, words
 
-LEVELS = {"nominal": ("#d1741b", "model as in the datasheet"), "refit": ("#1f5f99", "parameters refitted"),
-          "explained": ("#2f8f5b", "cause added")}
+LEVELS = {
+    "nominal": ("#d1741b", "model as in the datasheet"),
+    "refit": ("#1f5f99", "parameters refitted"),
+    "explained": ("#2f8f5b", "cause added"),
+}
 MEASURED = "#1c1c1c"
 ZOOM = 0.12  # of a run: the stretch that is shown close up
 
@@ -53,14 +56,20 @@ def comparison(answer, series, sheet, label="comparison"):
         entry = answer["gap"]["refit"]["channels"][name]
         scale, low = Scale(entry["unit"]), (total - top - (i + 1) * height - i * gap) / total
         left = figure.add_axes([base.LEFT / base.WIDTH, low, wide / base.WIDTH, height / total])
-        right = figure.add_axes([(base.WIDTH - base.RIGHT - close) / base.WIDTH, low, close / base.WIDTH, height / total])
+        right = figure.add_axes(
+            [(base.WIDTH - base.RIGHT - close) / base.WIDTH, low, close / base.WIDTH, height / total]
+        )
         time, measured = series.time, series.get("y:" + name)
         begin, end = worst_stretch(time, series.get("refit:" + name) - measured)
         noise = scale.span(entry["noise_floor"])
-        left.axhspan(-2 * noise, 2 * noise, color="#c9cfd6", alpha=0.6, linewidth=0, zorder=1, label="±2 σ of the noise")
+        left.axhspan(
+            -2 * noise, 2 * noise, color="#c9cfd6", alpha=0.6, linewidth=0, zorder=1, label="±2 σ of the noise"
+        )
         left.axvspan(begin, end, color="#6b4fa3", alpha=0.08, linewidth=0, zorder=0)
         inside = (time >= begin) & (time <= end)
-        right.plot(time[inside], scale.value(measured[inside]), color=MEASURED, linewidth=1.3, zorder=3, label="measured")
+        right.plot(
+            time[inside], scale.value(measured[inside]), color=MEASURED, linewidth=1.3, zorder=3, label="measured"
+        )
         parts = []
         for order, level in enumerate(levels):
             colour, text = LEVELS[level]
@@ -68,19 +77,36 @@ def comparison(answer, series, sheet, label="comparison"):
             difference = scale.span(1) * (measured - simulated)
             parts.append(difference)
             left.plot(time, difference, color=colour, linewidth=0.7, alpha=0.9, zorder=2 + 0.1 * order, label=text)
-            right.plot(time[inside], scale.value(simulated[inside]), color=colour, linewidth=1.1, zorder=4 + order,
-                       linestyle="-" if level == "explained" else (0, (4, 1.5)), label=text)
+            right.plot(
+                time[inside],
+                scale.value(simulated[inside]),
+                color=colour,
+                linewidth=1.1,
+                zorder=4 + order,
+                linestyle="-" if level == "explained" else (0, (4, 1.5)),
+                label=text,
+            )
         base._limits(left, parts + [np.array([-2 * noise, 2 * noise])])
         left.set_xlim(time[0], time[-1])
         right.set_xlim(begin, end)
         left.set_ylabel(scale.unit)
         left.set_title("{}: measured minus simulated".format(words(name).capitalize()), loc="left", pad=5)
-        right.set_title("Close up, {} to {} s".format(show(begin, decimals=1), show(end, decimals=1)), loc="left", pad=5)
+        right.set_title(
+            "Close up, {} to {} s".format(show(begin, decimals=1), show(end, decimals=1)), loc="left", pad=5
+        )
         if i == 0:
             handles, texts = left.get_legend_handles_labels()
             more, names_of_more = right.get_legend_handles_labels()
-            figure.legend(handles + more[:1], texts + names_of_more[:1], loc="upper left", ncol=5, handlelength=1.6,
-                          bbox_to_anchor=(base.LEFT / base.WIDTH - 0.01, 1.0), borderaxespad=0.1, columnspacing=1.6)
+            figure.legend(
+                handles + more[:1],
+                texts + names_of_more[:1],
+                loc="upper left",
+                ncol=5,
+                handlelength=1.6,
+                bbox_to_anchor=(base.LEFT / base.WIDTH - 0.01, 1.0),
+                borderaxespad=0.1,
+                columnspacing=1.6,
+            )
         if i == len(names) - 1:
             left.set_xlabel("time from the start of the run [s]")
             right.set_xlabel("time [s]")
@@ -102,13 +128,25 @@ def shrink(answer, label="shrink"):
             entry = answer["gap"][level]["channels"][name]
             values.append(max(entry["rms"]["segment"] / max(entry["noise_floor"], 1e-300), 0.1))
         largest = max([largest] + values)
-        axis.plot([min(values), max(values)], [row, row], color="#c9cfd6", linewidth=4, solid_capstyle="round", zorder=2)
+        axis.plot(
+            [min(values), max(values)], [row, row], color="#c9cfd6", linewidth=4, solid_capstyle="round", zorder=2
+        )
         for level, value in zip(levels, values):
-            axis.plot([value], [row], "o", color=LEVELS[level][0], markersize=7, zorder=3, label=LEVELS[level][1] if row == 0 else None)
+            axis.plot(
+                [value],
+                [row],
+                "o",
+                color=LEVELS[level][0],
+                markersize=7,
+                zorder=3,
+                label=LEVELS[level][1] if row == 0 else None,
+            )
     axis.axvline(1, color="#5a646e", linewidth=1.0, linestyle=(0, (3, 2)), zorder=1)
     axis.set_xscale("log")
     axis.set_xlim(0.75, 1.35 * max(largest, 4))
-    ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000) if tick < 1.35 * max(largest, 4)]
+    ticks = [
+        tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000) if tick < 1.35 * max(largest, 4)
+    ]
     axis.set_xticks(ticks)
     axis.set_xticklabels(["noise" if tick == 1 else "{} ×".format(tick) for tick in ticks])
     axis.minorticks_off()
@@ -116,7 +154,9 @@ def shrink(answer, label="shrink"):
     axis.set_yticklabels([words(name) for name in names])
     axis.set_ylim(len(names) - 0.5, -0.5)
     axis.set_xlabel("root mean square of measured minus simulated, in multiples of the noise")
-    figure.legend(loc="upper left", ncol=3, handlelength=1.0, bbox_to_anchor=(2.0 / base.WIDTH - 0.01, 1.0), borderaxespad=0.1)
+    figure.legend(
+        loc="upper left", ncol=3, handlelength=1.0, bbox_to_anchor=(2.0 / base.WIDTH - 0.01, 1.0), borderaxespad=0.1
+    )
     return base._svg(figure, label)
 
 

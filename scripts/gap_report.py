@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The HTML report of a gap: one file that needs nothing else. `faultline gap RUN... --report OUT.html` calls this with the answer and
-the series of the diagnosis; it can be called on files that were kept, too:
+"""The HTML report of a gap: one file that needs nothing else. `faultline gap RUN... --report OUT.html` calls this with
+the answer and the series of the diagnosis; it can be called on files that were kept, too:
 
   gap_report.py --json ANSWER --series SERIES [--datasheet FILE] -o OUT.html [RUN...]
 
@@ -36,7 +36,10 @@ try:
     from report_pictures import KIND_COLOURS
     from report_units import Scale, decimals_for, show, words
 except ImportError as missing:
-    print("{}: {}; install python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml".format(NAME, missing), file=sys.stderr)
+    print(
+        "{}: {}; install python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml".format(NAME, missing),
+        file=sys.stderr,
+    )
     sys.exit(2)
 
 # Of a verdict: word, and class of its colour.
@@ -55,6 +58,7 @@ def probability_text(p):
 
 # ---- Effects in words
 
+
 def size_of(effect):
     """[(name, value with unit, interval)] of an effect's parameters."""
     rows = []
@@ -62,7 +66,9 @@ def size_of(effect):
         if value is None:
             continue
         unit = effect.get("units", {}).get(name, "")
-        scale = Scale("" if unit.startswith("port") else unit)  # a port whose quantity has no unit that the program knows
+        scale = Scale(
+            "" if unit.startswith("port") else unit
+        )  # a port whose quantity has no unit that the program knows
         # An effect's size is a difference or a factor: no shift of zero.
         number = scale.factor * value
         decimals = decimals_for(number) if number and 1e-4 <= abs(number) < 1e6 else None
@@ -80,9 +86,16 @@ def size_text(effect):
 
 def effect_row(effect, sheet):
     p = effect.get("probability") or 0.0
-    return {"what": words(effect["effect"]), "port": effect["port"], "component": sheet.component(effect["port"]), "sizes": size_of(effect),
-            "sensor": effect["port"].startswith("sensor."), "share": 100 * min(max(p, 0.0), 1.0), "p": probability_text(p),
-            "gain": None if effect.get("gain") is None else show(round(effect["gain"]) + 0.0, decimals=0)}
+    return {
+        "what": words(effect["effect"]),
+        "port": effect["port"],
+        "component": sheet.component(effect["port"]),
+        "sizes": size_of(effect),
+        "sensor": effect["port"].startswith("sensor."),
+        "share": 100 * min(max(p, 0.0), 1.0),
+        "p": probability_text(p),
+        "gain": None if effect.get("gain") is None else show(round(effect["gain"]) + 0.0, decimals=0),
+    }
 
 
 def join(texts):
@@ -103,13 +116,26 @@ def moved_parameters(answer, sheet):
             continue
         nominal = entry.get("nominal")
         number = isinstance(nominal, (int, float))
-        rows.append({
-            "name": words(name), "size": size, "beyond": size > 2,
-            "nominal": " ".join(filter(None, [show(scale.factor * nominal), scale.unit])) if number else "–",
-            "tolerance": "±{}".format("{:.3g} %".format(100 * tolerance)) if tolerance else "–",
-            "changes": [("–", "") if change is None else ("{:+.1f} %".format(100 * change).replace("-", "−"),
-                                                          "" if s is None else "{:+.1f} tolerances".format(s).replace("-", "−"))
-                        for change, s in zip(after, shift)]})
+        rows.append(
+            {
+                "name": words(name),
+                "size": size,
+                "beyond": size > 2,
+                "nominal": " ".join(filter(None, [show(scale.factor * nominal), scale.unit])) if number else "–",
+                "tolerance": "±{}".format("{:.3g} %".format(100 * tolerance)) if tolerance else "–",
+                "changes": [
+                    (
+                        ("–", "")
+                        if change is None
+                        else (
+                            "{:+.1f} %".format(100 * change).replace("-", "−"),
+                            "" if s is None else "{:+.1f} tolerances".format(s).replace("-", "−"),
+                        )
+                    )
+                    for change, s in zip(after, shift)
+                ],
+            }
+        )
     return sorted(rows, key=lambda row: -row["size"])
 
 
@@ -121,29 +147,56 @@ def sentence_of(answer, sheet):
     if interval and None not in interval and interval[0] < interval[1]:
         after += "; 90 % interval {} to {}".format(percent(interval[0]), percent(interval[1]))
     if verdict == "none":
-        return "The model matches the rig: measured and simulated differ by no more than the noise and the datasheet's tolerances.", ""
+        return (
+            (
+                "The model matches the rig: measured and simulated differ by no more than the noise and the datasheet's"
+                " tolerances."
+            ),
+            "",
+        )
     if verdict == "miscalibrated":
         moved = [row["name"] for row in moved_parameters(answer, sheet)][:3]
-        return ("The model has the right structure but its parameters are off{}; refitting them within tolerance is enough.".format(
-            ": " + join(moved) if moved else ""), "")
+        return (
+            "The model has the right structure but its parameters are off{}; refitting them within tolerance is enough."
+            .format(": " + join(moved) if moved else ""),
+            "",
+        )
     if verdict == "named":
         parts = []
         for effect in cause["effects"]:
             size = size_text(effect)
-            parts.append("{} at the {}{}".format(words(effect["effect"]), sheet.component(effect["port"]), " ({})".format(size) if size else ""))
-        if all(effect["effect"] == "quantisation" for effect in cause["effects"]):  # it is in the noise: nothing to close
-            text = "{} {} in the recording but not in the datasheet. It is part of the noise, which no model closes; the rest fits.".format(
-                join(parts), "is" if len(parts) == 1 else "are")
+            parts.append(
+                "{} at the {}{}".format(
+                    words(effect["effect"]), sheet.component(effect["port"]), " ({})".format(size) if size else ""
+                )
+            )
+        if all(
+            effect["effect"] == "quantisation" for effect in cause["effects"]
+        ):  # it is in the noise: nothing to close
+            text = (
+                "{} {} in the recording but not in the datasheet. It is part of the noise, which no model closes; the"
+                " rest fits.".format(join(parts), "is" if len(parts) == 1 else "are")
+            )
             return text[:1].upper() + text[1:], ""
-        text = "{} {} in the rig but not in the model; adding {} closes {} of the gap that refitted parameters leave.".format(
-            join(parts), "is" if len(parts) == 1 else "are", "it" if len(parts) == 1 else "them", percent(heldout))
+        text = (
+            "{} {} in the rig but not in the model; adding {} closes {} of the gap that refitted parameters leave."
+            .format(
+                join(parts), "is" if len(parts) == 1 else "are", "it" if len(parts) == 1 else "them", percent(heldout)
+            )
+        )
         return text[:1].upper() + text[1:], after + "."
     place = answer["where"]["ranked"][0]["port"] if answer["where"]["ranked"] else ""
     part = " at or near the " + sheet.component(place) if place else ""
     if not cause["effects"]:
-        return "Rig and model differ{}, and no effect in the library explains it well enough to be named.".format(part), ""
-    return ("Rig and model differ{}, and the library has no effect that explains it: the nearest closes only {} of the gap.".format(
-        part, percent(max(0.0, heldout))), after + ".")
+        return (
+            "Rig and model differ{}, and no effect in the library explains it well enough to be named.".format(part),
+            "",
+        )
+    return (
+        "Rig and model differ{}, and the library has no effect that explains it: the nearest closes only {} of the gap."
+        .format(part, percent(max(0.0, heldout))),
+        after + ".",
+    )
 
 
 def state_of(answer):
@@ -156,6 +209,7 @@ def state_of(answer):
 
 # ---- Tables
 
+
 def channel_rows(answer):
     rows = []
     for name, first in answer["gap"]["nominal"]["channels"].items():
@@ -164,8 +218,15 @@ def channel_rows(answer):
         for level in gap_pictures.shown_levels(answer):
             entry = answer["gap"][level]["channels"][name]
             rms, fit = entry["rms"]["segment"], entry["fit"]["segment"]
-            levels.append((show(scale.span(rms)), "{} × noise, fit {}".format(
-                show(scale.span(rms) / max(noise, 1e-300), 2), "–" if fit is None else "{:.1f} %".format(max(fit, -999)).replace("-", "−"))))
+            levels.append(
+                (
+                    show(scale.span(rms)),
+                    "{} × noise, fit {}".format(
+                        show(scale.span(rms) / max(noise, 1e-300), 2),
+                        "–" if fit is None else "{:.1f} %".format(max(fit, -999)).replace("-", "−"),
+                    ),
+                )
+            )
         rows.append({"name": words(name), "unit": scale.unit, "noise": show(noise), "levels": levels})
     return rows
 
@@ -178,8 +239,15 @@ def region_rows(regions, has_effect, of_bands=False):
         noise = region["share"] / region["enrichment"] if of_bands and region["enrichment"] > 0 else 1.0
         if has_effect and before is not None and after is not None and before > 1.1 * noise:
             closed = percent(1 - max(0.0, after - noise) / (before - noise))
-        rows.append({"name": words(region["name"]), "times": show(region["enrichment"], 2), "share": percent(region["share"]),
-                     "bar": 100 * min(1.0, region["enrichment"] / max(1e-9, max(r["enrichment"] for r in regions))), "closed": closed})
+        rows.append(
+            {
+                "name": words(region["name"]),
+                "times": show(region["enrichment"], 2),
+                "share": percent(region["share"]),
+                "bar": 100 * min(1.0, region["enrichment"] / max(1e-9, max(r["enrichment"] for r in regions))),
+                "closed": closed,
+            }
+        )
     return rows
 
 
@@ -197,7 +265,10 @@ def marks_of(answer):
     found = [effect["port"] for effect in answer["cause"]["effects"]] or [place["port"] for place in ranked[:1]]
     for port in found:
         share = shares.get(port, 0.0)
-        marks[port] = ("found", percent(share) if share > 0.01 and port == (ranked[0]["port"] if ranked else "") else "here")
+        marks[port] = (
+            "found",
+            percent(share) if share > 0.01 and port == (ranked[0]["port"] if ranked else "") else "here",
+        )
     return marks
 
 
@@ -205,8 +276,15 @@ def next_rows(answer, sheet):
     rows = []
     for run in answer["next"]:
         profile = sheet.profiles.get(run["excitation"], {})
-        rows.append({"excitation": words(run["excitation"]), "meaning": profile.get("meaning", ""), "between": run["between"],
-                     "duration": report.duration_text(run["duration"]), "gain": show(run["gain"], decimals=0)})
+        rows.append(
+            {
+                "excitation": words(run["excitation"]),
+                "meaning": profile.get("meaning", ""),
+                "between": run["between"],
+                "duration": report.duration_text(run["duration"]),
+                "gain": show(run["gain"], decimals=0),
+            }
+        )
     return rows
 
 
@@ -215,25 +293,50 @@ def render(answer, series, sheet, facts):
     has_effect = bool(answer["cause"]["effects"])
     ports = dict(sheet.ports) or {place["port"]: place.get("component", "") for place in answer["where"]["ranked"]}
     drawing = rig_drawing.draw(ports, marks_of(answer))
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(os.path.join(HERE, "templates")), autoescape=True,
-                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(os.path.join(HERE, "templates")),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     shrink = answer["shrink"]
     return environment.get_template("gap_report.html").render(
-        state=state_of(answer), word=WORDS[answer["cause"]["verdict"]], verdict=answer["cause"]["verdict"],
-        sentence=report.keep_together(sentence), under=under, title=sheet.title, rig=answer["rig"],
-        runs=len(answer["runs"]), holdout=len(answer["holdout"]), deciding=os.path.basename(answer.get("deciding_run") or ""),
-        where_kind=answer["where"].get("kind"), has_effect=has_effect, level_names=[gap_pictures.LEVELS[name][1] for name in gap_pictures.shown_levels(answer)],
+        state=state_of(answer),
+        word=WORDS[answer["cause"]["verdict"]],
+        verdict=answer["cause"]["verdict"],
+        sentence=report.keep_together(sentence),
+        under=under,
+        title=sheet.title,
+        rig=answer["rig"],
+        runs=len(answer["runs"]),
+        holdout=len(answer["holdout"]),
+        deciding=os.path.basename(answer.get("deciding_run") or ""),
+        where_kind=answer["where"].get("kind"),
+        has_effect=has_effect,
+        level_names=[gap_pictures.LEVELS[name][1] for name in gap_pictures.shown_levels(answer)],
         causes=[effect_row(effect, sheet) for effect in answer["cause"]["ranked"][:RANKED]],
         left_out=max(0, len(answer["cause"]["ranked"]) - RANKED),
         effects=[effect_row(effect, sheet) for effect in answer["cause"]["effects"]],
-        equivalent=[effect_row(effect, sheet) for effect in answer["cause"]["equivalent"]], why=answer["cause"].get("why_equivalent") or "",
-        channels=channel_rows(answer), regions=region_rows(answer["where"]["regions"], has_effect),
-        bands=region_rows(answer["where"]["bands"], has_effect, True), moved=moved_parameters(answer, sheet),
-        heldout=percent(shrink["heldout"] or 0.0), against_nominal=percent(shrink["against_nominal"] or 0.0),
-        interval=[percent(end or 0.0) for end in shrink["interval"]], closable=percent(shrink["closable"] or 0.0),
-        next=next_rows(answer, sheet), drawing=markupsafe.Markup(drawing) if drawing else None,
-        pictures={name: markupsafe.Markup(svg) if svg else None for name, svg in gap_pictures.draw_all(answer, series, sheet).items()},
-        colours=KIND_COLOURS, facts=facts)
+        equivalent=[effect_row(effect, sheet) for effect in answer["cause"]["equivalent"]],
+        why=answer["cause"].get("why_equivalent") or "",
+        channels=channel_rows(answer),
+        regions=region_rows(answer["where"]["regions"], has_effect),
+        bands=region_rows(answer["where"]["bands"], has_effect, True),
+        moved=moved_parameters(answer, sheet),
+        heldout=percent(shrink["heldout"] or 0.0),
+        against_nominal=percent(shrink["against_nominal"] or 0.0),
+        interval=[percent(end or 0.0) for end in shrink["interval"]],
+        closable=percent(shrink["closable"] or 0.0),
+        next=next_rows(answer, sheet),
+        drawing=markupsafe.Markup(drawing) if drawing else None,
+        pictures={
+            name: markupsafe.Markup(svg) if svg else None
+            for name, svg in gap_pictures.draw_all(answer, series, sheet).items()
+        },
+        colours=KIND_COLOURS,
+        facts=facts,
+    )
 
 
 def parse(arguments):
@@ -243,7 +346,9 @@ def parse(arguments):
     parser.add_argument("--series", metavar="FILE", help="series of `faultline gap RUN... --series FILE`")
     parser.add_argument("--datasheet", metavar="FILE", help="datasheet to read instead of the rig's own")
     parser.add_argument("--command", default="", help="the command that made answer and series")
-    parser.add_argument("-o", "--output", metavar="OUT.html", default="gap_report.html", help="file to write (default: %(default)s)")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT.html", default="gap_report.html", help="file to write (default: %(default)s)"
+    )
     parser.add_argument("--check", action="store_true", help="only say whether a report can be made on this machine")
     chosen = parser.parse_args(arguments)
     if not chosen.check and not (chosen.json and chosen.series):
@@ -258,15 +363,28 @@ def main(arguments):
     try:
         report.check_output(chosen.output, [chosen.json, chosen.series, chosen.datasheet] + chosen.runs)
         answer, series = read_gap(chosen.json), read_series(chosen.series)
-        facts = [("Recording", "{} ({})".format(os.path.basename(run), report.file_facts(run))) for run in chosen.runs if os.path.isfile(run)]
+        facts = [
+            ("Recording", "{} ({})".format(os.path.basename(run), report.file_facts(run)))
+            for run in chosen.runs
+            if os.path.isfile(run)
+        ]
         if chosen.command:
             facts.append(("Diagnosis", chosen.command))
         if answer.get("seconds") is not None:
             facts.append(("It took", report.duration_text(answer["seconds"])))
         facts += [
-            ("Versions", "faultline {}, Python {}, matplotlib {}, jinja2 {}, numpy {}".format(
-                report.program_version(), sys.version.split()[0], matplotlib.__version__, jinja2.__version__, numpy.__version__)),
-            ("Written", datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"))]
+            (
+                "Versions",
+                "faultline {}, Python {}, matplotlib {}, jinja2 {}, numpy {}".format(
+                    report.program_version(),
+                    sys.version.split()[0],
+                    matplotlib.__version__,
+                    jinja2.__version__,
+                    numpy.__version__,
+                ),
+            ),
+            ("Written", datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")),
+        ]
         sheet = GapSheet(answer["rig"], chosen.datasheet or datasheet_path(answer["rig"], HERE))
         report.write_file(chosen.output, render(answer, series, sheet, facts))
         return 0

@@ -1,4 +1,5 @@
-"""What the report of a gap reads: the answer of `faultline gap --json` (docs/gap.schema.json) and what it needs of a datasheet."""
+"""What the report of a gap reads: the answer of `faultline gap --json` (docs/gap.schema.json) and what it needs of a
+datasheet."""
 import yaml
 
 from report_data import ReportError, read_json
@@ -16,12 +17,24 @@ def read_gap(path):
     """The JSON answer, with the keys that the report uses checked."""
     answer = read_json(path)
     _check(path, isinstance(answer, dict), "rig")
-    for key, kind in (("rig", str), ("runs", list), ("holdout", list), ("gap", dict), ("where", dict), ("cause", dict), ("shrink", dict),
-                      ("next", list)):
+    for key, kind in (
+        ("rig", str),
+        ("runs", list),
+        ("holdout", list),
+        ("gap", dict),
+        ("where", dict),
+        ("cause", dict),
+        ("shrink", dict),
+        ("next", list),
+    ):
         _check(path, isinstance(answer.get(key), kind), key)
     for level in ("nominal", "refit", "explained"):
         entry = answer["gap"].get(level)
-        _check(path, isinstance(entry, dict) and isinstance(entry.get("channels"), dict) and entry["channels"], "gap." + level)
+        _check(
+            path,
+            isinstance(entry, dict) and isinstance(entry.get("channels"), dict) and entry["channels"],
+            "gap." + level,
+        )
         for name, channel in entry["channels"].items():
             for key in ("unit", "noise_floor", "rms", "fit", "excess"):
                 _check(path, key in channel, "gap.{}.channels.{}.{}".format(level, name, key))
@@ -71,7 +84,9 @@ class GapSheet:
             self.parameters = {entry["name"]: entry for entry in expand(sheet.get("parameters", []), branches)}
             self.profiles = {entry["name"]: entry for entry in sheet.get("profiles", [])}
         except (OSError, UnicodeDecodeError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
-            raise ReportError("{}: is no datasheet: {}; see docs/datasheet.md".format(path, str(error).replace("\n", " ")))
+            raise ReportError(
+                "{}: is no datasheet: {}; see docs/datasheet.md".format(path, str(error).replace("\n", " "))
+            )
 
     def component(self, port):
         return self.ports.get(port) or port.partition(".")[2].replace("_", " ")

@@ -45,22 +45,43 @@ try:
     )
     from report_units import Scale, decimals_for, show, words
 except ImportError as missing:
-    print("faultline report: {}; install python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml".format(missing),
-          file=sys.stderr)
+    print(
+        "faultline report: {}; install python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml".format(
+            missing
+        ),
+        file=sys.stderr,
+    )
     sys.exit(2)
 
 # Of a whole run: word, and class of its colour. Worst first.
-VERDICTS = [("fault", "FAULT"), ("sensor", "SENSOR FAULT"), ("data", "BAD DATA"), ("model", "MODEL GAP"),
-            ("unknown", "UNKNOWN")]
+VERDICTS = [
+    ("fault", "FAULT"),
+    ("sensor", "SENSOR FAULT"),
+    ("data", "BAD DATA"),
+    ("model", "MODEL GAP"),
+    ("unknown", "UNKNOWN"),
+]
 # What an alarm is called that names no effect.
-KIND_NAMES = {"fault": "fault", "sensor": "sensor fault", "data": "bad data", "model": "model gap", "unknown": "unknown cause"}
+KIND_NAMES = {
+    "fault": "fault",
+    "sensor": "sensor fault",
+    "data": "bad data",
+    "model": "model gap",
+    "unknown": "unknown cause",
+}
 
 
 def find_program():
     """The faultline program: named by the environment, beside this script (installed), or in the build of this tree."""
     given = os.environ.get("FAULTLINE_PROGRAM")
-    candidates = [given] if given else [os.path.join(HERE, "faultline"),
-                                        os.path.join(HERE, "..", "catkin_ws", "devel", "lib", "faultline", "faultline")]
+    candidates = (
+        [given]
+        if given
+        else [
+            os.path.join(HERE, "faultline"),
+            os.path.join(HERE, "..", "catkin_ws", "devel", "lib", "faultline", "faultline"),
+        ]
+    )
     for path in candidates:
         if os.path.isfile(path) and os.access(path, os.X_OK):
             return os.path.realpath(path)
@@ -75,16 +96,26 @@ def diagnose(program, chosen, folder):
     bag = chosen.bag
     options = (["--rig", chosen.rig] if chosen.rig else []) + (["--config", chosen.config] if chosen.config else [])
     command = [program, "diagnose", bag] + options + ["--json", answer, "--series", series]
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-                          encoding="utf-8", errors="replace")
+    done = subprocess.run(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        errors="replace",
+    )
     if done.returncode != 0:
         said = [line for line in done.stderr.splitlines() if line.strip()]
-        raise ReportError(said[-1] if said else "{}: the diagnosis ended with code {} and said nothing".format(
-            bag, done.returncode))
+        raise ReportError(
+            said[-1] if said else "{}: the diagnosis ended with code {} and said nothing".format(bag, done.returncode)
+        )
     for path in (answer, series):
         if not os.path.isfile(path):
-            raise ReportError("{}: the diagnosis wrote no {}; is the program older than this script? run ./faultline build".format(
-                bag, os.path.basename(path)))
+            raise ReportError(
+                "{}: the diagnosis wrote no {}; is the program older than this script? run ./faultline build".format(
+                    bag, os.path.basename(path)
+                )
+            )
     shown = ["faultline", "diagnose", bag] + options + ["--json", "ANSWER", "--series", "SERIES"]
     return answer, series, " ".join(shown)
 
@@ -114,6 +145,7 @@ def file_facts(path):
 
 # ---- What the page shows, in words and short numbers
 
+
 def size_text(size):
     """`0.0318 l/s` and `0.0290 to 0.0346`; empty where an alarm has no size."""
     if not size or size.get("value") is None:
@@ -135,11 +167,17 @@ def alarm_row(alarm, number, sheet):
     if alarm["kind"] == "data" and not confidence:  # that a number is missing is not a matter of belief
         confidence = None
     return {
-        "number": number, "kind": alarm["kind"], "what": alarm["what"],
-        "port": alarm.get("port") or "", "component": sheet.component(alarm.get("port") or ""),
-        "since": "{:.2f} s".format(since), "until": "end of run" if alarm.get("active") else "{:.2f} s".format(until),
+        "number": number,
+        "kind": alarm["kind"],
+        "what": alarm["what"],
+        "port": alarm.get("port") or "",
+        "component": sheet.component(alarm.get("port") or ""),
+        "since": "{:.2f} s".format(since),
+        "until": "end of run" if alarm.get("active") else "{:.2f} s".format(until),
         "delay": "{:.2f} s".format(raised - since) if raised is not None else "–",
-        "size_name": words((alarm.get("size") or {}).get("name") or ""), "size": size, "bounds": bounds,
+        "size_name": words((alarm.get("size") or {}).get("name") or ""),
+        "size": size,
+        "bounds": bounds,
         "confidence": None if confidence is None else int(100 * min(max(confidence, 0.0), 1.0)),
         "sure": "–" if confidence is None else "> 99 %" if confidence > 0.99 else "{:.0f} %".format(100 * confidence),
         "text": alarm.get("text") or "",
@@ -180,20 +218,37 @@ def render(answer, series, sheet, facts):
             alarm["until"] = end
         alarm["what"] = words(alarm.get("effect") or "") or KIND_NAMES.get(alarm["kind"], words(alarm["kind"]))
     state, word, sentence = verdict_of(answer)
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(os.path.join(HERE, "templates")), autoescape=True,
-                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(os.path.join(HERE, "templates")),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     samples = (answer.get("counts") or {}).get("samples", series.rows)
     return environment.get_template("report.html").render(
-        state=state, word=word, sentence=keep_together(as_sentence(sentence)), title=sheet.title, rig=answer["rig"],
-        duration=duration_text(end), rate="{:.4g} Hz".format((samples - 1) / end),
+        state=state,
+        word=word,
+        sentence=keep_together(as_sentence(sentence)),
+        title=sheet.title,
+        rig=answer["rig"],
+        duration=duration_text(end),
+        rate="{:.4g} Hz".format((samples - 1) / end),
         samples="{:,}".format(samples).replace(",", " "),
         alarms=[alarm_row(alarm, i, sheet) for i, alarm in enumerate(answer["alarms"], start=1)],
-        counts=[(name, "{:,}".format(value).replace(",", " ") if isinstance(value, int) else value)
-                for name, value in flatten(answer.get("counts") or {})],
-        pictures={name: markupsafe.Markup(svg) if svg else None
-                  for name, svg in pictures.draw_all(answer, series, sheet, end).items()},
+        counts=[
+            (name, "{:,}".format(value).replace(",", " ") if isinstance(value, int) else value)
+            for name, value in flatten(answer.get("counts") or {})
+        ],
+        pictures={
+            name: markupsafe.Markup(svg) if svg else None
+            for name, svg in pictures.draw_all(answer, series, sheet, end).items()
+        },
         rankings=[(stage, markupsafe.Markup(svg)) for stage, svg in report_ranking.draw_all(answer, sheet, end)],
-        colours=pictures.KIND_COLOURS, has_truth=any(sheet.ground_truth(name) for name in series.channels()), facts=facts)
+        colours=pictures.KIND_COLOURS,
+        has_truth=any(sheet.ground_truth(name) for name in series.channels()),
+        facts=facts,
+    )
 
 
 def write_file(path, text):
@@ -221,11 +276,16 @@ def write_file(path, text):
 
 
 def check_output(path, inputs):
-    """That the report can be written, and takes the place of nothing that it is made from, nor of a datasheet of the program."""
+    """That the report can be written, and takes the place of nothing that it is made from, nor of a datasheet of the
+    program."""
     for file in filter(None, inputs):
-        if os.path.realpath(file) == os.path.realpath(path) or (os.path.isfile(path) and os.path.exists(file) and os.path.samefile(file, path)):
+        if os.path.realpath(file) == os.path.realpath(path) or (
+            os.path.isfile(path) and os.path.exists(file) and os.path.samefile(file, path)
+        ):
             raise ReportError("{}: this file is read, as {}; choose another name with -o".format(path, file))
-    if os.path.isfile(path) and any(os.path.realpath(path).startswith(os.path.realpath(own) + os.sep) for own in config_folders(HERE)):
+    if os.path.isfile(path) and any(
+        os.path.realpath(path).startswith(os.path.realpath(own) + os.sep) for own in config_folders(HERE)
+    ):
         raise ReportError("{}: this is one of the program's own datasheets; choose another name with -o".format(path))
     folder = os.path.dirname(os.path.realpath(path))
     if not os.path.isdir(folder):
@@ -254,7 +314,8 @@ def complain(name, error, status=2):
 
 
 def of_unforeseen_form(error, answer):
-    """Text and exit status where drawing failed: `answer` is the file that was given, None where the program made it."""
+    """Text and exit status where drawing failed: `answer` is the file that was given, None where the program made
+    it."""
     what = "{}: {}".format(type(error).__name__, error)
     if answer:
         return "{}: holds what cannot be drawn ({}); let the program write the file again".format(answer, what), 2
@@ -268,12 +329,19 @@ class Parser(argparse.ArgumentParser):
 
 def parse(arguments):
     parser = Parser(
-        prog="faultline report", formatter_class=argparse.RawDescriptionHelpFormatter,
+        prog="faultline report",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Diagnoses a recorded session and writes what was found as one HTML file.",
-        epilog="example: ./faultline report bags/servo_actuator_step_leak.bag -o step_leak.html")
+        epilog="example: ./faultline report bags/servo_actuator_step_leak.bag -o step_leak.html",
+    )
     parser.add_argument("bag", metavar="BAG", help="recorded session: a .bag, or a .csv with --rig")
-    parser.add_argument("-o", "--output", metavar="OUT.html", default="faultline_report.html",
-                        help="file to write (default: %(default)s in this folder)")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT.html",
+        default="faultline_report.html",
+        help="file to write (default: %(default)s in this folder)",
+    )
     parser.add_argument("--rig", help="rig, where the recording does not name it")
     parser.add_argument("--config", metavar="FILE", help="datasheet to read instead of the rig's own")
     parser.add_argument("--json", metavar="FILE", help="answer of an earlier `faultline diagnose BAG --json FILE`")
@@ -292,8 +360,11 @@ def main(arguments):
     try:
         check_output(chosen.output, [chosen.bag, chosen.config, chosen.json, chosen.series])
         if not os.path.isfile(chosen.bag):
-            raise ReportError("{}: no such file; give a recorded session, for example bags/servo_actuator_step_leak.bag".format(
-                chosen.bag))
+            raise ReportError(
+                "{}: no such file; give a recorded session, for example bags/servo_actuator_step_leak.bag".format(
+                    chosen.bag
+                )
+            )
         if chosen.json:
             answer_path, series_path = chosen.json, chosen.series
             command = "faultline diagnose {} --json {} --series {}".format(chosen.bag, chosen.json, chosen.series)
@@ -307,8 +378,16 @@ def main(arguments):
         facts += [
             ("Diagnosis", command),
             ("Report", "faultline report {}".format(chosen.bag)),
-            ("Versions", "faultline {}, Python {}, matplotlib {}, jinja2 {}, numpy {}".format(
-                program_version(), sys.version.split()[0], matplotlib.__version__, jinja2.__version__, numpy.__version__)),
+            (
+                "Versions",
+                "faultline {}, Python {}, matplotlib {}, jinja2 {}, numpy {}".format(
+                    program_version(),
+                    sys.version.split()[0],
+                    matplotlib.__version__,
+                    jinja2.__version__,
+                    numpy.__version__,
+                ),
+            ),
             ("Written", datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")),
         ]
         sheet = Datasheet(answer["rig"], chosen.config or datasheet_path(answer["rig"], HERE))

@@ -2,8 +2,8 @@
 
 The series: a column `t` [s from the start], every channel by its name, and what was estimated, as far as it is there:
   x.STATE  q.QUANTITY  i.CHANNEL (innovation), each with a column NAME.std beside it;  normalised_innovation
-A long run comes as pairs of rows that hold the smallest and the largest number of a stretch, column by column, in the order in
-which they came. A name may carry its unit, `q.leak_flow[m^3/s]`. Empty cells are missing numbers.
+A long run comes as pairs of rows that hold the smallest and the largest number of a stretch, column by column, in the
+order in which they came. A name may carry its unit, `q.leak_flow[m^3/s]`. Empty cells are missing numbers.
 """
 import json
 import os
@@ -45,7 +45,7 @@ class Series:
         return self.columns.get(name + ".std")
 
     def names(self, prefix):
-        return [name[len(prefix):] for name in self.columns if name.startswith(prefix) and not name.endswith(".std")]
+        return [name[len(prefix) :] for name in self.columns if name.startswith(prefix) and not name.endswith(".std")]
 
     def channels(self):
         return [name for name in self.columns if "." not in name and name != "normalised_innovation"]
@@ -60,15 +60,22 @@ def read_series(path):
         with open(path, encoding="utf-8") as file:
             names = [name.strip() for name in file.readline().split(",")]
             if "t" not in names:
-                raise ReportError("{}: no column t in its first line; it is not a series of `faultline diagnose --series`".format(path))
+                raise ReportError(
+                    "{}: no column t in its first line; it is not a series of `faultline diagnose --series`".format(
+                        path
+                    )
+                )
             rows = []
             for number, line in enumerate(file, start=2):
                 cells = line.rstrip("\r\n").split(",")
                 if cells == [""]:
                     continue
                 if len(cells) != len(names):
-                    raise ReportError("{}: line {} has {} cells, the header has {}; make the series again".format(
-                        path, number, len(cells), len(names)))
+                    raise ReportError(
+                        "{}: line {} has {} cells, the header has {}; make the series again".format(
+                            path, number, len(cells), len(names)
+                        )
+                    )
                 try:
                     rows.append(np.array(cells, dtype=float))
                 except ValueError:
@@ -94,13 +101,14 @@ def open_gaps(table, at, factor=20):
     jumps = np.flatnonzero(steps > factor * usual) if usual > 0 else []
     if len(jumps) == 0 or len(jumps) > 1000:
         return table
-    # Enough rows to fill a whole stretch of a picture, whatever rows it begins with; an even number, for pairs to stay pairs.
+    # Enough rows to fill a whole stretch of a picture, whatever rows it begins with; an even number, for pairs to stay
+    # pairs.
     count = 4 * max(2, -(-len(table) // 1000))
     parts, begin = [], 0
     for jump in jumps:
         empty = np.full((count, table.shape[1]), np.nan)
         empty[:, at] = np.linspace(time[jump], time[jump + 1], count + 2)[1:-1]
-        parts += [table[begin:jump + 1], empty]
+        parts += [table[begin : jump + 1], empty]
         begin = jump + 1
     return np.vstack(parts + [table[begin:]])
 
@@ -126,7 +134,9 @@ def read_answer(path):
         raise ReportError("{}: is not an answer of `faultline diagnose --json`: a JSON object is wanted".format(path))
     for key in ("rig", "duration", "verdict", "alarms"):
         if key not in answer:
-            raise ReportError("{}: key '{}' is missing; make the file with `faultline diagnose BAG --json FILE`".format(path, key))
+            raise ReportError(
+                "{}: key '{}' is missing; make the file with `faultline diagnose BAG --json FILE`".format(path, key)
+            )
     remedy = "make the file with `faultline diagnose BAG --json FILE`"
     if not isinstance(answer["rig"], str):
         raise ReportError("{}: key 'rig' is not a name; {}".format(path, remedy))
@@ -151,22 +161,36 @@ def read_answer(path):
 
 def config_folders(here):
     """config/ of the source tree, or of share/faultline in an install space."""
-    shares = (os.environ.get("FAULTLINE_SHARE", ""), os.path.dirname(here), os.path.join(here, "..", "..", "share", "faultline"))
+    shares = (
+        os.environ.get("FAULTLINE_SHARE", ""),
+        os.path.dirname(here),
+        os.path.join(here, "..", "..", "share", "faultline"),
+    )
     return [os.path.join(share, "config") for share in shares if share]
 
 
 def _check_judgement(judgement, where, remedy):
-    for key, kind in (("stage", str), ("time", (int, float)), ("threshold", (int, float)), ("first", list), ("second", list)):
+    for key, kind in (
+        ("stage", str),
+        ("time", (int, float)),
+        ("threshold", (int, float)),
+        ("first", list),
+        ("second", list),
+    ):
         if not isinstance(judgement, dict) or not isinstance(judgement.get(key), kind):
             raise ReportError("{}: key '{}' is missing or of the wrong kind; {}".format(where, key, remedy))
-    for value in [judgement.get("evidence")] + [h.get("evidence") if isinstance(h, dict) else "" for h in
-                                                judgement["first"] + judgement["second"]]:
+    for value in [judgement.get("evidence")] + [
+        h.get("evidence") if isinstance(h, dict) else "" for h in judgement["first"] + judgement["second"]
+    ]:
         if value is not None and not _is_number(value):
             raise ReportError("{}: key 'evidence' is not a number; {}".format(where, remedy))
     for hypothesis in judgement["first"] + judgement["second"]:
         size = hypothesis.get("size")
-        if not all(isinstance(hypothesis.get(key), str) for key in ("effect", "port", "kind")) or not isinstance(size, dict) \
-                or not {"name", "value", "unit", "low", "high"} <= set(size):
+        if (
+            not all(isinstance(hypothesis.get(key), str) for key in ("effect", "port", "kind"))
+            or not isinstance(size, dict)
+            or not {"name", "value", "unit", "low", "high"} <= set(size)
+        ):
             raise ReportError("{}: a hypothesis lacks effect, port, kind or size; {}".format(where, remedy))
 
 
@@ -195,7 +219,9 @@ class Datasheet:
             self.channels = {channel["name"]: channel for channel in sheet.get("channels", [])}
             self.ports = sheet.get("ports", {})
         except (OSError, UnicodeDecodeError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
-            raise ReportError("{}: is no datasheet: {}; see docs/datasheet.md".format(path, str(error).replace("\n", " ")))
+            raise ReportError(
+                "{}: is no datasheet: {}; see docs/datasheet.md".format(path, str(error).replace("\n", " "))
+            )
 
     def unit(self, channel):
         return self.channels.get(channel, {}).get("unit", "")
@@ -208,8 +234,19 @@ class Datasheet:
 
 
 # Where a series names no unit: a quantity known by its name, else what the last word of a quantity's name says.
-_UNIT_OF_LAST_WORD = {"flow": "m^3/s", "force": "N", "pressure": "Pa", "parity": "Pa", "sum": "Pa", "position": "m",
-                      "velocity": "m/s", "speed": "rad/s", "temperature": "K", "torque": "N m", "power": "W"}
+_UNIT_OF_LAST_WORD = {
+    "flow": "m^3/s",
+    "force": "N",
+    "pressure": "Pa",
+    "parity": "Pa",
+    "sum": "Pa",
+    "position": "m",
+    "velocity": "m/s",
+    "speed": "rad/s",
+    "temperature": "K",
+    "torque": "N m",
+    "power": "W",
+}
 
 
 _UNIT_OF_NAME = {"leak_coefficient": "m^3/(s sqrt(Pa))", "leak_drive": "sqrt(Pa)"}
@@ -224,9 +261,15 @@ def quantity_unit(name, series, sheet):
 
 
 COUNT_NAMES = {
-    "used": "samples used", "not_newer": "not newer than the last", "restarts": "starts of the filter",
-    "missing": "missing numbers", "out_of_range": "numbers out of range", "gaps": "gaps in time", "lost": "lost samples",
-    "duplicates": "duplicate samples", "backward": "jumps back in time",
+    "used": "samples used",
+    "not_newer": "not newer than the last",
+    "restarts": "starts of the filter",
+    "missing": "missing numbers",
+    "out_of_range": "numbers out of range",
+    "gaps": "gaps in time",
+    "lost": "lost samples",
+    "duplicates": "duplicate samples",
+    "backward": "jumps back in time",
 }
 
 

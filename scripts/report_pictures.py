@@ -24,19 +24,42 @@ STRETCHES = 1100
 WIDTH, LEFT, RIGHT = 10.6, 0.8, 0.1  # inches, of the picture and of its margins; the page scales it
 
 STYLE = {
-    "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "font.size": 9, "svg.fonttype": "none",
-    "axes.edgecolor": "#9aa3ad", "axes.linewidth": 0.7, "axes.labelcolor": "#3b444d", "axes.labelsize": 9,
-    "axes.titlesize": 9.5, "axes.titleweight": "bold", "axes.titlecolor": "#20272e", "axes.grid": True,
-    "axes.axisbelow": True, "grid.color": "#e6e9ed", "grid.linewidth": 0.7, "xtick.color": "#5a646e",
-    "ytick.color": "#5a646e", "xtick.labelsize": 8.5, "ytick.labelsize": 8.5, "xtick.major.size": 3,
-    "ytick.major.size": 3, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
-    "legend.fontsize": 8.5, "lines.linewidth": 0.9, "lines.solid_joinstyle": "round", "figure.facecolor": "none",
-    "axes.facecolor": "none", "savefig.facecolor": "none",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9,
+    "svg.fonttype": "none",
+    "axes.edgecolor": "#9aa3ad",
+    "axes.linewidth": 0.7,
+    "axes.labelcolor": "#3b444d",
+    "axes.labelsize": 9,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlecolor": "#20272e",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e6e9ed",
+    "grid.linewidth": 0.7,
+    "xtick.color": "#5a646e",
+    "ytick.color": "#5a646e",
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 0.9,
+    "lines.solid_joinstyle": "round",
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "savefig.facecolor": "none",
 }
 PAGE_FONTS = "system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue','Noto Sans','Liberation Sans',sans-serif"
 
 
 # ---- Fewer points
+
 
 def stretches(rows, wanted=STRETCHES):
     """First rows of about `wanted` stretches of equal length; of even length, since the series comes in pairs."""
@@ -63,12 +86,13 @@ def middle(time, values):
 
 # ---- Parts of a picture
 
+
 def _svg(figure, label):
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     plt.close(figure)
     text = buffer.getvalue()
-    text = text[text.index("<svg"):]
+    text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.S)
     # Names must differ between the pictures of one page.
@@ -77,8 +101,13 @@ def _svg(figure, label):
     text = re.sub(r'xlink:href="#([^"]+)"', r'xlink:href="#{}-\1"'.format(label), text)
     text = re.sub(r"(font(?:-family)?:[^;\"]*?)'DejaVu Sans'[^;\"]*", lambda m: m.group(1) + PAGE_FONTS, text)
     width, height = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', text).groups()
-    text = re.sub(r'<svg [^>]*>', '<svg viewBox="0 0 {} {}" role="img" xmlns="http://www.w3.org/2000/svg" '
-                  'xmlns:xlink="http://www.w3.org/1999/xlink">'.format(width, height), text, count=1)
+    text = re.sub(
+        r'<svg [^>]*>',
+        '<svg viewBox="0 0 {} {}" role="img" xmlns="http://www.w3.org/2000/svg" '
+        'xmlns:xlink="http://www.w3.org/1999/xlink">'.format(width, height),
+        text,
+        count=1,
+    )
     return text
 
 
@@ -108,7 +137,9 @@ def _trace(axis, time, values, colour, width=0.9, label=None, style="-", order=3
     """A signal: its extremes as a pale band, so that no spike is lost, and the middle between them as a line."""
     starts, low, high = envelope(values)
     axis.fill_between(time[starts], low, high, color=colour, alpha=0.3, linewidth=0, zorder=order - 0.5)
-    axis.plot(time[starts], 0.5 * (low + high), color=colour, linewidth=width, linestyle=style, zorder=order, label=label)
+    axis.plot(
+        time[starts], 0.5 * (low + high), color=colour, linewidth=width, linestyle=style, zorder=order, label=label
+    )
     return low, high
 
 
@@ -123,8 +154,17 @@ def _title(axis, text, entries=True):
     axis.set_title(text, loc="left", pad=6)
     handles, labels = axis.get_legend_handles_labels()
     if entries and handles:
-        axis.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 0.985), ncol=len(handles), borderaxespad=0,
-                    handlelength=1.6, columnspacing=1.4, handletextpad=0.5)
+        axis.legend(
+            handles,
+            labels,
+            loc="lower right",
+            bbox_to_anchor=(1.0, 0.985),
+            ncol=len(handles),
+            borderaxespad=0,
+            handlelength=1.6,
+            columnspacing=1.4,
+            handletextpad=0.5,
+        )
 
 
 def _remark(axis, text, colour="#5a646e"):
@@ -154,11 +194,14 @@ def _limits(axis, parts, spread=0.08):
 
 # ---- The pictures
 
+
 def alarm_line(alarms, end, label="alarms", most=24):
     shown = alarms[:most]
     height = 0.34 * len(shown) + 0.1
     figure = plt.figure(figsize=(WIDTH, height + 0.6))
-    axis = figure.add_axes([LEFT / WIDTH, 0.5 / (height + 0.6), (WIDTH - LEFT - RIGHT) / WIDTH, height / (height + 0.6)])
+    axis = figure.add_axes(
+        [LEFT / WIDTH, 0.5 / (height + 0.6), (WIDTH - LEFT - RIGHT) / WIDTH, height / (height + 0.6)]
+    )
     for row, alarm in enumerate(shown):
         colour = KIND_COLOURS.get(alarm["kind"], KIND_COLOURS["unknown"])
         since, until = alarm["since"], alarm["until"]
@@ -171,8 +214,15 @@ def alarm_line(alarms, end, label="alarms", most=24):
         before = since / end > 0.28
         after = not before and (end - until) / end > 0.28
         x = since - end * 0.008 if before else until + end * 0.008 if after else since + end * 0.012
-        axis.text(x, row, "{}  {}".format(alarm["number"], name), va="center", ha="right" if before else "left", fontsize=8.8,
-                  color="#20272e" if before or after else "white")
+        axis.text(
+            x,
+            row,
+            "{}  {}".format(alarm["number"], name),
+            va="center",
+            ha="right" if before else "left",
+            fontsize=8.8,
+            color="#20272e" if before or after else "white",
+        )
     axis.set_ylim(len(shown) - 0.4, -0.6)
     axis.set_xlim(0, end)
     axis.set_yticks([])
@@ -182,7 +232,8 @@ def alarm_line(alarms, end, label="alarms", most=24):
 
 
 def settled(end):
-    """s: before, a rig moves to where it works and an estimate knows little; such moments do not set a picture's scale."""
+    """s: before, a rig moves to where it works and an estimate knows little; such moments do not set a picture's
+    scale."""
     return min(3.0, 0.05 * end)
 
 
@@ -204,9 +255,15 @@ def signals(series, sheet, alarms, end, label="signals"):
         for i, name in enumerate(names):
             role = sheet.channels.get(name, {}).get("role")
             truth = sheet.ground_truth(name)
-            low, high = _trace(axis, series.time, scale.value(series.get(name)), TRUTH if truth else LINES[i % len(LINES)],
-                               label=words(name) + (" (ground truth)" if truth else ""), order=4 - 0.1 * i,
-                               style=(0, (4, 1.5)) if role == "setpoint" else "-")
+            low, high = _trace(
+                axis,
+                series.time,
+                scale.value(series.get(name)),
+                TRUTH if truth else LINES[i % len(LINES)],
+                label=words(name) + (" (ground truth)" if truth else ""),
+                order=4 - 0.1 * i,
+                style=(0, (4, 1.5)) if role == "setpoint" else "-",
+            )
             # A broken cable may send anything: what the transducer cannot show does not set the scale.
             floor, ceiling = sheet.channels.get(name, {}).get("range", (-np.inf, np.inf))
             shown = np.isfinite(low) & (series.time[stretches(series.rows)] >= settled(end))
@@ -218,9 +275,23 @@ def signals(series, sheet, alarms, end, label="signals"):
         room = 0.08 * (highest - lowest) if highest > lowest else max(0.1 * abs(highest), 1e-3)
         axis.set_ylim(lowest - room, highest + room)
         axis.set_ylabel(scale.unit)
-        _title(axis, {"m": "Position", "m/s": "Velocity", "Pa": "Pressure", "V": "Voltage", "m^3/s": "Flow", "N": "Force",
-                      "K": "Temperature", "rad/s": "Speed", "rad": "Angle", "N m": "Torque", "A": "Current",
-                      "kg/s": "Mass flow"}.get(unit, "Signals in " + scale.unit if scale.unit else "Signals"))
+        _title(
+            axis,
+            {
+                "m": "Position",
+                "m/s": "Velocity",
+                "Pa": "Pressure",
+                "V": "Voltage",
+                "m^3/s": "Flow",
+                "N": "Force",
+                "K": "Temperature",
+                "rad/s": "Speed",
+                "rad": "Angle",
+                "N m": "Torque",
+                "A": "Current",
+                "kg/s": "Mass flow",
+            }.get(unit, "Signals in " + scale.unit if scale.unit else "Signals"),
+        )
     return _svg(figure, label)
 
 
@@ -250,15 +321,24 @@ def estimates(series, sheet, alarms, end, label="estimates"):
         power = power if not -4 <= power < 5 else 0
         value, spread = value / 10.0**power, spread / 10.0**power
         _shade(axis, alarms)
-        axis.fill_between(time, value - spread, value + spread, color=LINES[0], alpha=0.2, linewidth=0, zorder=2,
-                          label="90 % bounds")
+        axis.fill_between(
+            time, value - spread, value + spread, color=LINES[0], alpha=0.2, linewidth=0, zorder=2, label="90 % bounds"
+        )
         axis.plot(time, value, color=LINES[0], linewidth=1.1, zorder=4, label="estimate")
         known = time >= settled(end)
         parts = [value[known], (value - spread)[known], (value + spread)[known]]
         truth = series.get(name)
         if truth is not None and np.isfinite(truth).any() and sheet.ground_truth(name):
             at, true = middle(series.time, scale.value(truth) / 10.0**power)
-            axis.plot(at, true, color=TRUTH, linewidth=0.8, zorder=3, alpha=0.85, label="flow meter" if unit == "m^3/s" else "measured")
+            axis.plot(
+                at,
+                true,
+                color=TRUTH,
+                linewidth=0.8,
+                zorder=3,
+                alpha=0.85,
+                label="flow meter" if unit == "m^3/s" else "measured",
+            )
             parts.append(true)
         _limits(axis, parts)
         axis.set_ylabel(raised(power) + scale.unit)
@@ -304,7 +384,11 @@ def residuals(series, alarms, end, label="residuals"):
 
 def balances(series, sheet, alarms, end, label="balances"):
     """Quantities that follow from measurements alone: what redundant transducers say about each other."""
-    names = [name for name in series.names("q.") if name not in estimated(series) and np.isfinite(series.get("q." + name)).any()]
+    names = [
+        name
+        for name in series.names("q.")
+        if name not in estimated(series) and np.isfinite(series.get("q." + name)).any()
+    ]
     if not names:
         return None
     figure, axes = _panels(len(names), 1.05, end, gap=0.42)

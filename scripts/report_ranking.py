@@ -19,7 +19,8 @@ MOST = 300  # judgements that are drawn
 
 
 def fewer(judgements, end, most=MOST):
-    """Of a long run, the judgement of most evidence in each of `most` equal stretches: a fault that was there for short is not lost."""
+    """Of a long run, the judgement of most evidence in each of `most` equal stretches: a fault that was there for short
+    is not lost."""
     if len(judgements) <= most:
         return judgements
     kept = {}
@@ -47,7 +48,8 @@ def share_of(hypothesis, ranked):
 
 
 def leading(judgements, which, first=(), most=ROWS):
-    """Causes by how much of the leader's evidence they have over the run, those of `first` before all; and how many more there are."""
+    """Causes by how much of the leader's evidence they have over the run, those of `first` before all; and how many
+    more there are."""
     weight = {}
     for judgement in judgements:
         for hypothesis in judgement[which]:
@@ -58,7 +60,8 @@ def leading(judgements, which, first=(), most=ROWS):
 
 
 def named(judgements, alarms, which):
-    """What the longest alarm of a cause of this ranking names, then what it says cannot be told from it; empty: no alarm names one."""
+    """What the longest alarm of a cause of this ranking names, then what it says cannot be told from it; empty: no
+    alarm names one."""
     ranked = {cause_name(h) for judgement in judgements for h in judgement[which]}
     naming = [alarm for alarm in alarms if "{}@{}".format(alarm.get("effect"), alarm.get("port")) in ranked]
     if not naming:
@@ -92,8 +95,15 @@ def _evidence(axis, judgements, end, threshold):
     axis.fill_between(time, low, values, where=values > 0, step="post", color=OTHER, alpha=0.13, linewidth=0, zorder=2)
     axis.step(time, values, where="post", color=OTHER, linewidth=1.3, zorder=3)
     axis.axhline(threshold, color=base.KIND_COLOURS["fault"], linewidth=1.0, zorder=4)
-    axis.text(0.004 * end, 1.15 * threshold, "threshold {}: from here on there is a fault".format(show(threshold, 2)),
-              color=base.KIND_COLOURS["fault"], fontsize=8.5, va="bottom", zorder=5)
+    axis.text(
+        0.004 * end,
+        1.15 * threshold,
+        "threshold {}: from here on there is a fault".format(show(threshold, 2)),
+        color=base.KIND_COLOURS["fault"],
+        fontsize=8.5,
+        va="bottom",
+        zorder=5,
+    )
     axis.yaxis.set_major_locator(LogLocator(numticks=8))
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "{:g}".format(value)))
     axis.minorticks_off()
@@ -108,11 +118,24 @@ def _strips(axis, judgements, which, causes, told, left_out, sheet, end, title):
         effect, port = cause.split("@", 1)
         component = sheet.component(port)
         remark = "named" if told[:1] == [cause] else "cannot be told from it" if cause in told else ""
-        axis.annotate(words(effect) + (", " + component if component else ""), (0, row - 0.31), fontsize=9, fontweight="bold",
-                      color="#20272e", va="center", annotation_clip=False)
+        axis.annotate(
+            words(effect) + (", " + component if component else ""),
+            (0, row - 0.31),
+            fontsize=9,
+            fontweight="bold",
+            color="#20272e",
+            va="center",
+            annotation_clip=False,
+        )
         if remark:
-            axis.text(0.5 * end, row - 0.31, remark, fontsize=8.5, va="center",
-                      color=colour_of(judgements, which, cause) if remark == "named" else OTHER)
+            axis.text(
+                0.5 * end,
+                row - 0.31,
+                remark,
+                fontsize=8.5,
+                va="center",
+                color=colour_of(judgements, which, cause) if remark == "named" else OTHER,
+            )
         axis.text(end, row - 0.31, cause, fontsize=8.2, color=SOFT, va="center", ha="right", family="monospace")
         axis.barh(row + 0.14, end, height=0.42, color=BEHIND, alpha=0.35, linewidth=0, zorder=1)
         for judgement, begin, until in spans(judgements, end):
@@ -122,17 +145,29 @@ def _strips(axis, judgements, which, causes, told, left_out, sheet, end, title):
                 continue
             colour = base.KIND_COLOURS.get(ranked[rank]["kind"], OTHER) if told[:1] == [cause] else OTHER
             alpha = 0.06 + (0.86 if told[:1] == [cause] else 0.62) * share_of(ranked[rank], ranked) ** 2
-            axis.barh(row + 0.14, until - begin, left=begin, height=0.42, color=colour, alpha=alpha, linewidth=0, zorder=2)
+            axis.barh(
+                row + 0.14, until - begin, left=begin, height=0.42, color=colour, alpha=alpha, linewidth=0, zorder=2
+            )
             if numbered and until - begin > 0.012 * end:
-                axis.text(0.5 * (begin + until), row + 0.15, str(rank + 1), fontsize=7.6, ha="center", va="center",
-                          color="white" if alpha > 0.45 else "#3b444d", zorder=3)
+                axis.text(
+                    0.5 * (begin + until),
+                    row + 0.15,
+                    str(rank + 1),
+                    fontsize=7.6,
+                    ha="center",
+                    va="center",
+                    color="white" if alpha > 0.45 else "#3b444d",
+                    zorder=3,
+                )
     axis.set_ylim(len(causes) - 0.55, -0.65)
     axis.set_yticks([])
     axis.spines["left"].set_visible(False)
     axis.grid(False)
     base._title(axis, title)
     if left_out:
-        axis.set_title("and {} more".format(left_out), loc="right", pad=6, fontsize=8.5, fontweight="normal", color=SOFT)
+        axis.set_title(
+            "and {} more".format(left_out), loc="right", pad=6, fontsize=8.5, fontweight="normal", color=SOFT
+        )
 
 
 def colour_of(judgements, which, cause):
@@ -158,9 +193,16 @@ def _size(axis, rows, name, unit, cause, colour):
     axis.set_ylim(least - (room if least < 0 else 0), most + room)
     axis.set_ylabel(base.raised(power) + scale.unit)
     effect = words(cause.partition("@")[0])
-    base._title(axis, "How much? {} of the {}, with its 90 % interval".format(words(name).capitalize(), effect), entries=False)
-    base._remark(axis, "last: {} ({} to {}) ".format(*(show(part[-1]) for part in (value, low, high)))
-                 + base.raised(power) + scale.unit, colour)
+    base._title(
+        axis, "How much? {} of the {}, with its 90 % interval".format(words(name).capitalize(), effect), entries=False
+    )
+    base._remark(
+        axis,
+        "last: {} ({} to {}) ".format(*(show(part[-1]) for part in (value, low, high)))
+        + base.raised(power)
+        + scale.unit,
+        colour,
+    )
 
 
 def picture(judgements, sheet, alarms, end, label):
@@ -172,17 +214,38 @@ def picture(judgements, sheet, alarms, end, label):
     cause = first[0] if first else None
     rows, name, unit = sizes_of(judgements, cause, end) if cause else (np.zeros((0, 5)), "", "")
     strip = 0.44
-    heights = [1.15] + [strip * len(causes) + 0.1 for causes in (first, second) if causes] + ([1.25] if len(rows) else [])
+    heights = (
+        [1.15] + [strip * len(causes) + 0.1 for causes in (first, second) if causes] + ([1.25] if len(rows) else [])
+    )
     figure, axes = base._panels_of(heights, end, gap=0.46)
     axes = list(axes)
     for axis in axes:
         base._shade(axis, [alarm for alarm in alarms if alarm["kind"] in ("fault", "sensor")])
     _evidence(axes.pop(0), judgements, end, judgements[-1]["threshold"])
     if first:
-        _strips(axes.pop(0), judgements, "first", first, told, first_out, sheet, end,
-                "What is it? Causes and their rank; the paler, the less of the leader's evidence")
+        _strips(
+            axes.pop(0),
+            judgements,
+            "first",
+            first,
+            told,
+            first_out,
+            sheet,
+            end,
+            "What is it? Causes and their rank; the paler, the less of the leader's evidence",
+        )
     if second:
-        _strips(axes.pop(0), judgements, "second", second, told_beside, second_out, sheet, end, "What else is wrong beside it?")
+        _strips(
+            axes.pop(0),
+            judgements,
+            "second",
+            second,
+            told_beside,
+            second_out,
+            sheet,
+            end,
+            "What else is wrong beside it?",
+        )
     if len(rows):
         _size(axes.pop(0), rows, name, unit, cause, colour_of(judgements, "first", cause))
     return base._svg(figure, label)
@@ -195,5 +258,7 @@ def draw_all(answer, sheet, end):
         stages.setdefault(judgement["stage"], []).append(judgement)
     with plt.rc_context(base.STYLE), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return [(stage, picture(judgements, sheet, answer["alarms"], end, "ranking-{}".format(number)))
-                for number, (stage, judgements) in enumerate(stages.items())]
+        return [
+            (stage, picture(judgements, sheet, answer["alarms"], end, "ranking-{}".format(number)))
+            for number, (stage, judgements) in enumerate(stages.items())
+        ]

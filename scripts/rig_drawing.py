@@ -1,4 +1,5 @@
-"""A drawing of any rig from the ports of its datasheet: what drives it on the left, mechanics on the right, sensors below.
+"""A drawing of any rig from the ports of its datasheet: what drives it on the left, mechanics on the right, sensors
+below.
 
 A box is a component; in it stand its ports. Knows kinds of ports, no rig.
 """
@@ -7,10 +8,24 @@ import html
 from report_units import words
 
 # Process columns from left to right: heading, kinds of ports in it.
-COLUMNS = [("Command and supply", ("command", "source")), ("Valves and lines", ("restriction", "line")),
-           ("Fluid and heat", ("flow", "compliance", "heat")), ("Mechanics", ("force", "transmission"))]
-KINDS = {"command": "command path", "source": "supply", "restriction": "restriction", "line": "line", "flow": "flow path",
-         "compliance": "volume", "heat": "heat path", "force": "force", "transmission": "transmission", "sensor": "sensor"}
+COLUMNS = [
+    ("Command and supply", ("command", "source")),
+    ("Valves and lines", ("restriction", "line")),
+    ("Fluid and heat", ("flow", "compliance", "heat")),
+    ("Mechanics", ("force", "transmission")),
+]
+KINDS = {
+    "command": "command path",
+    "source": "supply",
+    "restriction": "restriction",
+    "line": "line",
+    "flow": "flow path",
+    "compliance": "volume",
+    "heat": "heat path",
+    "force": "force",
+    "transmission": "transmission",
+    "sensor": "sensor",
+}
 WIDTH, MARGIN, BETWEEN, INSET, SPACE = 1020, 6, 34, 12, 10  # px
 HEADING, LINE, PAD = 26, 16, 9
 
@@ -47,20 +62,34 @@ class Box:
     def svg(self, x, y, mark):
         kind = self.names[0].partition(".")[0]
         mark = mark or ("plain", "")
-        parts = ['<g class="box {} {}"><rect x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{}" rx="{}"/>'.format(
-            "sensor" if kind == "sensor" else "process", mark[0], x, y, self.width, self.height, 16 if kind == "sensor" else 4)]
+        parts = [
+            '<g class="box {} {}"><rect x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{}" rx="{}"/>'.format(
+                "sensor" if kind == "sensor" else "process",
+                mark[0],
+                x,
+                y,
+                self.width,
+                self.height,
+                16 if kind == "sensor" else 4,
+            )
+        ]
         line = y + PAD + 11
         for text in self.title:
             parts.append('<text class="name" x="{:.1f}" y="{:.1f}">{}</text>'.format(x + PAD, line, html.escape(text)))
             line += LINE
         for text in self.under:
-            parts.append('<text class="port" x="{:.1f}" y="{:.1f}">{}</text>'.format(x + PAD, line - 1, html.escape(text)))
+            parts.append(
+                '<text class="port" x="{:.1f}" y="{:.1f}">{}</text>'.format(x + PAD, line - 1, html.escape(text))
+            )
             line += 14
         if mark[1]:
             wide = 7.0 * len(mark[1]) + 14
-            parts.append('<rect class="tag" x="{0:.1f}" y="{1:.1f}" width="{2:.1f}" height="18" rx="9"/><text class="tag" x="{3:.1f}" '
-                         'y="{4:.1f}" text-anchor="middle">{5}</text>'.format(x + self.width - wide + 6, y - 10, wide,
-                                                                              x + self.width - wide / 2 + 6, y + 3, html.escape(mark[1])))
+            parts.append(
+                '<rect class="tag" x="{0:.1f}" y="{1:.1f}" width="{2:.1f}" height="18" rx="9"/><text class="tag"'
+                ' x="{3:.1f}" y="{4:.1f}" text-anchor="middle">{5}</text>'.format(
+                    x + self.width - wide + 6, y - 10, wide, x + self.width - wide / 2 + 6, y + 3, html.escape(mark[1])
+                )
+            )
         parts.append("<title>{}: {}</title></g>".format(KINDS.get(kind, kind), html.escape(", ".join(self.names))))
         return "".join(parts)
 
@@ -81,13 +110,26 @@ STYLE = """<style>
 
 def arrow(x1, y1, x2, y2):
     dx, dy = (1, 0) if y1 == y2 else (0, 1)
-    return ('<path class="flow" d="M{:.1f} {:.1f}L{:.1f} {:.1f}"/><path class="head" d="M{:.1f} {:.1f}L{:.1f} {:.1f}L{:.1f} {:.1f}z"/>'
-            .format(x1, y1, x2 - 6 * dx, y2 - 6 * dy, x2, y2, x2 - 9 * dx - 5 * dy, y2 - 9 * dy - 5 * dx, x2 - 9 * dx + 5 * dy,
-                    y2 - 9 * dy + 5 * dx))
+    return (
+        '<path class="flow" d="M{:.1f} {:.1f}L{:.1f} {:.1f}"/><path class="head" d="M{:.1f} {:.1f}L{:.1f} {:.1f}L{:.1f}'
+        ' {:.1f}z"/>'.format(
+            x1,
+            y1,
+            x2 - 6 * dx,
+            y2 - 6 * dy,
+            x2,
+            y2,
+            x2 - 9 * dx - 5 * dy,
+            y2 - 9 * dy - 5 * dx,
+            x2 - 9 * dx + 5 * dy,
+            y2 - 9 * dy + 5 * dx,
+        )
+    )
 
 
 def draw(ports, marks):
-    """`ports`: {name: component}; `marks`: {port: ("found" | "rival", text)}. An SVG string; None where there is no port."""
+    """`ports`: {name: component}; `marks`: {port: ("found" | "rival", text)}. An SVG string; None where there is no
+    port."""
     columns = [(heading, components(ports, kinds)) for heading, kinds in COLUMNS]
     columns = [column for column in columns if column[1]]
     sensors = components(ports, ("sensor",))
@@ -106,7 +148,11 @@ def draw(ports, marks):
         tall = max(heights) + HEADING + 2 * INSET
         for i, ((heading, _), stack) in enumerate(zip(columns, stacks)):
             x = MARGIN + i * (wide + BETWEEN)
-            parts.append('<rect class="frame" x="{:.1f}" y="{}" width="{:.1f}" height="{:.1f}" rx="8"/>'.format(x, MARGIN, wide, tall))
+            parts.append(
+                '<rect class="frame" x="{:.1f}" y="{}" width="{:.1f}" height="{:.1f}" rx="8"/>'.format(
+                    x, MARGIN, wide, tall
+                )
+            )
             parts.append('<text class="heading" x="{:.1f}" y="{}">{}</text>'.format(x + INSET, MARGIN + 19, heading))
             y = MARGIN + HEADING + INSET + (max(heights) - heights[i]) / 2
             for box in stack:
@@ -123,14 +169,22 @@ def draw(ports, marks):
         wide = (WIDTH - 2 * MARGIN - 2 * INSET - SPACE * (per_row - 1)) / per_row
         y, inside = top + HEADING + INSET, []
         for first in range(0, len(sensors), per_row):
-            row = [Box(component, names, wide) for component, names in sensors[first:first + per_row]]
+            row = [Box(component, names, wide) for component, names in sensors[first : first + per_row]]
             for i, box in enumerate(row):
                 inside.append(box.svg(MARGIN + INSET + i * (wide + SPACE), y, mark_of(box)))
             y += max(box.height for box in row) + SPACE
         bottom = y - SPACE + INSET
-        parts.append('<rect class="frame" x="{}" y="{:.1f}" width="{}" height="{:.1f}" rx="8"/>'.format(
-            MARGIN, top, WIDTH - 2 * MARGIN, bottom - top))
-        parts.append('<text class="heading" x="{}" y="{:.1f}">Sensors: what the recording shows</text>'.format(MARGIN + INSET, top + 19))
+        parts.append(
+            '<rect class="frame" x="{}" y="{:.1f}" width="{}" height="{:.1f}" rx="8"/>'.format(
+                MARGIN, top, WIDTH - 2 * MARGIN, bottom - top
+            )
+        )
+        parts.append(
+            '<text class="heading" x="{}" y="{:.1f}">Sensors: what the recording shows</text>'.format(
+                MARGIN + INSET, top + 19
+            )
+        )
         parts += inside
     return '<svg class="rig" viewBox="0 0 {} {:.0f}" role="img" xmlns="http://www.w3.org/2000/svg">{}{}</svg>'.format(
-        WIDTH, bottom + MARGIN, STYLE, "".join(parts))
+        WIDTH, bottom + MARGIN, STYLE, "".join(parts)
+    )

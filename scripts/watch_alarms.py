@@ -4,9 +4,9 @@
   rosrun faultline watch_alarms.py [--rig RIG]          until Ctrl-C
   rosrun faultline watch_alarms.py --until-replay-ends  until whatever publishes /clock is gone
 
-Times count from the first sample of the bag that --bag names, else from the first message. It subscribes to the alarms alone:
-the player and the nodes wait for subscribers of samples and estimates, and a listener must not be taken for one of them.
-Exit: 0; 1 if no verdict came at all; 2 for bad usage or bad input.
+Times count from the first sample of the bag that --bag names, else from the first message. It subscribes to the alarms
+alone: the player and the nodes wait for subscribers of samples and estimates, and a listener must not be taken for one
+of them. Exit: 0; 1 if no verdict came at all; 2 for bad usage or bad input.
 """
 import argparse
 import os
@@ -32,12 +32,20 @@ def sentence(alarm, start):
     if alarm.has_size:
         unit = "" if alarm.size_unit == "1" else " " + alarm.size_unit
         decimals = decimals_for(alarm.size) if 1e-4 <= abs(alarm.size) < 1e6 else None
-        parts.append("{} {}{} (90 %: {} to {})".format(words(alarm.size_name), show(alarm.size, decimals=decimals), unit,
-                                                       show(alarm.size_low, decimals=decimals),
-                                                       show(alarm.size_high, decimals=decimals)).strip())
+        parts.append(
+            "{} {}{} (90 %: {} to {})".format(
+                words(alarm.size_name),
+                show(alarm.size, decimals=decimals),
+                unit,
+                show(alarm.size_low, decimals=decimals),
+                show(alarm.size_high, decimals=decimals),
+            ).strip()
+        )
     parts.append("since {:.2f} s".format(alarm.since.to_sec() - start))
     if alarm.kind in ("fault", "sensor"):
-        parts.append("confidence " + ("> 99 %" if alarm.confidence > 0.99 else "{:.0f} %".format(100 * alarm.confidence)))
+        parts.append(
+            "confidence " + ("> 99 %" if alarm.confidence > 0.99 else "{:.0f} %".format(100 * alarm.confidence))
+        )
     return ", ".join(parts)
 
 
@@ -45,10 +53,10 @@ class Watch:
     def __init__(self, tty, start):
         self.tty = tty
         self.lock = threading.Lock()
-        self.start = start    # s, of the samples' clock
-        self.last = None      # the newest AlarmArray
-        self.heard = 0.0      # when it came, monotonic
-        self.known = {}       # (kind, effect, port, raised) -> active
+        self.start = start  # s, of the samples' clock
+        self.last = None  # the newest AlarmArray
+        self.heard = 0.0  # when it came, monotonic
+        self.known = {}  # (kind, effect, port, raised) -> active
 
     def say(self, text):
         if self.tty:
@@ -68,13 +76,23 @@ class Watch:
                 key = (alarm.kind, alarm.effect, alarm.port, alarm.raised.to_sec())
                 before = self.known.get(key)
                 if before is None:
-                    self.say("{:8.2f} s  {:7}  {}".format(alarm.raised.to_sec() - start, alarm.kind.upper(), sentence(alarm, start)))
+                    self.say(
+                        "{:8.2f} s  {:7}  {}".format(
+                            alarm.raised.to_sec() - start, alarm.kind.upper(), sentence(alarm, start)
+                        )
+                    )
                 elif before and not alarm.active:
-                    self.say("{:8.2f} s  ended    {}".format(alarm.until.to_sec() - start, words(alarm.effect or alarm.kind)))
+                    self.say(
+                        "{:8.2f} s  ended    {}".format(alarm.until.to_sec() - start, words(alarm.effect or alarm.kind))
+                    )
                 self.known[key] = alarm.active
             if self.tty and now > 0:
                 active = sum(alarm.active for alarm in message.alarms)
-                sys.stdout.write("\r\033[K{:8.2f} s  {} active alarm{}".format(now - start, active or "no", "" if active == 1 else "s"))
+                sys.stdout.write(
+                    "\r\033[K{:8.2f} s  {} active alarm{}".format(
+                        now - start, active or "no", "" if active == 1 else "s"
+                    )
+                )
                 sys.stdout.flush()
 
     def verdict(self):
@@ -94,6 +112,7 @@ class Watch:
 def first_sample(path, rig):
     """s: stamp of the first sample in a bag; None where it has none."""
     import rosbag
+
     with rosbag.Bag(path) as bag:
         for _, message, _ in bag.read_messages(topics=["/{}/sample".format(rig)]):
             return message.header.stamp.to_sec()
@@ -105,7 +124,9 @@ def main():
     parser.add_argument("--rig", required=True, help="rig to watch; `faultline rigs` lists them")
     parser.add_argument("--bag", help="the session that is replayed: times count from its first sample")
     parser.add_argument("--until-replay-ends", action="store_true", help="stop when what publishes /clock is gone")
-    parser.add_argument("--timeout", type=float, default=0, metavar="S", help="give up after so many seconds without an alarm message")
+    parser.add_argument(
+        "--timeout", type=float, default=0, metavar="S", help="give up after so many seconds without an alarm message"
+    )
     parser.add_argument("--ready", metavar="FILE", help="create FILE once subscribed")
     chosen = parser.parse_args()
 
@@ -115,21 +136,30 @@ def main():
         import rospy
         from faultline.msg import AlarmArray
     except ImportError as missing:
-        print("watch_alarms: {}; build with ./faultline build, then use ./faultline shell".format(missing), file=sys.stderr)
+        print(
+            "watch_alarms: {}; build with ./faultline build, then use ./faultline shell".format(missing),
+            file=sys.stderr,
+        )
         return 2
     start = None
     if chosen.bag:
         try:
             start = first_sample(chosen.bag, chosen.rig)
         except (OSError, rosbag.ROSBagException) as error:
-            print("watch_alarms: {}: cannot be read as a bag: {}".format(chosen.bag, str(error).replace("\n", " ")), file=sys.stderr)
+            print(
+                "watch_alarms: {}: cannot be read as a bag: {}".format(chosen.bag, str(error).replace("\n", " ")),
+                file=sys.stderr,
+            )
             return 2
     master = rosgraph.Master("/watch_alarms")
     try:
         master.getPid()
     except (OSError, xmlrpc.client.Error, rosgraph.MasterException):
-        print("watch_alarms: no ROS master at {}; start the graph first: ./faultline shell roslaunch faultline ...".format(
-            os.environ.get("ROS_MASTER_URI", "ROS_MASTER_URI, which is not set")), file=sys.stderr)
+        print(
+            "watch_alarms: no ROS master at {}; start the graph first: ./faultline shell roslaunch faultline ..."
+            .format(os.environ.get("ROS_MASTER_URI", "ROS_MASTER_URI, which is not set")),
+            file=sys.stderr,
+        )
         return 2
 
     stop = threading.Event()
@@ -158,7 +188,10 @@ def main():
             break
     result = watch.verdict()
     if result:
-        print("watch_alarms: no alarm message came on /{}/alarms; is the graph running?".format(chosen.rig), file=sys.stderr)
+        print(
+            "watch_alarms: no alarm message came on /{}/alarms; is the graph running?".format(chosen.rig),
+            file=sys.stderr,
+        )
     rospy.signal_shutdown("done")
     return result
 

@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 """Runs every test suite and counts tests: `./faultline test` ends here.
 
-A suite is one gtest program, one fuzz corpus, one python file test/**/test_*.py or one rostest. The first three kinds run
-side by side, rostests one by one, each suite with a ROS master port, ROS_HOME and log folder of its own, on 127.0.0.1.
-The last line is "N passed, N failed"; the exit code is 1 if anything failed. A skipped test, an empty suite, a crash and a
-suite that runs too long each count as failed. What a suite says is in BUILD/suite_results/<suite>.log.
+A suite is one gtest program, one fuzz corpus, one python file test/**/test_*.py or one rostest. The first three kinds
+run side by side, rostests one by one, each suite with a ROS master port, ROS_HOME and log folder of its own, on
+127.0.0.1. The last line is "N passed, N failed"; the exit code is 1 if anything failed. A skipped test, an empty suite,
+a crash and a suite that runs too long each count as failed. What a suite says is in BUILD/suite_results/<suite>.log.
 """
 
 import argparse
@@ -43,7 +43,7 @@ def find_suites(build):
         suites.append(Suite(kind, name, paths[0], paths[1:]))
     for path in sorted((ROOT / "test").rglob("test_*.py")):
         folder = path.relative_to(ROOT / "test").parent
-        name = "_".join([*folder.parts, path.stem[len("test_"):]])
+        name = "_".join([*folder.parts, path.stem[len("test_") :]])
         suites.append(Suite("python", name, str(path)))
     return suites
 
@@ -56,21 +56,23 @@ def free_port():
 
 def environment(suite, scratch, build):
     chosen = dict(os.environ)
-    chosen.update({
-        "FAULTLINE_SUITE": f"{os.getpid()}:{suite.name}",  # also marks every process that the suite starts
-        "FAULTLINE_BUILD": str(build),
-        "LCM_DEFAULT_URL": "memq://",
-        "LC_ALL": "C.UTF-8",
-        "MPLBACKEND": "Agg",
-        "MPLCONFIGDIR": str(scratch),
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "ROS_HOME": str(scratch),
-        "ROS_LOG_DIR": str(scratch / "log"),
-        "ROS_TEST_RESULTS_DIR": str(scratch / "results"),
-        "ROS_IP": "127.0.0.1",
-        "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}",
-        "UBSAN_OPTIONS": "print_stacktrace=1",
-    })
+    chosen.update(
+        {
+            "FAULTLINE_SUITE": f"{os.getpid()}:{suite.name}",  # also marks every process that the suite starts
+            "FAULTLINE_BUILD": str(build),
+            "LCM_DEFAULT_URL": "memq://",
+            "LC_ALL": "C.UTF-8",
+            "MPLBACKEND": "Agg",
+            "MPLCONFIGDIR": str(scratch),
+            "PYTHONDONTWRITEBYTECODE": "1",
+            "ROS_HOME": str(scratch),
+            "ROS_LOG_DIR": str(scratch / "log"),
+            "ROS_TEST_RESULTS_DIR": str(scratch / "results"),
+            "ROS_IP": "127.0.0.1",
+            "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}",
+            "UBSAN_OPTIONS": "print_stacktrace=1",
+        }
+    )
     chosen.pop("ROS_HOSTNAME", None)
     return chosen
 
@@ -151,7 +153,8 @@ def count(suite, result, scratch, log, code):
         elif suite.kind == "gtest":
             read_junit(suite, ElementTree.parse(result))
         else:
-            # Each test node writes rosunit-*.xml, which counts; rostest-*.xml says in addition which nodes wrote nothing.
+            # Each test node writes rosunit-*.xml, which counts; rostest-*.xml says in addition which nodes wrote
+            # nothing.
             for file in (scratch / "results").rglob("rosunit-*.xml"):
                 read_junit(suite, ElementTree.parse(file))
             nodes = Suite("rostest", suite.name, suite.path)
@@ -195,8 +198,14 @@ class Runner:
         try:
             with open(log, "w") as output:
                 process = subprocess.Popen(
-                    command(suite, result), cwd=ROOT, env=environment(suite, scratch, self.build), stdin=subprocess.DEVNULL,
-                    stdout=output, stderr=subprocess.STDOUT, start_new_session=True)
+                    command(suite, result),
+                    cwd=ROOT,
+                    env=environment(suite, scratch, self.build),
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,
+                )
                 with self.lock:
                     self.running[suite.name] = suite
                 try:
@@ -274,7 +283,12 @@ def run_python(path, result):
     sys.path[0] = str(path.parent)
     found = unittest.TestLoader().discover(str(path.parent), pattern=path.name, top_level_dir=str(path.parent))
     outcome = unittest.TextTestRunner(stream=sys.stdout, verbosity=2, resultclass=Counter).run(found)
-    bad = outcome.failures + outcome.errors + outcome.skipped + [(test, "succeeded") for test in outcome.unexpectedSuccesses]
+    bad = (
+        outcome.failures
+        + outcome.errors
+        + outcome.skipped
+        + [(test, "succeeded") for test in outcome.unexpectedSuccesses]
+    )
     notes = [f"{test.id()}: {(text.strip().splitlines() or ['failed'])[-1]}" for test, text in bad]
     answer = {"passed": outcome.succeeded, "failed": len(bad), "notes": notes}
     pathlib.Path(result).write_text(json.dumps(answer))
@@ -306,8 +320,11 @@ def main():
                 print(f"{name}: no such suite; ./faultline test --list names them", file=sys.stderr)
                 return 2
         # An exact name means that suite alone; else every suite that starts so.
-        suites = [suite for suite in suites
-                  if any(suite.name == name or (name not in known and suite.name.startswith(name)) for name in options.names)]
+        suites = [
+            suite
+            for suite in suites
+            if any(suite.name == name or (name not in known and suite.name.startswith(name)) for name in options.names)
+        ]
     if options.list:
         for suite in suites:
             print(f"{suite.kind:8s} {suite.name}")
@@ -324,8 +341,10 @@ def main():
         broken_off = True
         print("stopped; nothing is left running", flush=True)
     failing = [suite.name for suite in suites if suite.failed]
-    print(f"{runner.done} of {len(suites)} suites in {time.monotonic() - start:.0f} s"
-          + (f"; failing: {' '.join(failing)}" if failing else ""))
+    print(
+        f"{runner.done} of {len(suites)} suites in {time.monotonic() - start:.0f} s"
+        + (f"; failing: {' '.join(failing)}" if failing else "")
+    )
     failed = sum(suite.failed for suite in suites)
     print(f"{sum(suite.passed for suite in suites)} passed, {failed} failed", flush=True)
     return 130 if broken_off else 1 if failed else 0

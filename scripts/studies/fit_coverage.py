@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 """How often do the 90 % intervals of `faultline fit` hold the truth?
 
-Every run is simulated on a datasheet of its own, whose parameters are drawn within the tolerances of the rig's, with the small
-effects that every recording carries; `faultline fit` knows the rig's datasheet only.
+Every run is simulated on a datasheet of its own, whose parameters are drawn within the tolerances of the rig's, with
+the small effects that every recording carries; `faultline fit` knows the rig's datasheet only.
 
     scripts/studies/fit_coverage.py servo_actuator --profile prbs --duration 20 --runs 30
 """
@@ -32,8 +32,23 @@ def main():
         for k in range(options.runs):
             truth = drawn(sheet, options.seed + k)
             config = write_datasheet(truth, folder / f"{options.rig}.yaml")
-            faultline("simulate", options.rig, "--config", config, *profile, "--duration", options.duration, "--seed",
-                      options.seed + k, "--nuisance", "--compression", "none", "--quiet", "-o", folder / "run.bag")
+            faultline(
+                "simulate",
+                options.rig,
+                "--config",
+                config,
+                *profile,
+                "--duration",
+                options.duration,
+                "--seed",
+                options.seed + k,
+                "--nuisance",
+                "--compression",
+                "none",
+                "--quiet",
+                "-o",
+                folder / "run.bag",
+            )
             faultline("fit", options.rig, folder / "run.bag", "--json", folder / "fit.json")
             fit = json.loads((folder / "fit.json").read_text())
             for p in fit["parameters"]:
@@ -50,8 +65,10 @@ def main():
             continue
         width = sum((f["high"] - f["low"]) / 2 / abs(f["estimate"]) for f in known) / len(known)
         error = (sum((f["estimate"] / f["truth"] - 1) ** 2 for f in known) / len(known)) ** 0.5
-        print(f"{name:<26} {len(known):>10} {inside / len(known):>8.0%} {width:>11.2%} {error:>10.2%} "
-              f"{fits[0]['tolerance']:>10.2%}")
+        print(
+            f"{name:<26} {len(known):>10} {inside / len(known):>8.0%} {width:>11.2%} {error:>10.2%} "
+            f"{fits[0]['tolerance']:>10.2%}"
+        )
     print(f"all: {inside_all} of {count_all} intervals hold the truth, {inside_all / max(1, count_all):.0%}")
     if options.json:
         pathlib.Path(options.json).write_text(json.dumps(rows, indent=1) + "\n")

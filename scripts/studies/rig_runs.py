@@ -1,4 +1,5 @@
-"""Runs of the program `faultline` for scripts that measure it: rigs off their datasheet, recordings as arrays, courses of a diagnosis."""
+"""Runs of the program `faultline` for scripts that measure it: rigs off their datasheet, recordings as arrays, courses
+of a diagnosis."""
 
 import json
 import pathlib

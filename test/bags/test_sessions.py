@@ -1,5 +1,5 @@
-"""Every shipped session, diagnosed offline: verdict, kind, place, delay, size and no false alarm, as bags/index.yaml promises; and
-each is the very file that its command makes."""
+"""Every shipped session, diagnosed offline: verdict, kind, place, delay, size and no false alarm, as bags/index.yaml
+promises; and each is the very file that its command makes."""
 
 import csv
 import io
@@ -17,7 +17,6 @@ sys.path.insert(0, str(ROOT / "test/cli"))
 import program  # noqa: E402
 
 SESSIONS = yaml.safe_load((ROOT / "bags/index.yaml").read_text())["bags"]
-
 
 
 def run(*arguments):
@@ -64,7 +63,9 @@ class Sessions(unittest.TestCase):
                     self.assertEqual(size["unit"], expected["size"]["unit"])
                     told = expected["size"]
                     truth = told["truth"] if "truth" in told else true_flow(bag, told["window"])
-                    self.assertLess(abs(size["value"] / truth - 1), expected["size"]["relative_error"], f"truth {truth}")
+                    self.assertLess(
+                        abs(size["value"] / truth - 1), expected["size"]["relative_error"], f"truth {truth}"
+                    )
                     self.assertTrue(size["low"] <= truth <= size["high"], f"{truth} outside the 90 % bounds {size}")
 
     def test_each_is_what_its_command_makes(self):

@@ -2,10 +2,10 @@
 """End-to-end latency over ROS at 1 kHz: sample published -> estimate received, and bad sample -> data alarm received.
 
 Starts a ROS master, kalman_node and alarm_node of its own on 127.0.0.1, publishes samples of the servo actuator that
-`faultline simulate` made (--csv), and takes wall times at the publisher and at the subscriber, in one process. Every 2.5 s,
-from 5 s on, the velocity of one sample is missing: the data alarm that follows is timed from that sample. Prints p50, p99 and maximum in ms. Estimates are read as bytes, so that what is timed is the graph
-and not Python's unpacking. Leaves nothing running.
-"""
+`faultline simulate` made (--csv), and takes wall times at the publisher and at the subscriber, in one process. Every
+2.5 s, from 5 s on, the velocity of one sample is missing: the data alarm that follows is timed from that sample. Prints
+p50, p99 and maximum in ms. Estimates are read as bytes, so that what is timed is the graph and not Python's unpacking.
+Leaves nothing running. """
 import argparse
 import csv
 import math
@@ -18,9 +18,9 @@ import sys
 import threading
 import time
 
-RATE = 1000         # samples per second
-ALARM_EVERY = 2.5   # s; a data alarm stays for one second after its last bad sample
-SETTLE = 3.0        # s at the start that do not count
+RATE = 1000  # samples per second
+ALARM_EVERY = 2.5  # s; a data alarm stays for one second after its last bad sample
+SETTLE = 3.0  # s at the start that do not count
 
 
 def free_port():
@@ -44,8 +44,10 @@ def line(name, times, expected):
     if not times:
         return f'{name:32s} nothing arrived'
     ordered = sorted(1e3 * t for t in times)
-    return (f'{name:32s} p50 {percentile(ordered, 0.5):7.3f} ms   p99 {percentile(ordered, 0.99):7.3f} ms   '
-            f'max {ordered[-1]:7.3f} ms   ({len(ordered)} of {expected})')
+    return (
+        f'{name:32s} p50 {percentile(ordered, 0.5):7.3f} ms   p99 {percentile(ordered, 0.99):7.3f} ms   '
+        f'max {ordered[-1]:7.3f} ms   ({len(ordered)} of {expected})'
+    )
 
 
 def measure(arguments):
@@ -58,7 +60,7 @@ def measure(arguments):
 
     def estimate(message):
         now = time.monotonic()
-        raw = message._buff   # header: seq, secs, nsecs, length of frame_id, frame_id; then the sample's sequence
+        raw = message._buff  # header: seq, secs, nsecs, length of frame_id, frame_id; then the sample's sequence
         length = struct.unpack_from('<I', raw, 12)[0]
         arrived[struct.unpack_from('<Q', raw, 16 + length)[0]] = now
 
@@ -81,8 +83,12 @@ def measure(arguments):
     rospy.Subscriber(f'/{rig}/estimate', rospy.AnyMsg, estimate, queue_size=1000, tcp_nodelay=True)
     rospy.Subscriber(f'/{rig}/alarms', AlarmArray, alarm, queue_size=100, tcp_nodelay=True)
     sheet = description_of(arguments, names)
-    description = RigDescription(rig=rig, sample_period=1 / RATE, made_by='latency.py',
-                                 channels=[ChannelDescription(name=n, unit=u, role=r) for n, u, r in sheet])
+    description = RigDescription(
+        rig=rig,
+        sample_period=1 / RATE,
+        made_by='latency.py',
+        channels=[ChannelDescription(name=n, unit=u, role=r) for n, u, r in sheet],
+    )
     described.publish(description)
     until = time.monotonic() + 20
     while samples.get_num_connections() < 1:
@@ -129,6 +135,7 @@ def measure(arguments):
 
 def description_of(arguments, names):
     import yaml
+
     with open(arguments.sheet) as file:
         channels = {c['name']: c for c in yaml.safe_load(file)['channels']}
     return [(n, str(channels[n]['unit']), channels[n]['role']) for n in names]
@@ -149,7 +156,9 @@ def main():
     started = []
 
     def begin(*command):
-        started.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True))
+        started.append(
+            subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
+        )
 
     try:
         begin('roscore', '-p', str(port))

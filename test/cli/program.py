@@ -1,4 +1,5 @@
-"""Runs the built program `faultline` for the tests in this folder. Found by FAULTLINE_PROGRAM, else in the build's devel space."""
+"""Runs the built program `faultline` for the tests in this folder. Found by FAULTLINE_PROGRAM, else in the build's
+devel space."""
 import os
 import pathlib
 import shutil
@@ -29,8 +30,15 @@ class ProgramTest(unittest.TestCase):
         self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
 
     def run_program(self, *arguments, check=0, **options):
-        done = subprocess.run([program(), *map(str, arguments)], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                              text=True, timeout=120, **options)
+        done = subprocess.run(
+            [program(), *map(str, arguments)],
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=120,
+            **options,
+        )
         if check is not None:
             self.assertEqual(done.returncode, check, f"{arguments}: {done.stdout[-500:]}{done.stderr[-500:]}")
         return done
@@ -57,8 +65,20 @@ class ProgramTest(unittest.TestCase):
 def check_schema(value, schema, place="$"):
     """The part of JSON Schema that docs/*.schema.json use; returns what does not fit, one text each."""
     types = {"object": dict, "array": list, "string": str, "boolean": bool, "null": type(None)}
-    known = {"$schema", "title", "description", "type", "properties", "required", "additionalProperties", "items", "enum", "minimum",
-             "maximum", "minLength"}
+    known = {
+        "$schema",
+        "title",
+        "description",
+        "type",
+        "properties",
+        "required",
+        "additionalProperties",
+        "items",
+        "enum",
+        "minimum",
+        "maximum",
+        "minLength",
+    }
     wrong = [f"{place}: keyword {key} is not checked here" for key in schema if key not in known]
 
     def is_type(name):

@@ -111,7 +111,7 @@ class Csv(ProgramTest):
 
     def test_missing_channel(self):
         column = self.rows[0].index("load_pressure")
-        self.write([row[:column] + row[column + 1:] for row in self.rows])
+        self.write([row[:column] + row[column + 1 :] for row in self.rows])
         self.refused("load_pressure", "not here")
 
     def test_unknown_channel(self):
@@ -161,31 +161,35 @@ class Bag(ProgramTest):
             content = self.simulate(f"{kind}.bag", "--compression", kind, duration=20).read_bytes()
             for share in (0.002, 0.1, 0.5, 0.9, 0.999):
                 with self.subTest(kind=kind, share=share):
-                    self.refused(content[:int(len(content) * share)], "rosbag reindex bad.bag")
+                    self.refused(content[: int(len(content) * share)], "rosbag reindex bad.bag")
 
     def test_unfinished_recording_has_no_index(self):
         content = bytearray(self.good())
         at = content.index(b"index_pos=") + len(b"index_pos=")
-        content[at:at + 8] = struct.pack("<Q", 0)
+        content[at : at + 8] = struct.pack("<Q", 0)
         self.refused(bytes(content), "rosbag reindex bad.bag")
 
     def test_damaged_chunk(self):
         for kind in ("lz4", "bz2"):
             content = bytearray(self.simulate(f"{kind}.bag", "--compression", kind, duration=5).read_bytes())
             middle = len(content) // 2
-            content[middle:middle + 200] = bytes(200)
+            content[middle : middle + 200] = bytes(200)
             self.refused(bytes(content), "damaged")
 
     def test_bag_without_messages(self):
         content = self.good()
         start = len(b"#ROSBAG V2.0\n")
-        header = struct.unpack("<I", content[start:start + 4])[0]
-        padding = struct.unpack("<I", content[start + 4 + header:start + 8 + header])[0]
+        header = struct.unpack("<I", content[start : start + 4])[0]
+        padding = struct.unpack("<I", content[start + 4 + header : start + 8 + header])[0]
         end = start + 8 + header + padding
         empty = bytearray(content[:end])
-        for name, value in ((b"index_pos=", struct.pack("<Q", end)), (b"conn_count=", bytes(4)), (b"chunk_count=", bytes(4))):
+        for name, value in (
+            (b"index_pos=", struct.pack("<Q", end)),
+            (b"conn_count=", bytes(4)),
+            (b"chunk_count=", bytes(4)),
+        ):
             at = empty.index(name) + len(name)
-            empty[at:at + len(value)] = value
+            empty[at : at + len(value)] = value
         self.refused(bytes(empty), "no messages")
 
     def test_no_bag_at_all(self):
@@ -202,13 +206,16 @@ class Bag(ProgramTest):
         self.complains(["diagnose", "good.bag", "--rig", "hydraulic_drive"], "good.bag", "servo_actuator")
 
     def test_wrong_topic_type(self):
-        self.refused(self.good().replace(b"faultline/Sample", b"faultline/Simple"), "no topic of type faultline/Sample",
-                     "/servo_actuator/sample (faultline/Simple)")
+        self.refused(
+            self.good().replace(b"faultline/Sample", b"faultline/Simple"),
+            "no topic of type faultline/Sample",
+            "/servo_actuator/sample (faultline/Simple)",
+        )
 
     def test_another_version_of_the_message(self):
         content = self.good()
         at = content.index(b"md5sum=") + len(b"md5sum=")
-        content = content.replace(content[at:at + 32], b"0" * 32)
+        content = content.replace(content[at : at + 32], b"0" * 32)
         self.refused(content, "another version of faultline/")
 
     def test_unit_that_differs(self):
@@ -224,7 +231,9 @@ class BagLengths(ProgramTest):
     def refused(self, content, *says):
         (self.folder / "bad.bag").write_bytes(content)
         with open(self.folder / "said", "w") as said:
-            process = subprocess.Popen([program(), "diagnose", "bad.bag"], cwd=self.folder, stdout=subprocess.DEVNULL, stderr=said)
+            process = subprocess.Popen(
+                [program(), "diagnose", "bad.bag"], cwd=self.folder, stdout=subprocess.DEVNULL, stderr=said
+            )
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.WEXITSTATUS(status)
         self.assertEqual((os.WIFEXITED(status), process.returncode), (True, 2))
@@ -236,25 +245,32 @@ class BagLengths(ProgramTest):
 
     def test_arrays_and_strings(self):
         content = self.simulate("good.bag", "--compression", "none", duration=0.05).read_bytes()
-        values = struct.pack("<I", len(RIG)) + RIG.encode() + struct.pack("<QI", 0, 12)  # frame_id, sequence, length of the values
+        values = (
+            struct.pack("<I", len(RIG)) + RIG.encode() + struct.pack("<QI", 0, 12)
+        )  # frame_id, sequence, length of the values
         self.assertIn(values, content)
-        for length in (13, 1 << 28, (1 << 29) + 12, 0xffffffff):  # the third is 12 values if counted in 32 bits of bytes
+        for length in (
+            13,
+            1 << 28,
+            (1 << 29) + 12,
+            0xFFFFFFFF,
+        ):  # the third is 12 values if counted in 32 bits of bytes
             self.refused(content.replace(values, values[:-4] + struct.pack("<I", length)), "longer than its", "damaged")
         channels = content.index(struct.pack("<d", 0.001) + struct.pack("<I", 12)) + 8
-        for length in (1 << 24, 0xffffffff):
-            self.refused(content[:channels] + struct.pack("<I", length) + content[channels + 4:], "longer than its")
+        for length in (1 << 24, 0xFFFFFFFF):
+            self.refused(content[:channels] + struct.pack("<I", length) + content[channels + 4 :], "longer than its")
 
     def test_chunks(self):
         for kind in ("lz4", "bz2"):
             content = self.simulate(f"{kind}.bag", "--compression", kind, duration=0.05).read_bytes()
             at = content.index(b"size=") + 5
-            for size in (0, 1 << 27, (1 << 28) + 1, 0xffffffff):
-                self.refused(content[:at] + struct.pack("<I", size) + content[at + 4:], "damaged")
+            for size in (0, 1 << 27, (1 << 28) + 1, 0xFFFFFFFF):
+                self.refused(content[:at] + struct.pack("<I", size) + content[at + 4 :], "damaged")
 
     def test_receive_time(self):
         content = self.simulate("good.bag", "--compression", "none", duration=0.05).read_bytes()
         at = content.rindex(b"time=", 0, content.rindex(RIG.encode() + struct.pack("<Q", 50))) + 5
-        self.refused(content[:at] + b"\xff" * 8 + content[at + 8:], "damaged")
+        self.refused(content[:at] + b"\xff" * 8 + content[at + 8 :], "damaged")
 
 
 class Bytes(ProgramTest):
@@ -311,7 +327,9 @@ class Yaml(ProgramTest):
         self.assertIn("\nsample_period: 0.001", text)
         for period in ("1e-300", "0", "-1", "101", "1e300"):
             (self.folder / "x.yaml").write_text(text.replace("\nsample_period: 0.001", f"\nsample_period: {period}"))
-            self.complains(["simulate", RIG, "--config", "x.yaml", "-o", "a.csv"], "x.yaml:", "sample_period", "0.0001 to 100")
+            self.complains(
+                ["simulate", RIG, "--config", "x.yaml", "-o", "a.csv"], "x.yaml:", "sample_period", "0.0001 to 100"
+            )
 
     def test_types_of_stages(self):
         """Whatever names a stage's kind: file and line of the stage."""
@@ -321,7 +339,7 @@ class Yaml(ProgramTest):
         self.assertGreater(len(places), 3)
         for i in places:
             changed = re.sub(r"type: \w+", "type: nonsense", lines[i])
-            (self.folder / "x.yaml").write_text("".join(lines[:i] + [changed] + lines[i + 1:]))
+            (self.folder / "x.yaml").write_text("".join(lines[:i] + [changed] + lines[i + 1 :]))
             said = self.complains(["diagnose", recording, "--config", "x.yaml"], "x.yaml:", "'nonsense'")
             self.assertLessEqual(abs(int(re.search(r"x\.yaml:(\d+):", said).group(1)) - i - 1), 1, said)
 

@@ -1,4 +1,5 @@
-"""diagnose: the JSON form keeps its contract, finds the leak it is shown, and says the same of a bag and of its CSV file."""
+"""diagnose: the JSON form keeps its contract, finds the leak it is shown, and says the same of a bag and of its CSV
+file."""
 import json
 import pathlib
 import shutil
@@ -58,7 +59,9 @@ class Diagnose(ProgramTest):
                 self.assertLess(judgement["evidence"], 15)
                 continue
             best = judgement["first"][0]
-            self.assertEqual((best["effect"], best["port"], best["kind"]), ("orifice_leakage", "flow.chamber_a_chamber_b", "fault"))
+            self.assertEqual(
+                (best["effect"], best["port"], best["kind"]), ("orifice_leakage", "flow.chamber_a_chamber_b", "fault")
+            )
             self.assertEqual((best["size"]["name"], best["size"]["unit"]), ("coefficient", "m^3/(s sqrt(Pa))"))
             self.assertLess(best["size"]["low"], 1.5e-8)
             self.assertGreater(best["size"]["high"], 1.5e-8)
@@ -78,7 +81,9 @@ class Diagnose(ProgramTest):
             at = next(k for k, line in enumerate(lines) if line.strip() == "type: " + given)
             lines[at] = lines[at].replace(given, "wishful")
             stages.write_text("\n".join(lines) + "\n")
-            said = self.complains(("diagnose", bag, "--config", folder), "there is no " + kind + " type 'wishful'", given)
+            said = self.complains(
+                ("diagnose", bag, "--config", folder), "there is no " + kind + " type 'wishful'", given
+            )
             self.assertIn("stages.yaml:{}:".format(at), said)  # the stage's first line, which names it
 
     def test_bag_and_csv_say_the_same(self):
@@ -122,7 +127,15 @@ class Diagnose(ProgramTest):
         self.assertLessEqual(len(lines), 4001)
         self.assertGreater(len(lines), 3000)
         header = lines[0].split(",")
-        for name in ("t", "load_pressure", "x.position", "x.position.std", "i.velocity", "i.velocity.std", "normalised_innovation"):
+        for name in (
+            "t",
+            "load_pressure",
+            "x.position",
+            "x.position.std",
+            "i.velocity",
+            "i.velocity.std",
+            "normalised_innovation",
+        ):
             self.assertIn(name, header)
         rows = [[float(cell) for cell in line.split(",")] for line in lines[1:]]
         self.assertTrue(all(len(row) == len(header) for row in rows))
@@ -139,8 +152,19 @@ class Diagnose(ProgramTest):
         self.assertAlmostEqual(min(velocity), min(thinned), places=6)
 
     def cooling(self, name, *arguments):
-        self.run_program("simulate", "cooling_circuit", "--profile", "steady", "--duration", 6, "--nuisance", "--quiet", *arguments,
-                         "-o", name)
+        self.run_program(
+            "simulate",
+            "cooling_circuit",
+            "--profile",
+            "steady",
+            "--duration",
+            6,
+            "--nuisance",
+            "--quiet",
+            *arguments,
+            "-o",
+            name,
+        )
         return name
 
     def test_a_kept_reference_shows_a_leak_that_is_there_from_the_start(self):
@@ -150,20 +174,29 @@ class Diagnose(ProgramTest):
         self.assertEqual(self.report("leak.bag")["verdict"], "healthy")  # learnt as normal
         report = self.report("leak.bag", "--reference", "rig.reference")
         self.assertEqual(report["verdict"], "fault")
-        self.assertEqual((report["alarms"][0]["effect"], report["alarms"][0]["port"]), ("orifice_leakage", "flow.v2_outlet_ambient"))
+        self.assertEqual(
+            (report["alarms"][0]["effect"], report["alarms"][0]["port"]), ("orifice_leakage", "flow.v2_outlet_ambient")
+        )
         self.assertAlmostEqual(report["alarms"][0]["size"]["value"], 2e-8, delta=2e-9)
         self.assertEqual(self.report("healthy.bag", "--reference", "rig.reference")["verdict"], "healthy")
 
         kept = (self.folder / "rig.reference").read_text()
-        (self.folder / "cut.reference").write_text(kept[:len(kept) // 2])
-        self.complains(["diagnose", "leak.bag", "--reference", "cut.reference"], "cut.reference: ", "damaged or cut off")
+        (self.folder / "cut.reference").write_text(kept[: len(kept) // 2])
+        self.complains(
+            ["diagnose", "leak.bag", "--reference", "cut.reference"], "cut.reference: ", "damaged or cut off"
+        )
         self.complains(["diagnose", "leak.bag", "--keep-reference", "cut.reference"], "cut.reference: ", "it is kept")
-        self.assertEqual((self.folder / "cut.reference").read_text(), kept[:len(kept) // 2])
+        self.assertEqual((self.folder / "cut.reference").read_text(), kept[: len(kept) // 2])
         bag = (self.folder / "leak.bag").read_bytes()
         self.complains(["diagnose", "leak.bag", "--keep-reference", "leak.bag"], "leak.bag: ", "no file of references")
         self.assertEqual((self.folder / "leak.bag").read_bytes(), bag)
         servo = self.simulate("servo.bag")
-        self.complains(["diagnose", servo, "--reference", "rig.reference"], "rig.reference:2: ", "cooling_circuit", "servo_actuator")
+        self.complains(
+            ["diagnose", servo, "--reference", "rig.reference"],
+            "rig.reference:2: ",
+            "cooling_circuit",
+            "servo_actuator",
+        )
         done = self.run_program("diagnose", servo, "--keep-reference", "servo.reference", check=2)
         self.assertIn("nothing was learnt", done.stderr)
         self.assertFalse((self.folder / "servo.reference").exists())
@@ -175,9 +208,12 @@ class Diagnose(ProgramTest):
         stages = self.folder / "own/stages.yaml"
         text = stages.read_text()
         stages.write_text(text.replace("kind: fault", "kind: falt", 1))
-        line = 1 + text[:text.index("- name: internal_leak")].count("\n")
-        self.complains(["diagnose", bag, "--config", "own"], f"own/stages.yaml:{line}: ", "there is no kind 'falt'; allowed are fault, "
-                       "sensor, model, unknown, data")
+        line = 1 + text[: text.index("- name: internal_leak")].count("\n")
+        self.complains(
+            ["diagnose", bag, "--config", "own"],
+            f"own/stages.yaml:{line}: ",
+            "there is no kind 'falt'; allowed are fault, " "sensor, model, unknown, data",
+        )
 
     def test_config_of_ones_own(self):
         bag = self.simulate("a.bag")

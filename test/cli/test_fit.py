@@ -41,20 +41,26 @@ class Fit(ProgramTest):
 class Tune(ProgramTest):
     def test_thresholds_and_patch(self):
         run = self.simulate("a.bag", "--nuisance", "--off-nominal", duration=90)
-        answer = json.loads(self.run_program("tune", "servo_actuator", run, "--keep-noise", "--rate", 0.1, "--json", "-",
-                                             "--patch", "tuned.yaml").stdout)
+        answer = json.loads(
+            self.run_program(
+                "tune", "servo_actuator", run, "--keep-noise", "--rate", 0.1, "--json", "-", "--patch", "tuned.yaml"
+            ).stdout
+        )
         thresholds = {t["detector"]: t for t in answer["thresholds"]}
         self.assertIn("internal_leak", thresholds)
         for t in answer["thresholds"]:
             self.assertGreaterEqual(t["upper"], t["chosen"])
             self.assertGreaterEqual(t["blocks"], 8)
-        self.assertIn(f"threshold: {thresholds['internal_leak']['chosen']:.4e}", (self.folder / "tuned.yaml").read_text())
+        self.assertIn(
+            f"threshold: {thresholds['internal_leak']['chosen']:.4e}", (self.folder / "tuned.yaml").read_text()
+        )
         self.run_program("diagnose", run, "--config", "tuned.yaml")
 
     def test_refusals(self):
         run = self.simulate("a.bag", duration=20)
         self.complains(["tune", "servo_actuator", run, "--keep-noise"], "blocks")
         self.complains(["tune", "servo_actuator", run, "--stage", "nobody"], "nobody", "leak_filter")
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -1,5 +1,5 @@
-"""gap: the JSON form keeps its contract, the effect that the runs carry is named first, what it writes can be used again, and bad
-input is told before the work begins. One diagnosis serves most tests: each takes many simulations."""
+"""gap: the JSON form keeps its contract, the effect that the runs carry is named first, what it writes can be used
+again, and bad input is told before the work begins. One diagnosis serves most tests: each takes many simulations."""
 import csv
 import json
 import os
@@ -22,8 +22,15 @@ DURATION = 5  # s
 
 
 def call(folder, *arguments, **options):
-    return subprocess.run([program(), *map(str, arguments)], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                          timeout=300, **options)
+    return subprocess.run(
+        [program(), *map(str, arguments)],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=300,
+        **options,
+    )
 
 
 class Diagnosed(unittest.TestCase):
@@ -34,11 +41,37 @@ class Diagnosed(unittest.TestCase):
         cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="faultline_gap_test_"))
         cls.addClassCleanup(shutil.rmtree, cls.folder, ignore_errors=True)
         for seed, profile in ((1, "multisine"), (2, "steps")):
-            done = call(cls.folder, "simulate", "servo_actuator", "--profile", profile, "--duration", DURATION, "--seed", seed, "--effect",
-                        f"{EFFECT}@{PORT}:coefficient={SIZE:g}", "--quiet", "-o", profile + ".bag")
+            done = call(
+                cls.folder,
+                "simulate",
+                "servo_actuator",
+                "--profile",
+                profile,
+                "--duration",
+                DURATION,
+                "--seed",
+                seed,
+                "--effect",
+                f"{EFFECT}@{PORT}:coefficient={SIZE:g}",
+                "--quiet",
+                "-o",
+                profile + ".bag",
+            )
             assert done.returncode == 0, done.stderr
-        cls.done = call(cls.folder, "gap", "multisine.bag", "steps.bag", "--json", "gap.json", "--series", "series.csv", "--report",
-                        "gap.html", "--adopt", "adopted.yaml")
+        cls.done = call(
+            cls.folder,
+            "gap",
+            "multisine.bag",
+            "steps.bag",
+            "--json",
+            "gap.json",
+            "--series",
+            "series.csv",
+            "--report",
+            "gap.html",
+            "--adopt",
+            "adopted.yaml",
+        )
         assert cls.done.returncode == 0, cls.done.stderr
         cls.answer = json.loads((cls.folder / "gap.json").read_text())
 
@@ -47,7 +80,14 @@ class Diagnosed(unittest.TestCase):
         self.assertEqual(self.answer["runs"], ["multisine.bag", "steps.bag"])
         self.assertEqual(self.answer["holdout"], [])
         self.assertIn(self.answer["deciding_run"], self.answer["runs"])
-        channels = ["position", "velocity", "load_pressure", "chamber_a_pressure", "chamber_b_pressure", "spool_position"]
+        channels = [
+            "position",
+            "velocity",
+            "load_pressure",
+            "chamber_a_pressure",
+            "chamber_b_pressure",
+            "spool_position",
+        ]
         for level in ("nominal", "refit", "explained"):
             self.assertEqual(sorted(self.answer["gap"][level]["channels"]), sorted(channels))
 
@@ -65,7 +105,8 @@ class Diagnosed(unittest.TestCase):
         self.assertEqual((cause["ranked"][0]["effect"], cause["ranked"][0]["port"]), (EFFECT, PORT))
         self.assertIn(EFFECT, cause["sentence"])
         first = cause["effects"][0]
-        # A damping is a parameter, too, known to 10 % of 900 N s/m: the size cannot be known better, and the interval says so.
+        # A damping is a parameter, too, known to 10 % of 900 N s/m: the size cannot be known better, and the interval
+        # says so.
         self.assertGreater(first["parameters"]["coefficient"], SIZE - 2 * 90)
         self.assertLess(first["parameters"]["coefficient"], SIZE + 2 * 90)
         self.assertEqual(first["units"], {"coefficient": "N s/m"})
@@ -100,13 +141,17 @@ class Diagnosed(unittest.TestCase):
         with open(self.folder / "series.csv", newline="") as file:
             rows = list(csv.DictReader(file))
         self.assertTrue(2000 < len(rows) <= 4000, len(rows))
-        self.assertEqual(list(rows[0])[:6], ["t", "run", "y:position", "nominal:position", "refit:position", "explained:position"])
+        self.assertEqual(
+            list(rows[0])[:6], ["t", "run", "y:position", "nominal:position", "refit:position", "explained:position"]
+        )
         self.assertEqual({row["run"] for row in rows}, {str(self.answer["runs"].index(self.answer["deciding_run"]))})
         times = [float(row["t"]) for row in rows]
         self.assertEqual(times[0], 0)
         self.assertAlmostEqual(times[-1], DURATION, delta=0.01)
-        off = {level: sum((float(row[level + ":velocity"]) - float(row["y:velocity"])) ** 2 for row in rows)
-               for level in ("nominal", "refit", "explained")}
+        off = {
+            level: sum((float(row[level + ":velocity"]) - float(row["y:velocity"])) ** 2 for row in rows)
+            for level in ("nominal", "refit", "explained")
+        }
         self.assertGreater(off["nominal"], off["refit"])
         self.assertGreater(off["refit"], off["explained"])
         noise = self.answer["gap"]["explained"]["channels"]["velocity"]["noise_floor"]
@@ -138,10 +183,26 @@ class Diagnosed(unittest.TestCase):
     def test_adopted_model_leaves_no_gap(self):
         """The loop closed: fresh recordings of the same rig, held against the datasheet that took the effect in."""
         for seed, profile in ((21, "prbs"), (22, "triangle")):
-            done = call(self.folder, "simulate", "servo_actuator", "--profile", profile, "--duration", DURATION, "--seed", seed, "--effect",
-                        f"{EFFECT}@{PORT}:coefficient={SIZE:g}", "--quiet", "-o", f"fresh_{profile}.bag")
+            done = call(
+                self.folder,
+                "simulate",
+                "servo_actuator",
+                "--profile",
+                profile,
+                "--duration",
+                DURATION,
+                "--seed",
+                seed,
+                "--effect",
+                f"{EFFECT}@{PORT}:coefficient={SIZE:g}",
+                "--quiet",
+                "-o",
+                f"fresh_{profile}.bag",
+            )
             self.assertEqual(done.returncode, 0, done.stderr)
-        done = call(self.folder, "gap", "fresh_prbs.bag", "fresh_triangle.bag", "--config", "adopted.yaml", "--json", "-")
+        done = call(
+            self.folder, "gap", "fresh_prbs.bag", "fresh_triangle.bag", "--config", "adopted.yaml", "--json", "-"
+        )
         self.assertEqual(done.returncode, 0, done.stderr)
         answer = json.loads(done.stdout)
         self.assertEqual(answer["cause"]["verdict"], "none", answer["cause"]["sentence"])
@@ -149,19 +210,37 @@ class Diagnosed(unittest.TestCase):
         self.assertLess(answer["gap"]["nominal"]["excess"], 0.1 * self.answer["gap"]["nominal"]["excess"])
 
     def test_the_same_again(self):
-        """On one thread and on two: the same to the last digit, but for the seconds. With few candidates, to be quick."""
+        """On one thread and on two: the same to the last digit, but for the seconds. With few candidates, to be
+        quick."""
         rig = json.loads(call(self.folder, "rigs", "servo_actuator", "--json", "-").stdout)["rigs"][0]
-        others = {effect["effect"] for port in rig["ports"] for effect in port["effects"]} - {EFFECT, "coulomb_friction", "hysteresis"}
+        others = {effect["effect"] for port in rig["ports"] for effect in port["effects"]} - {
+            EFFECT,
+            "coulomb_friction",
+            "hysteresis",
+        }
         answers = []
         for jobs in (1, 2):
-            done = call(self.folder, "gap", "multisine.bag", "steps.bag", "--json", "-", "--jobs", jobs, "--seed", 7,
-                        *(word for effect in sorted(others) for word in ("--without", effect)))
+            done = call(
+                self.folder,
+                "gap",
+                "multisine.bag",
+                "steps.bag",
+                "--json",
+                "-",
+                "--jobs",
+                jobs,
+                "--seed",
+                7,
+                *(word for effect in sorted(others) for word in ("--without", effect)),
+            )
             self.assertEqual(done.returncode, 0, done.stderr)
             answers.append(json.loads(done.stdout))
             answers[-1].pop("seconds")
         self.assertEqual(answers[0], answers[1])
         self.assertEqual(answers[0]["cause"]["ranked"][0]["effect"], EFFECT)
-        self.assertEqual({entry["effect"] for entry in answers[0]["cause"]["ranked"]}, {EFFECT, "coulomb_friction", "hysteresis"})
+        self.assertEqual(
+            {entry["effect"] for entry in answers[0]["cause"]["ranked"]}, {EFFECT, "coulomb_friction", "hysteresis"}
+        )
 
     def test_without(self):
         done = call(self.folder, "gap", "multisine.bag", "steps.bag", "--without", EFFECT, "--json", "-")
@@ -177,8 +256,13 @@ class Diagnosed(unittest.TestCase):
         for number, wait in ((signal.SIGINT, 1.5), (signal.SIGTERM, 0.5)):
             with self.subTest(signal=number):
                 before = sorted(os.listdir(self.folder))
-                running = subprocess.Popen([program(), "gap", "multisine.bag", "steps.bag", "--json", "late.json", "--adopt", "late.yaml"],
-                                           cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+                running = subprocess.Popen(
+                    [program(), "gap", "multisine.bag", "steps.bag", "--json", "late.json", "--adopt", "late.yaml"],
+                    cwd=self.folder,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    text=True,
+                )
                 time.sleep(wait)
                 running.send_signal(number)
                 _, said = running.communicate(timeout=60)
@@ -208,7 +292,11 @@ class BadInput(ProgramTest):
 
     def test_two_rigs(self):
         run = self.simulate("a.bag")
-        sheet = (ROOT / "config/servo_actuator/rig.yaml").read_text().replace("rig: servo_actuator", "rig: other_actuator", 1)
+        sheet = (
+            (ROOT / "config/servo_actuator/rig.yaml")
+            .read_text()
+            .replace("rig: servo_actuator", "rig: other_actuator", 1)
+        )
         (self.folder / "other_actuator.yaml").write_text(sheet)
         self.complains(["gap", run, "--config", "other_actuator.yaml"], "servo_actuator")
 
@@ -225,7 +313,9 @@ class BadInput(ProgramTest):
         """Told before the diagnosis begins."""
         run = self.simulate("a.bag")
         for python, says in (("/none/python3", "cannot be run"), (self.without_matplotlib(), "matplotlib")):
-            done = self.run_program("gap", run, run, "--report", "out.html", check=2, env=dict(os.environ, FAULTLINE_PYTHON=str(python)))
+            done = self.run_program(
+                "gap", run, run, "--report", "out.html", check=2, env=dict(os.environ, FAULTLINE_PYTHON=str(python))
+            )
             self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
             self.assertIn("--report", done.stderr)
             self.assertIn(says, done.stderr)

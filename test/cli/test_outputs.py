@@ -1,5 +1,5 @@
-"""What the program writes: never over what it reads, whole or not at all, also when it is interrupted, the disk is full or another run
-writes the same file."""
+"""What the program writes: never over what it reads, whole or not at all, also when it is interrupted, the disk is full
+or another run writes the same file."""
 import os
 import pathlib
 import shutil
@@ -14,10 +14,18 @@ from program import ROOT, ProgramTest, program  # noqa: E402
 
 RIG = "servo_actuator"
 SUBCOMMANDS = {  # as far as it must go to print something
-    "rigs": ["rigs"], "simulate": ["simulate", RIG, "--duration", "1", "-o", "o.csv"], "import": ["import", "a.csv", "--rig", RIG, "-o", "o.bag"],
-    "export": ["export", "a.bag", "-o", "o.csv"], "diagnose": ["diagnose", "a.bag"], "isolability": ["isolability", "a.bag"],
-    "trace": ["isolability", "a.bag", "--trace"], "help": ["diagnose", "--help"], "all help": ["--help"],
-    "json": ["rigs", "--json", "-"], "series": ["diagnose", "a.bag", "--series", "-"]}
+    "rigs": ["rigs"],
+    "simulate": ["simulate", RIG, "--duration", "1", "-o", "o.csv"],
+    "import": ["import", "a.csv", "--rig", RIG, "-o", "o.bag"],
+    "export": ["export", "a.bag", "-o", "o.csv"],
+    "diagnose": ["diagnose", "a.bag"],
+    "isolability": ["isolability", "a.bag"],
+    "trace": ["isolability", "a.bag", "--trace"],
+    "help": ["diagnose", "--help"],
+    "all help": ["--help"],
+    "json": ["rigs", "--json", "-"],
+    "series": ["diagnose", "a.bag", "--series", "-"],
+}
 
 
 class InputsAreKept(ProgramTest):
@@ -41,11 +49,18 @@ class InputsAreKept(ProgramTest):
 
     def test_an_output_that_is_an_input(self):
         for name in ("a.bag", "./a.bag", "link.bag", "hard.bag", "around/a.bag", self.folder / "a.bag"):
-            for command in (["diagnose", "a.bag", "--json", name], ["diagnose", "a.bag", "--series", name], ["gap", "a.bag", "--report", name],
-                            ["gap", "x.bag", "--holdout", "a.bag", "--json", name], ["gap", "a.bag", "--adopt", name],
-                            ["fit", RIG, "b.bag", "a.bag", "--json", name], ["fit", RIG, "a.bag", "--patch", name],
-                            ["tune", RIG, "a.bag", "--json", name], ["tune", RIG, "a.bag", "--patch", name],
-                            ["isolability", "a.bag", "--json", name]):
+            for command in (
+                ["diagnose", "a.bag", "--json", name],
+                ["diagnose", "a.bag", "--series", name],
+                ["gap", "a.bag", "--report", name],
+                ["gap", "x.bag", "--holdout", "a.bag", "--json", name],
+                ["gap", "a.bag", "--adopt", name],
+                ["fit", RIG, "b.bag", "a.bag", "--json", name],
+                ["fit", RIG, "a.bag", "--patch", name],
+                ["tune", RIG, "a.bag", "--json", name],
+                ["tune", RIG, "a.bag", "--patch", name],
+                ["isolability", "a.bag", "--json", name],
+            ):
                 self.kept(command, str(name), "this file is read")
         self.kept(["diagnose", "link.bag", "--json", "a.bag"], "a.bag", "this file is read, as RECORDING")
         os.link(self.folder / "a.bag", self.folder / "a.bag.csv")
@@ -54,8 +69,14 @@ class InputsAreKept(ProgramTest):
         self.kept(["import", "a.csv", "--rig", RIG, "-o", "a.csv.bag"], "a.csv.bag", "this file is read")
 
     def test_an_output_that_is_the_datasheet(self):
-        for command in (["rigs", "--json"], ["diagnose", "a.bag", "--json"], ["diagnose", "a.bag", "--series"], ["gap", "a.bag", "--adopt"],
-                        ["fit", RIG, "a.bag", "--patch"], ["tune", RIG, "a.bag", "--patch"]):
+        for command in (
+            ["rigs", "--json"],
+            ["diagnose", "a.bag", "--json"],
+            ["diagnose", "a.bag", "--series"],
+            ["gap", "a.bag", "--adopt"],
+            ["fit", RIG, "a.bag", "--patch"],
+            ["tune", RIG, "a.bag", "--patch"],
+        ):
             self.kept(command + ["own.yaml", "--config", "own.yaml"], "own.yaml", "this file is read, as --config")
         share = self.folder / "share"
         (share / "config").mkdir(parents=True)
@@ -66,15 +87,29 @@ class InputsAreKept(ProgramTest):
         self.assertEqual((share / "config" / f"{RIG}.yaml").read_bytes(), self.before["own.yaml"])
 
     def test_two_outputs_of_one_name(self):
-        self.kept(["diagnose", "a.bag", "--json", "b.txt", "--series", "./b.txt"], "b.txt", "--json is written to the same place")
-        self.kept(["diagnose", "a.bag", "--json", "-", "--series", "-"], "--json - and --series -: standard output takes one of them")
+        self.kept(
+            ["diagnose", "a.bag", "--json", "b.txt", "--series", "./b.txt"],
+            "b.txt",
+            "--json is written to the same place",
+        )
+        self.kept(
+            ["diagnose", "a.bag", "--json", "-", "--series", "-"],
+            "--json - and --series -: standard output takes one of them",
+        )
         (self.folder / "b.txt").symlink_to("c.txt")
         self.kept(["gap", "a.bag", "--json", "b.txt", "--adopt", "around/c.txt"], "same place")
         self.run_program("diagnose", "a.bag", "--json", "/dev/null", "--series", "/dev/null")
 
     def test_standard_output_that_is_an_input(self):
         with open(self.folder / "a.bag", "ab") as recording:
-            done = subprocess.run([program(), "diagnose", "a.bag"], cwd=self.folder, stdout=recording, stderr=subprocess.PIPE, text=True, timeout=60)
+            done = subprocess.run(
+                [program(), "diagnose", "a.bag"],
+                cwd=self.folder,
+                stdout=recording,
+                stderr=subprocess.PIPE,
+                text=True,
+                timeout=60,
+            )
         self.assertEqual(done.returncode, 2)
         self.assertIn("standard output goes into this file", done.stderr)
         self.assertEqual((self.folder / "a.bag").read_bytes(), self.before["a.bag"])
@@ -83,7 +118,11 @@ class InputsAreKept(ProgramTest):
         self.kept(["gap", "a.bag", "--holdout", "link.bag"], "given as RUN and as --holdout")
 
     def test_files_only(self):
-        for command in (["gap", "a.bag", "--report", "-"], ["gap", "a.bag", "--adopt", "-"], ["fit", RIG, "a.bag", "--patch", "-"]):
+        for command in (
+            ["gap", "a.bag", "--report", "-"],
+            ["gap", "a.bag", "--adopt", "-"],
+            ["fit", RIG, "a.bag", "--patch", "-"],
+        ):
             self.kept(command, "written to a file")
 
     def test_what_nobody_may_write_is_not_replaced(self):
@@ -106,8 +145,25 @@ class Output(ProgramTest):
         self.assertEqual(self.files(), ["a.bag", "full.bag", "full.csv", "full.json"])
 
     def test_file_that_may_not_grow(self):
-        done = subprocess.run(["bash", "-c", 'ulimit -f 100; exec "$@"', "bash", program(), "simulate", RIG, "--duration", "20", "-o", "a.csv"],
-                              cwd=self.folder, stderr=subprocess.PIPE, text=True, timeout=60)
+        done = subprocess.run(
+            [
+                "bash",
+                "-c",
+                'ulimit -f 100; exec "$@"',
+                "bash",
+                program(),
+                "simulate",
+                RIG,
+                "--duration",
+                "20",
+                "-o",
+                "a.csv",
+            ],
+            cwd=self.folder,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+        )
         self.assertEqual(done.returncode, 2, done.stderr)
         self.assertIn("a.csv: writing failed", done.stderr)
         self.assertEqual(self.files(), [])
@@ -118,7 +174,14 @@ class Output(ProgramTest):
         for name, arguments in SUBCOMMANDS.items():
             for target in ("/dev/full", None):
                 with self.subTest(name=name, target=target):
-                    shell = ["bash", "-c", '"$@" ' + (f"> {target}" if target else ">&-"), "bash", program(), *arguments]
+                    shell = [
+                        "bash",
+                        "-c",
+                        '"$@" ' + (f"> {target}" if target else ">&-"),
+                        "bash",
+                        program(),
+                        *arguments,
+                    ]
                     done = subprocess.run(shell, cwd=self.folder, stderr=subprocess.PIPE, text=True, timeout=60)
                     self.assertEqual(done.returncode, 2, done.stderr)
                     self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
@@ -128,14 +191,24 @@ class Output(ProgramTest):
 
     def test_standard_output_that_goes_away(self):
         self.simulate("a.bag")
-        done = subprocess.run(["bash", "-o", "pipefail", "-c", '"$@" | head -1', "bash", program(), "diagnose", "a.bag", "--series", "-"],
-                              cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=60)
+        done = subprocess.run(
+            ["bash", "-o", "pipefail", "-c", '"$@" | head -1', "bash", program(), "diagnose", "a.bag", "--series", "-"],
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+        )
         self.assertEqual((done.returncode, done.stderr, len(done.stdout.splitlines())), (128 + signal.SIGPIPE, "", 1))
 
     def test_standard_error_that_takes_nothing(self):
         for target in ("> /dev/full", ">&-"):
-            done = subprocess.run(["bash", "-c", '"$@" 2' + target, "bash", program(), "simulate", RIG, "--duration", "1", "-o", "a.csv"],
-                                  cwd=self.folder, stdout=subprocess.PIPE, timeout=60)
+            done = subprocess.run(
+                ["bash", "-c", '"$@" 2' + target, "bash", program(), "simulate", RIG, "--duration", "1", "-o", "a.csv"],
+                cwd=self.folder,
+                stdout=subprocess.PIPE,
+                timeout=60,
+            )
             self.assertEqual(done.returncode, 0)
 
     def test_device_is_not_replaced(self):
@@ -166,7 +239,9 @@ class Output(ProgramTest):
         shutil.copytree(ROOT / "config" / RIG, self.folder / "own")
         before = (self.folder / "own/stages.yaml").read_bytes()
         for config in ("own", "own/rig.yaml"):
-            self.complains(["rigs", RIG, "--config", config, "--json", "own/stages.yaml"], "stages.yaml", "this file is read")
+            self.complains(
+                ["rigs", RIG, "--config", config, "--json", "own/stages.yaml"], "stages.yaml", "this file is read"
+            )
         self.assertEqual((self.folder / "own/stages.yaml").read_bytes(), before)
 
     def test_longest_name(self):
@@ -188,7 +263,10 @@ class Output(ProgramTest):
 
     def test_two_runs_with_one_output(self):
         command = [program(), "simulate", RIG, "--quiet", "-o", "a.bag", "--duration"]
-        runs = [subprocess.Popen(command + [duration, "--seed", duration], cwd=self.folder) for duration in ("30", "20", "10")]
+        runs = [
+            subprocess.Popen(command + [duration, "--seed", duration], cwd=self.folder)
+            for duration in ("30", "20", "10")
+        ]
         self.assertEqual([run.wait(60) for run in runs], [0, 0, 0])
         self.assertEqual(self.files(), ["a.bag"])
         self.run_program("export", "a.bag", "-o", "a.csv")
@@ -201,7 +279,9 @@ class Output(ProgramTest):
 
 class Interrupt(ProgramTest):
     def interrupted(self, arguments, number, begun=None, after=0.2):
-        process = subprocess.Popen([program(), *arguments], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(
+            [program(), *arguments], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         self.addCleanup(process.wait)
         self.addCleanup(process.kill)
         end = time.monotonic() + 20
@@ -218,7 +298,12 @@ class Interrupt(ProgramTest):
         self.assertIn("interrupted", errors)
 
     def test_simulate(self):
-        for name, number in (("a.bag", signal.SIGINT), ("a.csv", signal.SIGINT), ("b.bag", signal.SIGTERM), ("c.bag", signal.SIGHUP)):
+        for name, number in (
+            ("a.bag", signal.SIGINT),
+            ("a.csv", signal.SIGINT),
+            ("b.bag", signal.SIGTERM),
+            ("c.bag", signal.SIGHUP),
+        ):
             self.interrupted(["simulate", RIG, "--duration", "100000", "-o", name], number, name + ".*.part")
         self.assertEqual(self.files(), [])
 
@@ -234,8 +319,12 @@ class Interrupt(ProgramTest):
         self.assertEqual(self.files(), ["a.csv", "long.csv"])
 
     def test_what_is_ignored_stays_ignored(self):
-        process = subprocess.Popen(["nohup", program(), "simulate", RIG, "--duration", "60", "-o", "a.csv"], cwd=self.folder, stdout=subprocess.DEVNULL,
-                                   stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            ["nohup", program(), "simulate", RIG, "--duration", "60", "-o", "a.csv"],
+            cwd=self.folder,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         time.sleep(0.3)
         process.send_signal(signal.SIGHUP)
         self.assertEqual(process.wait(60), 0)

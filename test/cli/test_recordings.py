@@ -36,7 +36,13 @@ class Rigs(ProgramTest):
         leak = [e for e in seal["effects"] if e["effect"] == "orifice_leakage"][0]
         self.assertTrue(leak["known"])
         self.assertEqual((leak["parameters"][0]["minimum"], leak["parameters"][0]["maximum"]), (1e-10, 5e-8))
-        deadband = [e for p in rig["ports"] if p["name"] == "command.valve_command" for e in p["effects"] if e["effect"] == "deadband"][0]
+        deadband = [
+            e
+            for p in rig["ports"]
+            if p["name"] == "command.valve_command"
+            for e in p["effects"]
+            if e["effect"] == "deadband"
+        ][0]
         self.assertEqual(deadband["parameters"][0]["unit"], "V")
 
     def test_help_everywhere_with_an_example(self):
@@ -55,23 +61,27 @@ class Simulate(ProgramTest):
         self.assertNotEqual(a, c)
 
     def test_the_rig_has_a_seed_of_its_own(self):
-        """--rig-seed is --seed where it is not given, keeps the rig while the run changes, and changes the rig while the run stays."""
+        """--rig-seed is --seed where it is not given, keeps the rig while the run changes, and changes the rig while
+        the run stays."""
         drawn = ("--off-nominal", "--profile", "square")
         plain = table(self.simulate("a.csv", "--seed", 5, *drawn))[1]
         same = table(self.simulate("b.csv", "--seed", 5, "--rig-seed", 5, *drawn))[1]
         other_run = table(self.simulate("c.csv", "--seed", 6, "--rig-seed", 5, *drawn))[1]
         other_rig = table(self.simulate("d.csv", "--seed", 5, "--rig-seed", 6, *drawn))[1]
         self.assertEqual(plain, same)
-        # Noise is of the run: where the rig's parameters do not show yet, in the first row, the rows are those of the same seed.
+        # Noise is of the run: where the rig's parameters do not show yet, in the first row, the rows are those of the
+        # same seed.
         self.assertEqual(plain[0], other_rig[0])
         self.assertNotEqual(plain[0], other_run[0])
-        # The drawn spool gain shows in volts over the whole run, far above noise: the same for the same rig, another for another.
+        # The drawn spool gain shows in volts over the whole run, far above noise: the same for the same rig, another
+        # for another.
         header = table(self.folder / "a.csv")[0]
         command, spool = header.index("valve_command"), header.index("spool_position")
 
         def gain(rows):
             pairs = [(float(row[command]), float(row[spool])) for row in rows]
             return sum(u * x for u, x in pairs) / sum(u * u for u, x in pairs)
+
         self.assertAlmostEqual(gain(other_run), gain(plain), delta=1e-4)
         self.assertGreater(abs(gain(other_rig) - gain(plain)), 1e-3)
         self.complains(("simulate", "servo_actuator", "--rig-seed", 5, "-o", "e.csv"), "--rig-seed", "--off-nominal")
@@ -95,7 +105,9 @@ class Simulate(ProgramTest):
 
     def test_effect_acts(self):
         header, plain = table(self.simulate("a.csv", "--profile", "triangle"))
-        _, biased = table(self.simulate("b.csv", "--profile", "triangle", "--effect", "offset@sensor.chamber_a_pressure:value=200000"))
+        _, biased = table(
+            self.simulate("b.csv", "--profile", "triangle", "--effect", "offset@sensor.chamber_a_pressure:value=200000")
+        )
         column = header.index("chamber_a_pressure")
         difference = [float(b[column]) - float(a[column]) for a, b in zip(plain, biased)]
         self.assertAlmostEqual(sum(difference) / len(difference), 2e5, delta=500)
@@ -138,7 +150,12 @@ class RoundTrip(ProgramTest):
     def test_units_are_converted(self):
         header, rows = table(self.simulate("a.csv", duration=0.2))
         named = list(header)
-        scales = {"position": ("mm", 1e3), "load_pressure": ("bar", 1e-5), "t": ("ms", 1e3), "leak_flow": ("l/min", 6e4)}
+        scales = {
+            "position": ("mm", 1e3),
+            "load_pressure": ("bar", 1e-5),
+            "t": ("ms", 1e3),
+            "leak_flow": ("l/min", 6e4),
+        }
         for name, (unit, scale) in scales.items():
             column = header.index(name)
             named[column] = f"{name}[{unit}]"
@@ -157,7 +174,9 @@ class RoundTrip(ProgramTest):
 
     def test_optional_columns_missing_numbers_and_gaps_are_told(self):
         header, rows = table(self.simulate("a.csv", duration=0.5))
-        keep = [i for i, name in enumerate(header) if name not in ("position_reference", "leak_flow", "leak_valve_command")]
+        keep = [
+            i for i, name in enumerate(header) if name not in ("position_reference", "leak_flow", "leak_valve_command")
+        ]
         rows[10][header.index("position")] = ""
         rows[11][header.index("velocity")] = "nan"
         lines = [[header[i] for i in keep]] + [[row[i] for i in keep] for row in rows[:200] + rows[300:]]

@@ -1,7 +1,7 @@
 """The two other ways in which people build faultline: catkin_make in a workspace of their own, and an install space.
 
-The workspace has a fixed place in the temporary folder, so that ccache knows it again: the first run compiles everything
-once more (without optimisation, to be quick), later ones only what has changed.
+The workspace has a fixed place in the temporary folder, so that ccache knows it again: the first run compiles
+everything once more (without optimisation, to be quick), later ones only what has changed.
 """
 
 import fcntl
@@ -20,14 +20,18 @@ BUILD = pathlib.Path(os.environ.get("FAULTLINE_BUILD", ROOT / "catkin_ws" / "bui
 
 def clean_environment(**more):
     """As in a shell that knows nothing of this source tree."""
-    kept = {key: value for key, value in os.environ.items()
-            if not key.startswith(("ROS_", "CMAKE_", "FAULTLINE_")) and key not in
-            ("LD_LIBRARY_PATH", "PYTHONPATH", "PKG_CONFIG_PATH", "ROSLISP_PACKAGE_DIRECTORIES")}
+    kept = {
+        key: value
+        for key, value in os.environ.items()
+        if not key.startswith(("ROS_", "CMAKE_", "FAULTLINE_"))
+        and key not in ("LD_LIBRARY_PATH", "PYTHONPATH", "PKG_CONFIG_PATH", "ROSLISP_PACKAGE_DIRECTORIES")
+    }
     kept["FAULTLINE_SUITE"] = os.environ.get("FAULTLINE_SUITE", "")
     kept.update(more)
     if pathlib.Path("/opt/ros/noetic/setup.bash").exists():
-        said = subprocess.run(["bash", "-c", "source /opt/ros/noetic/setup.bash && env -0"], env=kept, capture_output=True,
-                              check=True).stdout.decode()
+        said = subprocess.run(
+            ["bash", "-c", "source /opt/ros/noetic/setup.bash && env -0"], env=kept, capture_output=True, check=True
+        ).stdout.decode()
         kept = dict(pair.split("=", 1) for pair in said.split("\0") if "=" in pair)
     return kept
 
@@ -62,14 +66,27 @@ class BuildWays(unittest.TestCase):
                     target.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy2(ROOT / name, target)
                 environment = clean_environment(CXXFLAGS="-O0")
-                said = run(["catkin_make", "-C", str(workspace), "-j1", "-DCMAKE_BUILD_TYPE=None",
-                            "-DPYTHON_EXECUTABLE=/usr/bin/python3"], cwd=workspace, env=environment)
+                said = run(
+                    [
+                        "catkin_make",
+                        "-C",
+                        str(workspace),
+                        "-j1",
+                        "-DCMAKE_BUILD_TYPE=None",
+                        "-DPYTHON_EXECUTABLE=/usr/bin/python3",
+                    ],
+                    cwd=workspace,
+                    env=environment,
+                )
                 self.assertNotIn("warning:", said)
                 devel = workspace / "devel"
                 self.check_program(devel, devel / "lib/faultline/faultline", workspace, environment)
                 # rosrun's way to it, and the messages'
-                shown = run(["bash", "-c", "source devel/setup.bash && rospack find faultline && rosmsg show faultline/Sample"],
-                            cwd=workspace, env=environment)
+                shown = run(
+                    ["bash", "-c", "source devel/setup.bash && rospack find faultline && rosmsg show faultline/Sample"],
+                    cwd=workspace,
+                    env=environment,
+                )
                 self.assertIn(str(workspace / "src/faultline"), shown)
                 self.assertIn("float64[] values", shown)
             finally:
@@ -92,8 +109,10 @@ class BuildWays(unittest.TestCase):
             environment = clean_environment()
             # Nothing of the build may be needed: the loader must find the installed library.
             linked = run(["ldd", str(program)], env=environment)
-            self.assertIn(str(prefix / "lib/libfaultline.so"), os.path.realpath(
-                re.search(r"libfaultline\.so => (\S+)", linked).group(1)))
+            self.assertIn(
+                str(prefix / "lib/libfaultline.so"),
+                os.path.realpath(re.search(r"libfaultline\.so => (\S+)", linked).group(1)),
+            )
             self.check_program(prefix, program, folder, environment)
 
 

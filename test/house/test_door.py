@@ -24,8 +24,14 @@ class Door(unittest.TestCase):
         (self.folder / "catkin_ws/build/suites.txt").write_text("gtest rig_test /nowhere/rig_test\n")
 
     def door(self, *arguments):
-        return subprocess.run([self.folder / "faultline", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=120,
-                              env=dict(os.environ, PYTHONDONTWRITEBYTECODE="1"))
+        return subprocess.run(
+            [self.folder / "faultline", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=120,
+            env=dict(os.environ, PYTHONDONTWRITEBYTECODE="1"),
+        )
 
     def test_list_compiles_nothing(self):
         done = self.door("test", "--list")

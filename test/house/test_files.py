@@ -10,13 +10,53 @@ import yaml
 from sources import ROOT, repository_files
 
 MEGABYTE = 1000000
-TEXT = {".h", ".cpp", ".py", ".md", ".rst", ".txt", ".yaml", ".xml", ".launch", ".test", ".msg", ".lcm", ".sh", ".json",
-        ".cmake", ".rviz", ".perspective", ".html", ".css", ".js", ""}
+TEXT = {
+    ".h",
+    ".cpp",
+    ".py",
+    ".md",
+    ".rst",
+    ".txt",
+    ".yaml",
+    ".xml",
+    ".launch",
+    ".test",
+    ".msg",
+    ".lcm",
+    ".sh",
+    ".json",
+    ".cmake",
+    ".rviz",
+    ".perspective",
+    ".html",
+    ".css",
+    ".js",
+    "",
+}
 # Put together from pieces, so that this file passes its own test.
-UNFINISHED = re.compile(r"\b(" + "|".join(["TO" + "DO", "FIX" + "ME", "XX" + "X", "WI" + "P", "HA" + "CK", "TB" + "D",
-                                           "[Pp]lace" + "holder", "[Nn]ot yet impl" + "emented", "[Uu]nimpl" + "emented",
-                                           "NotImpl" + "emented", "lorem ip" + "sum", "coming so" + "on"]) + r")\b")
-MACHINE_PATH = re.compile("(?<![A-Za-z0-9_$}.])/(" + "|".join(["root", "work", "home/[a-z]+", "Users", "mnt"]) + r")(/|\b)")
+UNFINISHED = re.compile(
+    r"\b("
+    + "|".join(
+        [
+            "TO" + "DO",
+            "FIX" + "ME",
+            "XX" + "X",
+            "WI" + "P",
+            "HA" + "CK",
+            "TB" + "D",
+            "[Pp]lace" + "holder",
+            "[Nn]ot yet impl" + "emented",
+            "[Uu]nimpl" + "emented",
+            "NotImpl" + "emented",
+            "lorem ip" + "sum",
+            "coming so" + "on",
+        ]
+    )
+    + r")\b"
+)
+MACHINE_PATH = re.compile(
+    "(?<![A-Za-z0-9_$}.])/(" + "|".join(["root", "work", "home/[a-z]+", "Users", "mnt"]) + r")(/|\b)"
+)
 
 
 def text_files():
@@ -35,28 +75,51 @@ class Sizes(unittest.TestCase):
         self.assertLess(total, 20 * MEGABYTE)
 
     def test_no_source_is_long(self):
-        long = [f"{name}: {text.count(chr(10))} lines" for name, text in text_files()
-                if name.parts[0] in ("src", "test", "scripts") and name.suffix in (".h", ".cpp", ".py")
-                and text.count("\n") > 600]
+        long = [
+            f"{name}: {text.count(chr(10))} lines"
+            for name, text in text_files()
+            if name.parts[0] in ("src", "test", "scripts")
+            and name.suffix in (".h", ".cpp", ".py")
+            and text.count("\n") > 600
+        ]
         self.assertEqual(long, [])
 
 
 class Words(unittest.TestCase):
     def test_nothing_is_unfinished(self):
-        found = [f"{name}:{number}: {line.strip()}" for name, text in text_files()
-                 for number, line in enumerate(text.splitlines(), 1) if UNFINISHED.search(line)]
+        found = [
+            f"{name}:{number}: {line.strip()}"
+            for name, text in text_files()
+            for number, line in enumerate(text.splitlines(), 1)
+            if UNFINISHED.search(line)
+        ]
         self.assertEqual(found, [])
 
     def test_no_path_of_a_machine(self):
-        found = [f"{name}:{number}: {line.strip()}" for name, text in text_files()
-                 for number, line in enumerate(text.splitlines(), 1) if MACHINE_PATH.search(line)]
+        found = [
+            f"{name}:{number}: {line.strip()}"
+            for name, text in text_files()
+            for number, line in enumerate(text.splitlines(), 1)
+            if MACHINE_PATH.search(line)
+        ]
         self.assertEqual(found, [])
 
     def test_patterns_bite(self):
-        for line in ("// TO" + "DO: more", "a place" + "holder", 'open("/ro' + 'ot/x")', "see /wo" + "rk/main/x",
-                     "/ho" + "me/someone"):
+        for line in (
+            "// TO" + "DO: more",
+            "a place" + "holder",
+            'open("/ro' + 'ot/x")',
+            "see /wo" + "rk/main/x",
+            "/ho" + "me/someone",
+        ):
             self.assertTrue(UNFINISHED.search(line) or MACHINE_PATH.search(line), line)
-        for line in ("#!/usr/bin/python3", "$root/work/x", "https://example.org/home/a", "a hackathon", "net/media-types"):
+        for line in (
+            "#!/usr/bin/python3",
+            "$root/work/x",
+            "https://example.org/home/a",
+            "a hackathon",
+            "net/media-types",
+        ):
             self.assertFalse(UNFINISHED.search(line) or MACHINE_PATH.search(line), line)
 
 
@@ -80,16 +143,22 @@ class Parsing(unittest.TestCase):
                     compile((ROOT / name).read_text(), str(name), "exec")
 
     def test_shell_parses(self):
-        scripts = [name for name in repository_files()
-                   if name.suffix == ".sh" or (ROOT / name).read_bytes()[:11] == b"#!/bin/bash"]
+        scripts = [
+            name
+            for name in repository_files()
+            if name.suffix == ".sh" or (ROOT / name).read_bytes()[:11] == b"#!/bin/bash"
+        ]
         self.assertIn("faultline", [str(name) for name in scripts])
         for name in scripts:
             with self.subTest(file=str(name)):
                 self.assertEqual(subprocess.run(["bash", "-n", str(ROOT / name)], capture_output=True).stderr, b"")
 
     def test_scripts_can_be_executed(self):
-        wrong = [str(name) for name in repository_files()
-                 if (ROOT / name).read_bytes()[:2] == b"#!" and not os.access(ROOT / name, os.X_OK)]
+        wrong = [
+            str(name)
+            for name in repository_files()
+            if (ROOT / name).read_bytes()[:2] == b"#!" and not os.access(ROOT / name, os.X_OK)
+        ]
         self.assertEqual(wrong, [])
 
 
@@ -113,8 +182,14 @@ class Format(unittest.TestCase):
     maxDiff = None
 
     def test_cpp_is_formatted(self):
-        names = [str(name) for name in repository_files() if name.suffix in (".h", ".cpp") and name.parts[0] in ("src", "test")]
-        run = subprocess.run(["clang-format", "--dry-run", *names], cwd=ROOT, capture_output=True, text=True, check=False)
+        names = [
+            str(name)
+            for name in repository_files()
+            if name.suffix in (".h", ".cpp") and name.parts[0] in ("src", "test")
+        ]
+        run = subprocess.run(
+            ["clang-format", "--dry-run", *names], cwd=ROOT, capture_output=True, text=True, check=False
+        )
         self.assertEqual(run.returncode, 0, run.stderr[:2000])
         wrong = sorted(set(re.findall(r"^(\S+?):\d+:\d+: (?:warning|error)", run.stderr, re.M)))
         self.assertEqual(wrong, [], "run: clang-format -i " + " ".join(wrong))

@@ -11,8 +11,10 @@ ORDER = ("signal", "numerics", "rig", "effects", "fit", "estimators", "detectors
 ALLOWED = {room: set(ORDER[:place]) for place, room in enumerate(ORDER)}
 ALLOWED["gap"] = {"signal", "numerics", "rig", "effects", "fit"}
 # Transport and what belongs to it stay at the rim.
-RIM_ONLY = re.compile(r"^(ros|rosbag|roscpp|rosgraph|lcm|faultline_lcm|tf2|tf2_ros|diagnostic_updater|topic_tools)/"
-                      r"|^[a-z0-9_]*_msgs/|^faultline/[A-Z][A-Za-z]*\.h$")
+RIM_ONLY = re.compile(
+    r"^(ros|rosbag|roscpp|rosgraph|lcm|faultline_lcm|tf2|tf2_ros|diagnostic_updater|topic_tools)/"
+    r"|^[a-z0-9_]*_msgs/|^faultline/[A-Z][A-Za-z]*\.h$"
+)
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.M)
 
 
@@ -33,8 +35,11 @@ class Layers(unittest.TestCase):
         return found
 
     def test_every_room_is_known(self):
-        self.assertEqual({room(name.relative_to("src")) for name in self.core()} - set(ALLOWED), set(),
-                         "a new room: give it its place in ALLOWED, and in the docs")
+        self.assertEqual(
+            {room(name.relative_to("src")) for name in self.core()} - set(ALLOWED),
+            set(),
+            "a new room: give it its place in ALLOWED, and in the docs",
+        )
 
     def test_rules_have_no_circle(self):
         for start, reachable in ALLOWED.items():
@@ -61,30 +66,48 @@ class Layers(unittest.TestCase):
         self.assertEqual(wrong, [])
 
     def test_core_does_not_include_the_rim(self):
-        wrong = [f"{name} includes {path}" for name in self.core() for path in includes(name)
-                 if path.startswith(("nodes/", "cli/"))]
+        wrong = [
+            f"{name} includes {path}"
+            for name in self.core()
+            for path in includes(name)
+            if path.startswith(("nodes/", "cli/"))
+        ]
         self.assertEqual(wrong, [])
 
     def test_nothing_but_a_rig_and_tests_includes_a_rig(self):
-        wrong = [f"{name} includes {path}" for folder in ("src/faultline", "src/nodes", "src/cli", "src/rigs")
-                 for name in sources_below(folder) for path in includes(name)
-                 if path.startswith("rigs/") and path.split("/")[1] != (name.parts + ("",) * 3)[2]]
+        wrong = [
+            f"{name} includes {path}"
+            for folder in ("src/faultline", "src/nodes", "src/cli", "src/rigs")
+            for name in sources_below(folder)
+            for path in includes(name)
+            if path.startswith("rigs/") and path.split("/")[1] != (name.parts + ("",) * 3)[2]
+        ]
         self.assertEqual(wrong, [])
 
     def test_rigs_know_general_rooms_only(self):
         found = sources_below("src/rigs")
         self.assertGreater(len(found), 5)
-        wrong = [f"{name} includes {path}" for name in found for path in includes(name)
-                 if RIM_ONLY.search(path) or path.startswith(("nodes/", "cli/"))]
+        wrong = [
+            f"{name} includes {path}"
+            for name in found
+            for path in includes(name)
+            if RIM_ONLY.search(path) or path.startswith(("nodes/", "cli/"))
+        ]
         self.assertEqual(wrong, [])
 
     def test_nodes_do_not_include_the_program(self):
-        wrong = [f"{name} includes {path}" for name in sources_below("src/nodes") for path in includes(name)
-                 if path.startswith("cli/")]
+        wrong = [
+            f"{name} includes {path}"
+            for name in sources_below("src/nodes")
+            for path in includes(name)
+            if path.startswith("cli/")
+        ]
         self.assertEqual(wrong, [])
 
     def test_no_circles_between_files(self):
-        names = [name for folder in ("src/faultline", "src/rigs", "src/nodes", "src/cli") for name in sources_below(folder)]
+        names = [
+            name for folder in ("src/faultline", "src/rigs", "src/nodes", "src/cli") for name in sources_below(folder)
+        ]
         known = {str(name.relative_to("src")): name for name in names}
         arrows = {path: [other for other in includes(name) if other in known] for path, name in known.items()}
         done = set()
@@ -100,16 +123,28 @@ class Layers(unittest.TestCase):
             visit(path, [])
 
     def test_includes_start_at_the_root(self):
-        wrong = [f"{name} includes {path}" for name in sources_below("src") for path in includes(name)
-                 if path.startswith(".") or re.search(r'#\s*include\s*"' + re.escape(path), (ROOT / name).read_text())
-                 and not (ROOT / "src" / path).is_file()]
+        wrong = [
+            f"{name} includes {path}"
+            for name in sources_below("src")
+            for path in includes(name)
+            if path.startswith(".")
+            or re.search(r'#\s*include\s*"' + re.escape(path), (ROOT / name).read_text())
+            and not (ROOT / "src" / path).is_file()
+        ]
         self.assertEqual(wrong, [])
 
 
 class RulesThemselves(unittest.TestCase):
     def test_rim_pattern(self):
-        for path in ("ros/ros.h", "rosbag/bag.h", "lcm/lcm-cpp.hpp", "std_msgs/Header.h", "faultline/Sample.h",
-                     "tf2_ros/buffer.h", "faultline_lcm/sample_t.hpp"):
+        for path in (
+            "ros/ros.h",
+            "rosbag/bag.h",
+            "lcm/lcm-cpp.hpp",
+            "std_msgs/Header.h",
+            "faultline/Sample.h",
+            "tf2_ros/buffer.h",
+            "faultline_lcm/sample_t.hpp",
+        ):
             self.assertRegex(path, RIM_ONLY)
         for path in ("faultline/signal/sample.h", "Eigen/Core", "boost/numeric/odeint.hpp", "vector"):
             self.assertNotRegex(path, RIM_ONLY)

@@ -1,4 +1,5 @@
-"""A rig is one room: what knows it lies under its name, and no general room names it, its channels, parameters or ports."""
+"""A rig is one room: what knows it lies under its name, and no general room names it, its channels, parameters or
+ports."""
 
 import re
 import unittest
@@ -21,7 +22,9 @@ def rigs():
 def names_of(rig):
     """Names of the rig, its channels, states, parameters and ports, branches written out."""
     sheet = yaml.safe_load((ROOT / "config" / rig / "rig.yaml").read_text())
-    names = [entry["name"] for key in ("channels", "states", "parameters") for entry in sheet[key]] + list(sheet["ports"])
+    names = [entry["name"] for key in ("channels", "states", "parameters") for entry in sheet[key]] + list(
+        sheet["ports"]
+    )
     branches = sheet.get("branches", [])
     written = {name.replace("{b}", branch) for name in names for branch in branches or [""]}
     return {rig} | written
@@ -48,18 +51,44 @@ class RigRooms(unittest.TestCase):
     maxDiff = None
 
     def general_files(self):
-        found = [name for name in repository_files() if str(name).startswith(GENERAL) and name.suffix in (".h", ".cpp", ".py", ".sh")
-                 and not str(name).startswith("scripts/studies/") and str(name) not in EXCUSED]
+        found = [
+            name
+            for name in repository_files()
+            if str(name).startswith(GENERAL)
+            and name.suffix in (".h", ".cpp", ".py", ".sh")
+            and not str(name).startswith("scripts/studies/")
+            and str(name) not in EXCUSED
+        ]
         self.assertGreater(len(found), 100)
         return found
 
     def test_general_rooms_name_no_rig_and_nothing_of_one(self):
-        own = library_words() | TERMS | {kind for kind in ("command", "sensor", "force", "flow", "restriction", "compliance",
-                                                           "source", "transmission", "line", "heat")}
+        own = (
+            library_words()
+            | TERMS
+            | {
+                kind
+                for kind in (
+                    "command",
+                    "sensor",
+                    "force",
+                    "flow",
+                    "restriction",
+                    "compliance",
+                    "source",
+                    "transmission",
+                    "line",
+                    "heat",
+                )
+            }
+        )
         names = set().union(*(names_of(rig) for rig in rigs())) - own
         self.assertGreater(len(names), 200)
-        wrong = [f"{name}: {', '.join(sorted(said))}" for name in self.general_files()
-                 if (said := spoken((ROOT / name).read_text(), names))]
+        wrong = [
+            f"{name}: {', '.join(sorted(said))}"
+            for name in self.general_files()
+            if (said := spoken((ROOT / name).read_text(), names))
+        ]
         self.assertEqual(wrong, [])
 
     def test_the_rule_bites(self):
@@ -68,7 +97,8 @@ class RigRooms(unittest.TestCase):
         self.assertEqual(spoken("double position = 0; servo_actuators", names), set())
 
     def test_every_rig_has_its_rooms(self):
-        """Each folder that bears a rig's name belongs to a rig with a datasheet; a rig with equations has all of them."""
+        """Each folder that bears a rig's name belongs to a rig with a datasheet; a rig with equations has all of
+        them."""
         files = [str(name) for name in repository_files()]
         self.assertEqual(len(rigs()), 5)
         for folder in ("src/rigs", "test/rigs", "scripts/studies"):
@@ -77,8 +107,15 @@ class RigRooms(unittest.TestCase):
             self.assertEqual(rooms - set(rigs()), set(), folder)
         for rig in {file.split("/")[2] for file in files if file.startswith("src/rigs/")}:
             with self.subTest(rig=rig):
-                for need in (f"config/{rig}/rig.yaml", f"config/{rig}/stages.yaml", f"launch/{rig}.launch", f"docs/{rig}.md",
-                             f"test/rigs/{rig}/", f"scripts/studies/{rig}/", f"bags/{rig}_"):
+                for need in (
+                    f"config/{rig}/rig.yaml",
+                    f"config/{rig}/stages.yaml",
+                    f"launch/{rig}.launch",
+                    f"docs/{rig}.md",
+                    f"test/rigs/{rig}/",
+                    f"scripts/studies/{rig}/",
+                    f"bags/{rig}_",
+                ):
                     self.assertTrue(any(file.startswith(need) for file in files), need)
 
     def test_bags_bear_a_rigs_name(self):

@@ -42,9 +42,14 @@ class Graph:
         self.folder = tempfile.TemporaryDirectory(prefix="faultline_graph_")
         self.path = pathlib.Path(self.folder.name)
         self.environment = built_environment()
-        self.environment.update({
-            "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}", "ROS_IP": "127.0.0.1", "ROS_HOME": str(self.path),
-            "ROS_LOG_DIR": str(self.path / "log")})
+        self.environment.update(
+            {
+                "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}",
+                "ROS_IP": "127.0.0.1",
+                "ROS_HOME": str(self.path),
+                "ROS_LOG_DIR": str(self.path / "log"),
+            }
+        )
         self.environment.pop("ROS_HOSTNAME", None)
         self.processes = []
 
@@ -75,7 +80,9 @@ class Graph:
 
     def start(self, command, name=None):
         output = open(self.path / f"{len(self.processes)}.out", "w+")
-        process = subprocess.Popen(command, env=self.environment, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(
+            command, env=self.environment, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
+        )
         process.output = output
         self.processes.append(process)
         return process
@@ -120,8 +127,8 @@ def read_lcm_log(path):
         sync, _, stamp, channel_length, data_length = struct.unpack_from(">IqqII", raw, at)
         assert sync == SYNC, f"no event at byte {at}"
         at += 28
-        channel = raw[at:at + channel_length].decode()
-        events.append((stamp, channel, raw[at + channel_length:at + channel_length + data_length]))
+        channel = raw[at : at + channel_length].decode()
+        events.append((stamp, channel, raw[at + channel_length : at + channel_length + data_length]))
         at += channel_length + data_length
     return events
 

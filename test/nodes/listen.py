@@ -1,4 +1,5 @@
-"""Run in the built environment: writes what comes on a rig's topics as JSON lines, until SIGINT or nothing comes for QUIET s.
+"""Run in the built environment: writes what comes on a rig's topics as JSON lines, until SIGINT or nothing comes for
+QUIET s.
 
 listen.py RIG QUIET FILE TOPIC..."""
 
@@ -26,33 +27,86 @@ def write(entry):
 
 
 def sample(message):
-    write({"topic": "sample", "time": message.header.stamp.to_nsec(), "sequence": message.sequence, "values": list(message.values)})
+    write(
+        {
+            "topic": "sample",
+            "time": message.header.stamp.to_nsec(),
+            "sequence": message.sequence,
+            "values": list(message.values),
+        }
+    )
 
 
 def estimate(message):
     if message.stage == "responses":  # speaks only now and then
         return
-    write({"topic": "estimate", "time": message.header.stamp.to_nsec(), "sequence": message.sequence, "restarted": message.restarted,
-           "finite": all(abs(value) < 1e300 for value in message.state), "status": list(message.channel_status)})
+    write(
+        {
+            "topic": "estimate",
+            "time": message.header.stamp.to_nsec(),
+            "sequence": message.sequence,
+            "restarted": message.restarted,
+            "finite": all(abs(value) < 1e300 for value in message.state),
+            "status": list(message.channel_status),
+        }
+    )
 
 
 def alarms(message):
-    write({"topic": "alarms", "time": message.header.stamp.to_nsec(), "verdict": message.verdict, "alarms": [
-        {"kind": alarm.kind, "effect": alarm.effect, "port": alarm.port, "level": alarm.level, "since": alarm.since.to_nsec(),
-         "raised": alarm.raised.to_nsec(), "until": alarm.until.to_nsec(), "active": alarm.active, "size": alarm.size}
-        for alarm in message.alarms]})
+    write(
+        {
+            "topic": "alarms",
+            "time": message.header.stamp.to_nsec(),
+            "verdict": message.verdict,
+            "alarms": [
+                {
+                    "kind": alarm.kind,
+                    "effect": alarm.effect,
+                    "port": alarm.port,
+                    "level": alarm.level,
+                    "since": alarm.since.to_nsec(),
+                    "raised": alarm.raised.to_nsec(),
+                    "until": alarm.until.to_nsec(),
+                    "active": alarm.active,
+                    "size": alarm.size,
+                }
+                for alarm in message.alarms
+            ],
+        }
+    )
 
 
 def gap(message):
-    write({"topic": "gap", "time": message.header.stamp.to_nsec(), "channels": list(message.channels), "smoothed": list(message.smoothed),
-           "judged": message.judged, "left_normal": message.left_normal, "since": message.since.to_nsec(), "port": message.port,
-           "effect": message.effect, "share": message.share, "text": message.text})
+    write(
+        {
+            "topic": "gap",
+            "time": message.header.stamp.to_nsec(),
+            "channels": list(message.channels),
+            "smoothed": list(message.smoothed),
+            "judged": message.judged,
+            "left_normal": message.left_normal,
+            "since": message.since.to_nsec(),
+            "port": message.port,
+            "effect": message.effect,
+            "share": message.share,
+            "text": message.text,
+        }
+    )
 
 
 def diagnostics(message):
-    entry = {"topic": "diagnostics", "status": [
-        {"name": status.name, "level": status.level, "message": status.message,
-         "values": {value.key: value.value for value in status.values}} for status in message.status]}
+    entry = {
+        "topic": "diagnostics",
+        "status": [
+            {
+                "name": status.name,
+                "level": status.level,
+                "message": status.message,
+                "values": {value.key: value.value for value in status.values},
+            }
+            for status in message.status
+        ],
+    }
     with lock:
         file.write(json.dumps(entry) + "\n")
 
@@ -60,7 +114,12 @@ def diagnostics(message):
 rospy.init_node("listener", disable_signals=True)
 stopped = []
 signal.signal(signal.SIGINT, lambda *_: stopped.append(True))
-kinds = {"sample": (Sample, sample), "estimate": (Estimate, estimate), "alarms": (AlarmArray, alarms), "gap": (Gap, gap)}
+kinds = {
+    "sample": (Sample, sample),
+    "estimate": (Estimate, estimate),
+    "alarms": (AlarmArray, alarms),
+    "gap": (Gap, gap),
+}
 for topic in topics:
     if topic == "diagnostics":
         rospy.Subscriber("/diagnostics", DiagnosticArray, diagnostics, queue_size=1000)

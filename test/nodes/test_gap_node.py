@@ -1,4 +1,5 @@
-"""gap_node beside a simulated rig: normal while the rig is healthy, left when the valve gets a dead band, the place named."""
+"""gap_node beside a simulated rig: normal while the rig is healthy, left when the valve gets a dead band, the place
+named."""
 
 import json
 import pathlib
@@ -17,8 +18,18 @@ class GapNode(unittest.TestCase):
             heard = graph.path / "heard"
             listener = graph.start(["python3", LISTEN, RIG, "60", str(heard), "gap", "diagnostics"])
             gap = graph.node("gap_node", "gap", rig=RIG)
-            simulator = graph.node("rig_simulator_node", "simulator", rig=RIG, profile="random", nuisance=True, off_nominal=True,
-                                   start=2000.0, wait_for=1, rate=3.0, **parameters)
+            simulator = graph.node(
+                "rig_simulator_node",
+                "simulator",
+                rig=RIG,
+                profile="random",
+                nuisance=True,
+                off_nominal=True,
+                start=2000.0,
+                wait_for=1,
+                rate=3.0,
+                **parameters
+            )
             code, said = graph.wait(simulator, 60)
             self.assertEqual(code, 0, said)
             time.sleep(2.2)  # the worker's rest, and a report
@@ -28,7 +39,11 @@ class GapNode(unittest.TestCase):
             entries = [json.loads(line) for line in heard.read_text().splitlines()]
         gaps = [entry for entry in entries if entry["topic"] == "gap"]
         statuses = [status for entry in entries if entry["topic"] == "diagnostics" for status in entry["status"]]
-        return gaps, [status for status in statuses if status["name"] == "gap: gap"], [s for s in statuses if s["name"] == "gap: input"]
+        return (
+            gaps,
+            [status for status in statuses if status["name"] == "gap: gap"],
+            [s for s in statuses if s["name"] == "gap: input"],
+        )
 
     def test_a_healthy_rig_stays_normal(self):
         gaps, states, inputs = self.run_rig(seed=12, duration=10.0)
@@ -39,11 +54,19 @@ class GapNode(unittest.TestCase):
         self.assertTrue(gaps[-1]["judged"])
         self.assertEqual(states[-1]["level"], 0, states[-1])
         self.assertIn("normal", states[-1]["message"])
-        self.assertEqual((inputs[-1]["values"]["lost"], inputs[-1]["values"]["cuts"], inputs[-1]["values"]["dropped before the worker"]),
-                         ("0", "0", "0"))
+        self.assertEqual(
+            (
+                inputs[-1]["values"]["lost"],
+                inputs[-1]["values"]["cuts"],
+                inputs[-1]["values"]["dropped before the worker"],
+            ),
+            ("0", "0", "0"),
+        )
 
     def test_a_dead_band_is_seen_and_located(self):
-        gaps, states, inputs = self.run_rig(seed=12, duration=18.0, effects="deadband@restriction.valve:width=0.6,from=8")
+        gaps, states, inputs = self.run_rig(
+            seed=12, duration=18.0, effects="deadband@restriction.valve:width=0.6,from=8"
+        )
         left = [entry["time"] / 1e9 - 2000 for entry in gaps if entry["left_normal"]]
         self.assertGreater(left[0], 8)
         self.assertLess(left[0], 12)

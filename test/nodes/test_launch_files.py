@@ -1,4 +1,5 @@
-"""The launch files as a user starts them: a live leak, a recording of it, and its replay, held against the offline program."""
+"""The launch files as a user starts them: a live leak, a recording of it, and its replay, held against the offline
+program."""
 
 import glob
 import json
@@ -38,15 +39,28 @@ class LaunchFiles(unittest.TestCase):
         return self.graph.start(["roslaunch", "faultline", *arguments])
 
     def program(self, *arguments):
-        ran = subprocess.run([str(devel_space() / "lib/faultline/faultline"), *map(str, arguments)], env=self.graph.environment,
-                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=60)
+        ran = subprocess.run(
+            [str(devel_space() / "lib/faultline/faultline"), *map(str, arguments)],
+            env=self.graph.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+        )
         self.assertEqual(ran.returncode, 0, ran.stderr)
 
     def test_a_live_leak_is_found(self):
         heard, listener = self.listen("alarms")
-        code, said = self.graph.wait(self.launch(
-            "servo_actuator.launch", "rate:=3", "duration:=40", "seed:=3",
-            "effects:=orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=25"), 60)
+        code, said = self.graph.wait(
+            self.launch(
+                "servo_actuator.launch",
+                "rate:=3",
+                "duration:=40",
+                "seed:=3",
+                "effects:=orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=25",
+            ),
+            60,
+        )
         self.assertEqual(code, 0, said)
         self.graph.end(listener)
         alarms = last_alarms(read_lines(heard))
@@ -56,23 +70,35 @@ class LaunchFiles(unittest.TestCase):
 
     def test_a_live_leak_of_the_cooling_circuit_is_found_by_two_estimator_nodes(self):
         heard, listener = self.listen("alarms", "estimate", rig="cooling_circuit")
-        code, said = self.graph.wait(self.launch(
-            "cooling_circuit.launch", "rate:=2", "duration:=10", "seed:=3", "profile:=steady",
-            "effects:=orifice_leakage@flow.v2_inlet_ambient:coefficient=2e-7,from=7"), 60)
+        code, said = self.graph.wait(
+            self.launch(
+                "cooling_circuit.launch",
+                "rate:=2",
+                "duration:=10",
+                "seed:=3",
+                "profile:=steady",
+                "effects:=orifice_leakage@flow.v2_inlet_ambient:coefficient=2e-7,from=7",
+            ),
+            60,
+        )
         self.assertEqual(code, 0, said)
         self.graph.end(listener)
         entries = read_lines(heard)
         alarms = last_alarms(entries)
         faults = [alarm for alarm in alarms["alarms"] if alarm["kind"] == "fault"]
-        self.assertEqual([f'{alarm["effect"]}@{alarm["port"]}' for alarm in faults],
-                         ["orifice_leakage@flow.v2_inlet_ambient"], alarms)
+        self.assertEqual(
+            [f'{alarm["effect"]}@{alarm["port"]}' for alarm in faults],
+            ["orifice_leakage@flow.v2_inlet_ambient"],
+            alarms,
+        )
         self.assertLess((faults[0]["raised"] - faults[0]["since"]) / NANO, 0.012)
         # Both nodes spoke about every sample.
         numbers = [entry["sequence"] for entry in entries if entry["topic"] == "estimate"]
         self.assertEqual(len(numbers), 2 * len(set(numbers)))
 
     def test_a_session_is_recorded_whole(self):
-        # In real time: rosbag record itself queues 100 messages a topic, which is little at several kHz on a busy machine.
+        # In real time: rosbag record itself queues 100 messages a topic, which is little at several kHz on a busy
+        # machine.
         bag = self.graph.path / "session.bag"
         recorder = self.launch("record.launch", f"rig:={RIG}", f"bag:={bag}", "compression:=lz4")
         limit = time.monotonic() + 20
@@ -82,8 +108,11 @@ class LaunchFiles(unittest.TestCase):
         code, said = self.graph.wait(self.launch("servo_actuator.launch", "duration:=6"), 40)
         self.assertEqual(code, 0, said)
         self.graph.end(recorder)
-        info = yaml.safe_load(subprocess.run(["rosbag", "info", "--yaml", str(bag)], env=self.graph.environment, check=True,
-                                             stdout=subprocess.PIPE).stdout)
+        info = yaml.safe_load(
+            subprocess.run(
+                ["rosbag", "info", "--yaml", str(bag)], env=self.graph.environment, check=True, stdout=subprocess.PIPE
+            ).stdout
+        )
         count = {topic["topic"]: topic["messages"] for topic in info["topics"]}
         self.assertEqual(info["compression"], "lz4")
         self.assertEqual(count[f"/{RIG}/description"], 1)
@@ -96,10 +125,17 @@ class LaunchFiles(unittest.TestCase):
 
     def sequence_numbers(self, bag, topic):
         # Without the stage that speaks only now and then.
-        script = ("import rosbag, sys; print(*[m.sequence for _, m, _ in rosbag.Bag(sys.argv[1]).read_messages(sys.argv[2])"
-                  " if getattr(m, 'stage', '') != 'responses'])")
-        said = subprocess.run(["python3", "-c", script, str(bag), topic], env=self.graph.environment, check=True,
-                              stdout=subprocess.PIPE, text=True).stdout
+        script = (
+            "import rosbag, sys; print(*[m.sequence for _, m, _ in rosbag.Bag(sys.argv[1]).read_messages(sys.argv[2])"
+            " if getattr(m, 'stage', '') != 'responses'])"
+        )
+        said = subprocess.run(
+            ["python3", "-c", script, str(bag), topic],
+            env=self.graph.environment,
+            check=True,
+            stdout=subprocess.PIPE,
+            text=True,
+        ).stdout
         return [int(word) for word in said.split()]
 
     def replay(self, bag, rate, rig):
@@ -120,15 +156,26 @@ class LaunchFiles(unittest.TestCase):
         for told, same in zip(live, offline["alarms"]):
             for key in ("kind", "effect", "port", "active"):
                 self.assertEqual(told[key] or "", same[key] or "")
-            # While an alarm is active, `until` is the last sample, and the last report comes a little before the bag's end.
+            # While an alarm is active, `until` is the last sample, and the last report comes a little before the bag's
+            # end.
             for key in ("since", "raised") if told["active"] else ("since", "raised", "until"):
                 self.assertAlmostEqual((told[key] - first) / NANO, same[key], delta=2e-6)  # stamps as doubles: 0.24 us
         return entries, offline
 
     def test_replay_says_the_same_as_offline(self):
         bag = self.graph.path / "leak.bag"
-        self.program("simulate", RIG, "--duration", 45, "--seed", 3, "--effect",
-                     "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=25", "-o", bag)
+        self.program(
+            "simulate",
+            RIG,
+            "--duration",
+            45,
+            "--seed",
+            3,
+            "--effect",
+            "orifice_leakage@flow.chamber_a_chamber_b:coefficient=1.5e-8,from=25",
+            "-o",
+            bag,
+        )
         entries, offline = self.compare(bag, 3)
         self.assertIn("orifice_leakage", [alarm["effect"] for alarm in offline["alarms"]])
         estimates = [entry for entry in entries if entry["topic"] == "estimate"]
@@ -138,8 +185,10 @@ class LaunchFiles(unittest.TestCase):
     def test_shipped_bags_say_the_same_as_offline(self):
         index = yaml.safe_load((ROOT / "bags/index.yaml").read_text())
         entries = index["bags"] if isinstance(index, dict) else index
-        self.assertEqual(sorted(entry["file"] for entry in entries),
-                         sorted(os.path.basename(bag) for bag in glob.glob(f"{ROOT}/bags/*.bag")))
+        self.assertEqual(
+            sorted(entry["file"] for entry in entries),
+            sorted(os.path.basename(bag) for bag in glob.glob(f"{ROOT}/bags/*.bag")),
+        )
         self.assertGreaterEqual(len(entries), 1)
         for entry in entries:
             with self.subTest(bag=entry["file"]):

@@ -28,20 +28,39 @@ def inside(rig):
     network()
     with Graph() as graph:
         heard = graph.path / "heard"
-        listener = graph.start(["python3", str(HERE.parent / "listen.py"), rig, "30", str(heard), "sample", "diagnostics"])
+        listener = graph.start(
+            ["python3", str(HERE.parent / "listen.py"), rig, "30", str(heard), "sample", "diagnostics"]
+        )
         driver = graph.node("rig_driver_node", "driver", rig=rig, lcm_url=URL, wait_for=1)
-        simulator = graph.node("rig_simulator_node", "simulator", rig=rig, output="lcm", lcm_url=URL, start=2000.0, duration=SECONDS)
+        simulator = graph.node(
+            "rig_simulator_node", "simulator", rig=rig, output="lcm", lcm_url=URL, start=2000.0, duration=SECONDS
+        )
         # LCM keeps nothing for a listener that comes late: the driver must be there first.
         code, said = graph.wait(simulator, SECONDS + 20)
         for process in (driver, listener):
             graph.end(process)
         entries = [json.loads(line) for line in heard.read_text().splitlines()]
         samples = [entry for entry in entries if entry["topic"] == "sample"]
-        status = [status for entry in entries if entry["topic"] == "diagnostics" for status in entry["status"]
-                  if status["name"] == "driver: driver"]
-        print(json.dumps({"code": code, "said": said, "driver": driver.returncode, "driver_said": graph.said(driver),
-                          "sequence": [sample["sequence"] for sample in samples], "time": [sample["time"] for sample in samples],
-                          "status": status[-1] if status else None}))
+        status = [
+            status
+            for entry in entries
+            if entry["topic"] == "diagnostics"
+            for status in entry["status"]
+            if status["name"] == "driver: driver"
+        ]
+        print(
+            json.dumps(
+                {
+                    "code": code,
+                    "said": said,
+                    "driver": driver.returncode,
+                    "driver_said": graph.said(driver),
+                    "sequence": [sample["sequence"] for sample in samples],
+                    "time": [sample["time"] for sample in samples],
+                    "status": status[-1] if status else None,
+                }
+            )
+        )
 
 
 def inside_launch():
@@ -49,22 +68,39 @@ def inside_launch():
     network()
     with Graph() as graph:
         heard = graph.path / "heard"
-        listener = graph.start(["python3", str(HERE.parent / "listen.py"), RIGS[0], "30", str(heard), "sample", "estimate", "alarms"])
-        launch = graph.start(["roslaunch", "faultline", "servo_actuator.launch", "link:=lcm", f"duration:={SECONDS}", f"lcm_url:={URL}"])
+        listener = graph.start(
+            ["python3", str(HERE.parent / "listen.py"), RIGS[0], "30", str(heard), "sample", "estimate", "alarms"]
+        )
+        launch = graph.start(
+            ["roslaunch", "faultline", "servo_actuator.launch", "link:=lcm", f"duration:={SECONDS}", f"lcm_url:={URL}"]
+        )
         code, said = graph.wait(launch, SECONDS + 30)
         graph.end(listener)
         entries = [json.loads(line) for line in heard.read_text().splitlines()]
-        sequence = {topic: [entry["sequence"] for entry in entries if entry["topic"] == topic] for topic in ("sample", "estimate")}
+        sequence = {
+            topic: [entry["sequence"] for entry in entries if entry["topic"] == topic]
+            for topic in ("sample", "estimate")
+        }
         reports = [entry for entry in entries if entry["topic"] == "alarms"]
-        print(json.dumps({"code": code, "said": said, "sequence": sequence, "alarms": reports[-1]["alarms"] if reports else None}))
+        print(
+            json.dumps(
+                {"code": code, "said": said, "sequence": sequence, "alarms": reports[-1]["alarms"] if reports else None}
+            )
+        )
 
 
 class Udp(unittest.TestCase):
     def run_inside(self, *what):
         unshare = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
         environment = dict(os.environ, FAULTLINE_BUILD=str(BUILD))
-        ran = subprocess.run([*unshare, sys.executable, str(HERE), *what], env=environment, stdout=subprocess.PIPE,
-                             stderr=subprocess.PIPE, text=True, timeout=90)
+        ran = subprocess.run(
+            [*unshare, sys.executable, str(HERE), *what],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=90,
+        )
         self.assertEqual(ran.returncode, 0, ran.stderr)
         return json.loads(ran.stdout.splitlines()[-1])
 
@@ -72,7 +108,8 @@ class Udp(unittest.TestCase):
         answer = self.run_inside("inside_launch")
         self.assertEqual(answer["code"], 0, answer["said"])
         for topic, sequence in answer["sequence"].items():
-            # roslaunch starts all nodes at once: what the simulator sends before the driver listens is unheard, not lost.
+            # roslaunch starts all nodes at once: what the simulator sends before the driver listens is unheard, not
+            # lost.
             self.assertTrue(sequence, topic)
             self.assertLess(sequence[0], 4000, topic)
             self.assertEqual(sequence, list(range(sequence[0], sequence[-1] + 1)), topic)

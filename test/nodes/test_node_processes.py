@@ -1,4 +1,5 @@
-"""Nodes as processes: what they say and how they end on bad parameters, without a master, and on good and bad LCM logs."""
+"""Nodes as processes: what they say and how they end on bad parameters, without a master, and on good and bad LCM
+logs."""
 
 import json
 import os
@@ -26,8 +27,16 @@ class WithoutMaster(unittest.TestCase):
         environment.update({"ROS_MASTER_URI": uri, "ROS_IP": "127.0.0.1"})
         with tempfile.TemporaryDirectory() as folder:
             environment.update({"ROS_HOME": folder, "ROS_LOG_DIR": folder})
-            running = [subprocess.Popen([devel_space() / "lib/faultline" / node], env=environment, stdout=subprocess.PIPE,
-                                        stderr=subprocess.STDOUT, text=True) for node in NODES]
+            running = [
+                subprocess.Popen(
+                    [devel_space() / "lib/faultline" / node],
+                    env=environment,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                )
+                for node in NODES
+            ]
             for node, process in zip(NODES, running):
                 said, _ = process.communicate(timeout=15)
                 self.assertEqual(process.returncode, 1, said)
@@ -45,7 +54,11 @@ class BadParameters(unittest.TestCase):
         ("kalman_node", {"rig": RIG, "stge": "x"}, ["~stge", "unknown", "stage"]),
         ("kalman_node", {"rig": RIG, "wait_for": -1}, ["~wait_for", "-1", "0 to 100"]),
         ("parameter_node", {"rig": RIG}, ["no estimator of the family parameter"]),
-        ("parameter_node", {"rig": "cooling_circuit", "stage": "branch_filter"}, ["~stage", "branch_filter", "balances"]),
+        (
+            "parameter_node",
+            {"rig": "cooling_circuit", "stage": "branch_filter"},
+            ["~stage", "branch_filter", "balances"],
+        ),
         ("alarm_node", {"rig": RIG, "patience": 1000.0}, ["~patience", "1000", "0 to 60"]),
         ("alarm_node", {"rig": RIG, "patience": "long"}, ["~patience", "'long'", "number"]),
         ("alarm_node", {"rig": RIG, "reference": __file__}, ["test_node_processes.py", "no file of references"]),
@@ -54,7 +67,11 @@ class BadParameters(unittest.TestCase):
         ("rig_simulator_node", {"rig": RIG, "profile": "waltz"}, ["waltz", "square"]),
         ("rig_simulator_node", {"rig": RIG, "fault": "gremlin"}, ["gremlin", "internal_leak_ramp"]),
         ("rig_simulator_node", {"rig": RIG, "effects": "wobble@nowhere:x=1"}, ["wobble"]),
-        ("rig_simulator_node", {"rig": RIG, "effects": ["scale@sensor.position:factor=1.1", 5]}, ["~effects", "place 2"]),
+        (
+            "rig_simulator_node",
+            {"rig": RIG, "effects": ["scale@sensor.position:factor=1.1", 5]},
+            ["~effects", "place 2"],
+        ),
         ("rig_simulator_node", {"rig": RIG, "nuisance": "yes"}, ["~nuisance", "true or false"]),
         ("rig_simulator_node", {"rig": RIG, "output": "lcm", "lcm_url": "pigeon://"}, ["~lcm_url", "pigeon://"]),
         ("rig_driver_node", {"rig": RIG, "log": "/nowhere/session.lcm"}, ["/nowhere/session.lcm", "no such file"]),
@@ -80,15 +97,32 @@ class BadParameters(unittest.TestCase):
             alarms = graph.node("alarm_node", "alarms", rig=rig, reference=str(kept))
             graph.node("kalman_node", "kalman", rig=rig, wait_for=1)
             graph.node("parameter_node", "parameter", rig=rig, wait_for=1)
-            graph.node("rig_simulator_node", "simulator", rig=rig, profile="steady", duration=30.0, rate=2, nuisance=True, wait_for=2)
+            graph.node(
+                "rig_simulator_node",
+                "simulator",
+                rig=rig,
+                profile="steady",
+                duration=30.0,
+                rate=2,
+                nuisance=True,
+                wait_for=2,
+            )
             limit = time.monotonic() + 40
-            while not (kept.exists() and "stage branch_faults signatures" in kept.read_text()) and time.monotonic() < limit:
+            while (
+                not (kept.exists() and "stage branch_faults signatures" in kept.read_text())
+                and time.monotonic() < limit
+            ):
                 time.sleep(0.2)
             text = kept.read_text()
-            self.assertTrue(text.startswith("faultline references 1\nrig cooling_circuit\nstage redline_supply_pressure redline"), text)
+            self.assertTrue(
+                text.startswith("faultline references 1\nrig cooling_circuit\nstage redline_supply_pressure redline"),
+                text,
+            )
             time.sleep(3)
             self.assertEqual(kept.read_text(), text)
-            self.assertEqual([path.name for path in graph.path.iterdir() if path.name.startswith("rig.reference")], ["rig.reference"])
+            self.assertEqual(
+                [path.name for path in graph.path.iterdir() if path.name.startswith("rig.reference")], ["rig.reference"]
+            )
             graph.end(alarms)
             again = graph.node("alarm_node", "alarms", rig=rig, reference=str(kept))
             time.sleep(2)
@@ -114,8 +148,16 @@ class LcmLog(unittest.TestCase):
     def setUpClass(cls):
         cls.graph = Graph().__enter__()
         cls.clean = cls.graph.path / "clean.lcm"
-        process = cls.graph.node("rig_simulator_node", "writer", rig=RIG, output="lcm", lcm_url=f"file://{cls.clean}?mode=w",
-                                 duration=4.0, rate=20, start=1000.0)
+        process = cls.graph.node(
+            "rig_simulator_node",
+            "writer",
+            rig=RIG,
+            output="lcm",
+            lcm_url=f"file://{cls.clean}?mode=w",
+            duration=4.0,
+            rate=20,
+            start=1000.0,
+        )
         code, said = cls.graph.wait(process, 20)
         assert code == 0, said
         cls.events = read_lcm_log(cls.clean)
@@ -133,15 +175,29 @@ class LcmLog(unittest.TestCase):
 
     def drive(self, path, seconds=25, rate=4):
         lines = self.graph.path / "heard"
-        listener = self.graph.start(["python3", str(os.path.dirname(os.path.abspath(__file__))) + "/listen.py", RIG, "4", str(lines),
-                                     "sample", "diagnostics"])
+        listener = self.graph.start(
+            [
+                "python3",
+                str(os.path.dirname(os.path.abspath(__file__))) + "/listen.py",
+                RIG,
+                "4",
+                str(lines),
+                "sample",
+                "diagnostics",
+            ]
+        )
         driver = self.graph.node("rig_driver_node", "driver", rig=RIG, log=str(path), rate=rate, wait_for=1)
         code, said = self.graph.wait(driver, seconds)
         self.graph.end(listener)
         heard = read_lines(lines)
         samples = [entry for entry in heard if entry["topic"] == "sample"]
-        status = [status for entry in heard if entry["topic"] == "diagnostics" for status in entry["status"]
-                  if status["name"] == "driver: driver"]
+        status = [
+            status
+            for entry in heard
+            if entry["topic"] == "diagnostics"
+            for status in entry["status"]
+            if status["name"] == "driver: driver"
+        ]
         return code, said, samples, status
 
     def samples(self):
@@ -151,9 +207,13 @@ class LcmLog(unittest.TestCase):
         code, said, samples, status = self.drive(self.write("whole.lcm", self.events))
         self.assertEqual(code, 0, said)
         self.assertEqual([sample["sequence"] for sample in samples], list(range(4001)))
-        self.assertEqual([sample["time"] for sample in samples], [1_000_000_000_000 + 1_000_000 * k for k in range(4001)])
-        self.assertEqual({key: status[-1]["values"][key] for key in ("lost", "duplicate", "out of order", "late", "restarts")},
-                         {"lost": "0", "duplicate": "0", "out of order": "0", "late": "0", "restarts": "0"})
+        self.assertEqual(
+            [sample["time"] for sample in samples], [1_000_000_000_000 + 1_000_000 * k for k in range(4001)]
+        )
+        self.assertEqual(
+            {key: status[-1]["values"][key] for key in ("lost", "duplicate", "out of order", "late", "restarts")},
+            {"lost": "0", "duplicate": "0", "out of order": "0", "late": "0", "restarts": "0"},
+        )
 
     def write(self, name, events):
         path = self.graph.path / name
@@ -186,8 +246,9 @@ class LcmLog(unittest.TestCase):
         self.assertEqual(values["out of order"], "15")
         self.assertEqual(values["late"], "10")
         self.assertEqual(values["restarts"], "0")
-        self.assertEqual([sample["sequence"] for sample in samples],
-                         [k for k in range(4001) if k not in lost and k not in swapped])
+        self.assertEqual(
+            [sample["sequence"] for sample in samples], [k for k in range(4001) if k not in lost and k not in swapped]
+        )
 
     def test_a_restart_of_the_daq_is_no_loss(self):
         later = [(stamp + 5_000_000, channel, data) for stamp, channel, data in self.events]
@@ -199,7 +260,7 @@ class LcmLog(unittest.TestCase):
     def test_a_cut_off_log_is_used_up_to_the_cut(self):
         whole = self.write("whole.lcm", self.events).read_bytes()
         path = self.graph.path / "cut.lcm"
-        path.write_bytes(whole[:len(whole) // 2 + 7])
+        path.write_bytes(whole[: len(whole) // 2 + 7])
         code, said, samples, _ = self.drive(path)
         self.assertEqual(code, 2, said)
         self.assertIn("cut off or damaged after event", said)
@@ -207,7 +268,10 @@ class LcmLog(unittest.TestCase):
         self.assertEqual([sample["sequence"] for sample in samples], list(range(len(samples))))
 
     def test_another_rigs_log_is_refused(self):
-        foreign = [(stamp, channel, data.replace(b"servo_actuator", b"servo_actuatox")) for stamp, channel, data in self.events[:50]]
+        foreign = [
+            (stamp, channel, data.replace(b"servo_actuator", b"servo_actuatox"))
+            for stamp, channel, data in self.events[:50]
+        ]
         code, said, samples, _ = self.drive(self.write("foreign.lcm", foreign))
         self.assertEqual(code, 2)
         self.assertIn("servo_actuatox", said)

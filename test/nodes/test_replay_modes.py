@@ -1,4 +1,5 @@
-"""replay.launch that loops and that is paused: a loop begins anew with the same alarms each time, a pause is no silence."""
+"""replay.launch that loops and that is paused: a loop begins anew with the same alarms each time, a pause is no
+silence."""
 
 import json
 import pathlib
@@ -30,16 +31,36 @@ class ReplayModes(unittest.TestCase):
         self.addCleanup(self.graph.__exit__)
         self.bag = self.graph.path / "session.bag"
         # A transducer that goes off is an alarm within a second or two, and one that ends with a loop.
-        ran = subprocess.run([str(devel_space() / "lib/faultline/faultline"), "simulate", RIG, "--duration", str(LENGTH), "--seed", "3", "--effect",
-                              "offset@sensor.load_pressure:value=2e5,from=6", "-o", str(self.bag)], env=self.graph.environment,
-                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=60)
+        ran = subprocess.run(
+            [
+                str(devel_space() / "lib/faultline/faultline"),
+                "simulate",
+                RIG,
+                "--duration",
+                str(LENGTH),
+                "--seed",
+                "3",
+                "--effect",
+                "offset@sensor.load_pressure:value=2e5,from=6",
+                "-o",
+                str(self.bag),
+            ],
+            env=self.graph.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+        )
         self.assertEqual(ran.returncode, 0, ran.stderr)
         self.heard = self.graph.path / "heard"
 
     def play(self, rate, *options):
-        self.listener = self.graph.start(["python3", LISTEN, RIG, "60", str(self.heard), "alarms", "estimate", "diagnostics"])
-        self.player = self.graph.start(["roslaunch", "faultline", "replay.launch", f"rig:={RIG}", f"bag:={self.bag}", f"rate:={rate}",
-                                        *options])
+        self.listener = self.graph.start(
+            ["python3", LISTEN, RIG, "60", str(self.heard), "alarms", "estimate", "diagnostics"]
+        )
+        self.player = self.graph.start(
+            ["roslaunch", "faultline", "replay.launch", f"rig:={RIG}", f"bag:={self.bag}", f"rate:={rate}", *options]
+        )
 
     def entries(self):
         self.graph.end(self.player)
@@ -90,7 +111,13 @@ class ReplayModes(unittest.TestCase):
         while "/player/pause_playback" not in [name for name, _ in self.graph.master.getSystemState("/test")[2][2]]:
             self.assertLess(time.monotonic(), limit, self.graph.said(self.player))
             time.sleep(0.1)
-        pauser = subprocess.Popen(["python3", "-c", PAUSER], env=self.graph.environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        pauser = subprocess.Popen(
+            ["python3", "-c", PAUSER],
+            env=self.graph.environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         self.addCleanup(self.stop, pauser)
         self.assertEqual(pauser.stdout.readline(), "ready\n")
         time.sleep(1)
@@ -105,8 +132,14 @@ class ReplayModes(unittest.TestCase):
         self.assertLess(self.heard.read_text().count('"topic": "estimate"'), before + 200)
         self.assertLess(before, 1000 * LENGTH)
         # As the launch file says to go on.
-        ran = subprocess.run(["rosservice", "call", "/player/pause_playback", "false"], env=self.graph.environment,
-                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=20)
+        ran = subprocess.run(
+            ["rosservice", "call", "/player/pause_playback", "false"],
+            env=self.graph.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=20,
+        )
         self.assertEqual(ran.returncode, 0, ran.stdout)
         code, said = self.graph.wait(self.player, 30)
         self.assertEqual(code, 0, said)

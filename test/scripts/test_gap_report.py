@@ -18,12 +18,19 @@ class Sheet:
 
 
 def answer(*effects, heldout=0.96):
-    return {"cause": {"verdict": "named", "effects": [dict(e, intervals={}, family="") for e in effects]},
-            "shrink": {"heldout": heldout, "interval": [0.94, 0.98]}}
+    return {
+        "cause": {"verdict": "named", "effects": [dict(e, intervals={}, family="") for e in effects]},
+        "shrink": {"heldout": heldout, "interval": [0.94, 0.98]},
+    }
 
 
 ROUNDED = {"effect": "quantisation", "port": "sensor.position", "parameters": {"step": 2.55e-4}, "units": {"step": "m"}}
-CLOGGED = {"effect": "clogging", "port": "restriction.valve", "parameters": {"fraction": 0.2}, "units": {"fraction": "1"}}
+CLOGGED = {
+    "effect": "clogging",
+    "port": "restriction.valve",
+    "parameters": {"fraction": 0.2},
+    "units": {"fraction": "1"},
+}
 
 
 class FirstSentence(unittest.TestCase):

@@ -19,7 +19,6 @@ import numpy as np  # noqa: E402
 
 import report_data  # noqa: E402
 import report_pictures  # noqa: E402
-import report_ranking  # noqa: E402
 import report_units  # noqa: E402
 
 RATE, DURATION, LEAK = 100, 30.0, 3.2e-5  # Hz, s, m^3/s
@@ -32,13 +31,20 @@ def make_columns():
     square = np.sign(np.sin(2 * np.pi * t / 10))
     leak = np.where(t >= 10, LEAK, 0.0)
     columns = {
-        "t": t, "position_reference": 0.09 + 0.005 * square, "valve_command": 0.6 * square,
+        "t": t,
+        "position_reference": 0.09 + 0.005 * square,
+        "valve_command": 0.6 * square,
         "position": 0.09 + 0.005 * square + 5e-5 * random.normal(size=t.size),
-        "velocity": 3e-3 * random.normal(size=t.size), "load_pressure": 6.5e5 * square + 1e4 * random.normal(size=t.size),
-        "leak_flow": leak, "supply_pressure": 6.89e6 + 1e4 * random.normal(size=t.size),
-        "q.leak_flow": leak * (1 + 0.02 * random.normal(size=t.size)), "q.leak_flow.std": np.full(t.size, 1e-6),
-        "q.friction_force": 20 * np.sin(t), "q.friction_force.std": np.full(t.size, 12.0),
-        "q.pressure_parity": 1e4 * random.normal(size=t.size), "q.pressure_parity.std": np.zeros(t.size),
+        "velocity": 3e-3 * random.normal(size=t.size),
+        "load_pressure": 6.5e5 * square + 1e4 * random.normal(size=t.size),
+        "leak_flow": leak,
+        "supply_pressure": 6.89e6 + 1e4 * random.normal(size=t.size),
+        "q.leak_flow": leak * (1 + 0.02 * random.normal(size=t.size)),
+        "q.leak_flow.std": np.full(t.size, 1e-6),
+        "q.friction_force": 20 * np.sin(t),
+        "q.friction_force.std": np.full(t.size, 12.0),
+        "q.pressure_parity": 1e4 * random.normal(size=t.size),
+        "q.pressure_parity.std": np.zeros(t.size),
     }
     for channel in ("position", "velocity"):
         columns["i." + channel] = 0.5 * random.normal(size=t.size)
@@ -49,35 +55,81 @@ def make_columns():
 
 def make_answer():
     return {
-        "rig": "servo_actuator", "duration": DURATION - 1 / RATE, "verdict": "fault",
+        "rig": "servo_actuator",
+        "duration": DURATION - 1 / RATE,
+        "verdict": "fault",
         "sentence": "Internal leak between the chambers, 0.0321 l/s, since 10.1 s.",
         "alarms": [
-            {"kind": "fault", "effect": "orifice_leakage", "port": "flow.chamber_a_chamber_b", "since": 10.12, "until": 29.99,
-             "raised": 12.5, "active": True, "confidence": 0.984, "text": "Internal leak between the chambers",
-             "size": {"name": "leak_flow", "value": 0.03212, "unit": "l/s", "low": 0.02904, "high": 0.0352}},
-            {"kind": "data", "effect": "", "port": "sensor.velocity", "since": 20.0, "until": 21.5, "raised": 20.0,
-             "active": False, "confidence": 1.0, "text": "velocity: <no number> comes from this channel"}],
+            {
+                "kind": "fault",
+                "effect": "orifice_leakage",
+                "port": "flow.chamber_a_chamber_b",
+                "since": 10.12,
+                "until": 29.99,
+                "raised": 12.5,
+                "active": True,
+                "confidence": 0.984,
+                "text": "Internal leak between the chambers",
+                "size": {"name": "leak_flow", "value": 0.03212, "unit": "l/s", "low": 0.02904, "high": 0.0352},
+            },
+            {
+                "kind": "data",
+                "effect": "",
+                "port": "sensor.velocity",
+                "since": 20.0,
+                "until": 21.5,
+                "raised": 20.0,
+                "active": False,
+                "confidence": 1.0,
+                "text": "velocity: <no number> comes from this channel",
+            },
+        ],
         "counts": {"samples": 3000, "lost": 12, "missing": {"velocity": 4}},
     }
 
 
 def cause(effect, port, value, evidence, kind="fault"):
-    return {"effect": effect, "port": port, "kind": kind, "evidence": evidence,
-            "size": {"name": "coefficient", "value": value, "unit": "m^3/(s sqrt(Pa))", "low": 0.8 * value, "high": 1.2 * value}}
+    return {
+        "effect": effect,
+        "port": port,
+        "kind": kind,
+        "evidence": evidence,
+        "size": {
+            "name": "coefficient",
+            "value": value,
+            "unit": "m^3/(s sqrt(Pa))",
+            "low": 0.8 * value,
+            "high": 1.2 * value,
+        },
+    }
 
 
 def make_rankings():
-    """A leak from 10 s on: nothing before, then the leak at the seal with a rival that falls behind, then friction beside it."""
+    """A leak from 10 s on: nothing before, then the leak at the seal with a rival that falls behind, then friction
+    beside it."""
     rankings = []
     for time in np.arange(1.5, DURATION, 2):
         wrong = time > 11
         evidence = 20 * time if wrong else 3.0
-        first = [cause("orifice_leakage", "flow.chamber_a_chamber_b", 1.5e-8, evidence),
-                 cause("laminar_leakage", "flow.chamber_a_chamber_b", 1e-11, 0.99 * evidence if time < 15 else 0.5 * evidence)]
+        first = [
+            cause("orifice_leakage", "flow.chamber_a_chamber_b", 1.5e-8, evidence),
+            cause(
+                "laminar_leakage", "flow.chamber_a_chamber_b", 1e-11, 0.99 * evidence if time < 15 else 0.5 * evidence
+            ),
+        ]
         second = [cause("viscous_friction", "force.piston", 50.0, 40.0)]
-        rankings.append({"stage": "responses", "time": time, "judged_until": time - 1, "since": 10.0 if wrong else None,
-                         "threshold": 15, "evidence": evidence, "first": first if wrong else [],
-                         "second": second if time > 20 else []})
+        rankings.append(
+            {
+                "stage": "responses",
+                "time": time,
+                "judged_until": time - 1,
+                "since": 10.0 if wrong else None,
+                "threshold": 15,
+                "evidence": evidence,
+                "first": first if wrong else [],
+                "second": second if time > 20 else [],
+            }
+        )
     return rankings
 
 
@@ -93,15 +145,27 @@ class ReportCase(unittest.TestCase):
         answer = make_answer() if answer is None else answer
         columns = make_columns() if columns is None else columns
         (self.folder / "j.json").write_text(json.dumps(answer))
-        np.savetxt(self.folder / "s.csv", np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns),
-                   comments="", fmt="%.9g")
+        np.savetxt(
+            self.folder / "s.csv",
+            np.column_stack(list(columns.values())),
+            delimiter=",",
+            header=",".join(columns),
+            comments="",
+            fmt="%.9g",
+        )
 
     def run_report(self, *arguments, given=True, environment=None):
         command = [sys.executable, str(SCRIPTS / "report.py"), "diagnose"]
         command += [str(self.bag), "-o", str(self.out)] if not arguments else list(arguments)
         command += ["--json", str(self.folder / "j.json"), "--series", str(self.folder / "s.csv")] if given else []
-        return subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=120,
-                              env=dict(os.environ, **(environment or {})))
+        return subprocess.run(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            universal_newlines=True,
+            timeout=120,
+            env=dict(os.environ, **(environment or {})),
+        )
 
     def assert_one_line(self, done, *parts):
         self.assertEqual(done.returncode, 2, done.stderr)
@@ -132,8 +196,21 @@ class WholeReport(ReportCase):
         words = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page.replace("\u00a0", " ")))
         self.assertIn('<body class="fault">', page)
         self.assertIn("FAULT Internal leak between the chambers, 0.0321 l/s, since 10.1 s.", words)
-        for part in ("orifice leakage", "piston seal (internal leak)", "flow.chamber_a_chamber_b", "10.12 s", "2.38 s",
-                     "0.0321 l/s", "0.0290 to 0.0352", "98 %", "20.00 s", "21.50 s", "end of run", "3 000", "100 Hz"):
+        for part in (
+            "orifice leakage",
+            "piston seal (internal leak)",
+            "flow.chamber_a_chamber_b",
+            "10.12 s",
+            "2.38 s",
+            "0.0321 l/s",
+            "0.0290 to 0.0352",
+            "98 %",
+            "20.00 s",
+            "21.50 s",
+            "end of run",
+            "3 000",
+            "100 Hz",
+        ):
             self.assertIn(part, words)
         self.assertRegex(words, r"12 lost samples")
         self.assertRegex(words, r"4 missing: velocity")
@@ -161,7 +238,11 @@ class WholeReport(ReportCase):
         self.assertEqual(page.count("<svg "), 4)
 
     def test_takes_series_without_estimates_and_with_missing_numbers(self):
-        columns = {name: values for name, values in make_columns().items() if "." not in name and name != "normalised_innovation"}
+        columns = {
+            name: values
+            for name, values in make_columns().items()
+            if "." not in name and name != "normalised_innovation"
+        }
         columns["velocity"][500:600] = np.nan
         columns["position"][:] = np.nan
         page = self.page(columns=columns)
@@ -177,10 +258,18 @@ class WholeReport(ReportCase):
         page = self.page(dict(make_answer(), rankings=make_rankings()))
         self.assertEqual(page.count("<svg "), 6)
         self.assertIn("Ranking of causes", page)
-        drawn = page[page.index("Ranking of causes"):page.index("<h2>Estimates")]
+        drawn = page[page.index("Ranking of causes") : page.index("<h2>Estimates")]
         shown = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", drawn))
-        for part in ("threshold 15", "orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b",
-                     "What else is wrong", "named", "viscous_friction@force.piston", "How much?", "last: 1.50 (1.20 to 1.80) 10⁻⁸ m³/(s √Pa)"):
+        for part in (
+            "threshold 15",
+            "orifice_leakage@flow.chamber_a_chamber_b",
+            "laminar_leakage@flow.chamber_a_chamber_b",
+            "What else is wrong",
+            "named",
+            "viscous_friction@force.piston",
+            "How much?",
+            "last: 1.50 (1.20 to 1.80) 10⁻⁸ m³/(s √Pa)",
+        ):
             self.assertIn(part, shown)
         names = re.findall(r'\bid="([^"]+)"', page)
         self.assertEqual(len(names), len(set(names)))
@@ -207,7 +296,9 @@ class BadInput(ReportCase):
 
     def test_missing_bag(self):
         self.write()
-        self.assert_one_line(self.run_report(str(self.folder / "none.bag"), "-o", str(self.out)), "none.bag", "no such file")
+        self.assert_one_line(
+            self.run_report(str(self.folder / "none.bag"), "-o", str(self.out)), "none.bag", "no such file"
+        )
 
     def test_answer_without_key(self):
         for key in ("rig", "duration", "verdict", "alarms"):
@@ -232,8 +323,13 @@ class BadInput(ReportCase):
         self.assert_one_line(self.run_report(), "alarm 0", "'until'")
 
     def test_ranking_of_the_wrong_kind(self):
-        for spoil in (lambda r: r.pop("time"), lambda r: r.update(first=3), lambda r: r.update(evidence="much"),
-                      lambda r: r["first"][0].pop("port"), lambda r: r["first"][0].update(size=None)):
+        for spoil in (
+            lambda r: r.pop("time"),
+            lambda r: r.update(first=3),
+            lambda r: r.update(evidence="much"),
+            lambda r: r["first"][0].pop("port"),
+            lambda r: r["first"][0].update(size=None),
+        ):
             rankings = make_rankings()
             spoil(rankings[7])
             self.write(dict(make_answer(), rankings=rankings))
@@ -253,8 +349,14 @@ class BadInput(ReportCase):
         self.assert_one_line(self.run_report(), "j.json", "not JSON")
 
     def test_bad_series(self):
-        for text, part in (("", "no column t"), ("time,x\n0,1\n1,2\n", "no column t"), ("t,x\n0,1\n", "1 samples"),
-                           ("t,x\n0,1\n1\n", "line 3"), ("t,x\n0,1\n1,high\n", "line 3"), ("t,x\n,1\n1,2\n", "time")):
+        for text, part in (
+            ("", "no column t"),
+            ("time,x\n0,1\n1,2\n", "no column t"),
+            ("t,x\n0,1\n", "1 samples"),
+            ("t,x\n0,1\n1\n", "line 3"),
+            ("t,x\n0,1\n1,high\n", "line 3"),
+            ("t,x\n,1\n1,2\n", "time"),
+        ):
             self.write()
             (self.folder / "s.csv").write_text(text)
             self.assert_one_line(self.run_report(), "s.csv", part)
@@ -274,11 +376,15 @@ class BadInput(ReportCase):
         program = self.folder / "faultline"
         program.write_text("#!/bin/sh\necho 'faultline diagnose: run.bag: not a bag; record it again' >&2\nexit 2\n")
         program.chmod(0o755)
-        done = self.run_report(str(self.bag), "-o", str(self.out), given=False, environment={"FAULTLINE_PROGRAM": str(program)})
+        done = self.run_report(
+            str(self.bag), "-o", str(self.out), given=False, environment={"FAULTLINE_PROGRAM": str(program)}
+        )
         self.assert_one_line(done, "faultline diagnose: run.bag: not a bag; record it again")
 
     def test_no_program(self):
-        done = self.run_report(str(self.bag), "-o", str(self.out), given=False, environment={"FAULTLINE_PROGRAM": "/none"})
+        done = self.run_report(
+            str(self.bag), "-o", str(self.out), given=False, environment={"FAULTLINE_PROGRAM": "/none"}
+        )
         self.assert_one_line(done, "FAULTLINE_PROGRAM=/none")
 
     def test_without_matplotlib(self):
@@ -302,9 +408,13 @@ class Files(ReportCase):
         os.link(self.bag, self.folder / "hard")
         before = {path: path.read_bytes() for path in self.folder.iterdir()}
         for name in ("run.bag", "link", "hard", "j.json", "s.csv", "own.yaml"):
-            done = self.run_report(str(self.bag), "-o", str(self.folder / name), "--config", str(self.folder / "own.yaml"))
+            done = self.run_report(
+                str(self.bag), "-o", str(self.folder / name), "--config", str(self.folder / "own.yaml")
+            )
             self.assert_one_line(done, name, "this file is read")
-        self.assert_one_line(self.run_report(str(self.bag), "-o", str(ROOT / "config" / "servo_actuator" / "rig.yaml")), "own datasheets")
+        self.assert_one_line(
+            self.run_report(str(self.bag), "-o", str(ROOT / "config" / "servo_actuator" / "rig.yaml")), "own datasheets"
+        )
         self.assertEqual({path: path.read_bytes() for path in self.folder.iterdir()}, before)
 
     def test_a_link_stays_a_link_and_a_device_a_device(self):
@@ -324,14 +434,28 @@ class Files(ReportCase):
         done = self.run_report(str(bag), "-o", str(out), environment={"LC_ALL": "C.UTF-8"})
         self.assertEqual((done.returncode, done.stderr), (0, ""))
         self.assertIn("run?.bag", out.read_text(encoding="utf-8"))
-        self.assert_one_line(self.run_report(str(self.folder / os.fsdecode(b"no\xff.bag")), environment={"LC_ALL": "C.UTF-8"}), "no such file")
+        self.assert_one_line(
+            self.run_report(str(self.folder / os.fsdecode(b"no\xff.bag")), environment={"LC_ALL": "C.UTF-8"}),
+            "no such file",
+        )
 
     def test_standard_output_that_takes_nothing(self):
         self.write()
-        command = [sys.executable, str(SCRIPTS / "report.py"), str(self.bag), "-o", str(self.out), "--json", str(self.folder / "j.json"),
-                   "--series", str(self.folder / "s.csv")]
+        command = [
+            sys.executable,
+            str(SCRIPTS / "report.py"),
+            str(self.bag),
+            "-o",
+            str(self.out),
+            "--json",
+            str(self.folder / "j.json"),
+            "--series",
+            str(self.folder / "s.csv"),
+        ]
         for target in ("> /dev/full", ">&-"):
-            done = subprocess.run(["bash", "-c", '"$@" ' + target, "bash", *command], stderr=subprocess.PIPE, text=True, timeout=120)
+            done = subprocess.run(
+                ["bash", "-c", '"$@" ' + target, "bash", *command], stderr=subprocess.PIPE, text=True, timeout=120
+            )
             self.assertEqual(done.returncode, 2, done.stderr)
             self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
             self.assertIn("standard output", done.stderr)
@@ -344,9 +468,13 @@ class Files(ReportCase):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             for after in (0.0, 0.3, 3.0):  # while libraries are loaded, and while the diagnosis runs
                 with self.subTest(number=number, after=after):
-                    process = subprocess.Popen([sys.executable, str(SCRIPTS / "report.py"), str(self.bag), "-o", str(self.out)],
-                                               env=dict(os.environ, FAULTLINE_PROGRAM=str(program), TMPDIR=str(self.folder)),
-                                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+                    process = subprocess.Popen(
+                        [sys.executable, str(SCRIPTS / "report.py"), str(self.bag), "-o", str(self.out)],
+                        env=dict(os.environ, FAULTLINE_PROGRAM=str(program), TMPDIR=str(self.folder)),
+                        stdout=subprocess.PIPE,
+                        stderr=subprocess.PIPE,
+                        text=True,
+                    )
                     while not caught(process.pid, signal.SIGHUP):  # the last that is set
                         time.sleep(0.01)
                     time.sleep(after)
@@ -357,42 +485,16 @@ class Files(ReportCase):
                     self.assertEqual(sorted(self.folder.iterdir()), before)
 
 
-class Rankings(unittest.TestCase):
-    LEAK, LAMINAR = "orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b"
-
-    def test_causes_in_the_order_of_their_evidence(self):
-        self.assertEqual(report_ranking.leading(make_rankings(), "first"), ([self.LEAK, self.LAMINAR], 0))
-        self.assertEqual(report_ranking.leading(make_rankings(), "first", [self.LAMINAR]), ([self.LAMINAR, self.LEAK], 0))
-        self.assertEqual(report_ranking.leading(make_rankings(), "first", most=1), ([self.LEAK], 1))
-
-    def test_what_alarms_name_and_cannot_tell_from_it(self):
-        alarm = {"effect": "laminar_leakage", "port": "flow.chamber_a_chamber_b", "since": 10, "until": 20, "equivalent": [self.LEAK]}
-        other = {"effect": "", "port": "sensor.position", "since": 0, "until": 30}
-        self.assertEqual(report_ranking.named(make_rankings(), [other, alarm], "first"), [self.LAMINAR, self.LEAK])
-        self.assertEqual(report_ranking.named(make_rankings(), [other, alarm], "second"), [])
-        self.assertEqual(report_ranking.named(make_rankings()[:3], [alarm], "first"), [])
-
-    def test_a_short_fault_of_a_long_run_is_kept(self):
-        long = [dict(make_rankings()[0], time=2.0 * k, evidence=1.0) for k in range(5000)]
-        long[1234] = dict(make_rankings()[-1], time=2468.0)
-        kept = report_ranking.fewer(long, 10000.0)
-        self.assertLessEqual(len(kept), report_ranking.MOST)
-        self.assertIn(long[1234], kept)
-        self.assertEqual([judgement["time"] for judgement in kept], sorted(judgement["time"] for judgement in kept))
-        self.assertIs(report_ranking.fewer(long[:300], 600.0)[0], long[0])
-
-    def test_a_judgement_stands_until_the_next(self):
-        rows, name, unit = report_ranking.sizes_of(make_rankings(), "orifice_leakage@flow.chamber_a_chamber_b", DURATION)
-        self.assertEqual((name, unit), ("coefficient", "m^3/(s sqrt(Pa))"))
-        self.assertEqual([tuple(row[:2]) for row in rows[:2]], [(11.5, 13.5), (13.5, 15.5)])
-        self.assertEqual(rows[-1][1], DURATION)
-        np.testing.assert_allclose(rows[0][2:], [1.5e-8, 1.2e-8, 1.8e-8])
-
-
 class Parts(unittest.TestCase):
     def test_engineering_units(self):
-        for unit, value, shown, name in (("Pa", 6.89e6, 68.9, "bar"), ("m^3/s", 3.2e-5, 0.032, "l/s"), ("m", 0.09, 90, "mm"),
-                                         ("K", 300.0, 26.85, "°C"), ("rad/s", 10.0, 95.4929658551372, "1/min"), ("V", 2, 2, "V")):
+        for unit, value, shown, name in (
+            ("Pa", 6.89e6, 68.9, "bar"),
+            ("m^3/s", 3.2e-5, 0.032, "l/s"),
+            ("m", 0.09, 90, "mm"),
+            ("K", 300.0, 26.85, "°C"),
+            ("rad/s", 10.0, 95.4929658551372, "1/min"),
+            ("V", 2, 2, "V"),
+        ):
             scale = report_units.Scale(unit)
             self.assertAlmostEqual(scale.value(value), shown)
             self.assertEqual(scale.unit, name)
@@ -430,7 +532,7 @@ class Parts(unittest.TestCase):
     def test_no_line_over_a_gap(self):
         for rows in (300, 4000, 30000):
             time = np.arange(rows) * 0.01
-            time[rows // 2:] += 50.0
+            time[rows // 2 :] += 50.0
             table = report_data.open_gaps(np.column_stack([time, np.ones(rows)]), 0)
             starts, low, _ = report_pictures.envelope(table[:, 1])
             inside = np.isnan(low)

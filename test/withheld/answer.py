@@ -1,4 +1,5 @@
-"""Reads the JSON answer of `faultline gap` (and of the baselines, which write the same form). Only the keys of the contract."""
+"""Reads the JSON answer of `faultline gap` (and of the baselines, which write the same form). Only the keys of the
+contract."""
 import json
 import math
 
@@ -21,8 +22,10 @@ def interval(entry):
 def with_intervals(effect):
     """Parameters of an effect, each as [value, low, high] where the answer gives intervals beside the values."""
     beside = effect.get("intervals", {})
-    return {name: [value, *beside[name]] if name in beside and not isinstance(value, (dict, list)) else value
-            for name, value in effect.get("parameters", {}).items()}
+    return {
+        name: [value, *beside[name]] if name in beside and not isinstance(value, (dict, list)) else value
+        for name, value in effect.get("parameters", {}).items()
+    }
 
 
 class Answer:

@@ -4,8 +4,8 @@ Each equation of the datasheet is written as residual = regression on what an ef
 derivatives are smoothed alike (Savitzky-Golay). Four methods pick from the same columns:
 
     equation_error   sequentially thresholded least squares over all effects at once (SINDy-style)
-    bic              one effect after a free refit of the parameters, by the Bayesian information criterion; may say none
-    greedy_rmse      one effect after the same refit, by root mean square alone; always names one
+    bic              one effect after a free refit of the parameters, by the Bayesian information criterion; may say
+    none greedy_rmse      one effect after the same refit, by root mean square alone; always names one
     nominal          one effect without any refit, by root mean square
 Answers have the form of `faultline gap --json`.
 """
@@ -16,7 +16,7 @@ from scipy.signal import savgol_filter
 
 METHODS = ["greedy_rmse", "bic", "equation_error", "nominal"]
 WINDOW = 31
-STEP = 5   # rows kept, one in five: smoothed neighbours say the same
+STEP = 5  # rows kept, one in five: smoothed neighbours say the same
 EQUATIONS = ["kinematics", "piston", "chamber_a", "chamber_b", "spool", "redundancy"]
 
 
@@ -31,7 +31,8 @@ def root(y):
 
 
 class Regression:
-    """Equation errors and the columns of parameters and effects, stacked over runs; each equation scaled by its error."""
+    """Equation errors and the columns of parameters and effects, stacked over runs; each equation scaled by its
+    error."""
 
     def __init__(self, runs, nominal, period, known):
         self.known = set(known)
@@ -80,7 +81,7 @@ class Regression:
         ga, gb = k * root(drop_a), k * root(drop_b)
         ca, cb = (p["chamber_volume"] + area * x) / bulk, (p["chamber_volume"] - area * x) / bulk
         side = np.tanh(vs / 0.003)
-        peak = np.exp(-(vs / p["stribeck_velocity"]) ** 2)
+        peak = np.exp(-((vs / p["stribeck_velocity"]) ** 2))
         friction = side * (p["coulomb_friction"] + p["static_excess"] * peak)
         dv, dpa, dpb, dpl, dxv, di = (np.zeros_like(x) for _ in range(6))
         for target, source in ((dv, v), (dpa, pa), (dpb, pb), (dpl, pl), (dxv, xv), (di, half)):
@@ -88,10 +89,14 @@ class Regression:
         ddv = savgol_filter(v, WINDOW, 3, deriv=2, delta=h)
         ddpl = savgol_filter(pl, WINDOW, 3, deriv=2, delta=h)
         tau = p["spool_time_constant"]
-        rows = [smooth(x, 1) - smoothed(v),
-                smoothed(p["moving_mass"] * dv - area * pl + p["viscous_damping"] * v + friction + load),
-                smoothed(ca * dpa - qa + area * v), smoothed(cb * dpb + qb - area * v),
-                smoothed(tau * dxv - p["spool_gain"] * half + xv), smoothed(pl - pa + pb)]
+        rows = [
+            smooth(x, 1) - smoothed(v),
+            smoothed(p["moving_mass"] * dv - area * pl + p["viscous_damping"] * v + friction + load),
+            smoothed(ca * dpa - qa + area * v),
+            smoothed(cb * dpb + qb - area * v),
+            smoothed(tau * dxv - p["spool_gain"] * half + xv),
+            smoothed(pl - pa + pb),
+        ]
         late = (t > t[len(t) // 2]).astype(float)
         ha, hb = (0.5 * k * np.abs(xvs) / np.sqrt(np.maximum(np.abs(d), 1e4)) for d in (drop_a, drop_b))
         fa, fb = np.where(xvs > 0, ha, 0.0), np.where(xvs > 0, 0.0, hb)  # of these, what the supply pressure moves
@@ -110,7 +115,10 @@ class Regression:
             "ram_area": {c: pl, a: -v, b: v},
             "compliance": {a: -ca * dpa, b: -cb * dpb},
             "chamber_volume": {a: -x * dpa, b: x * dpb},
-            "flow_coefficient": {a: qa, b: -qb}, "spool_time_constant": {s: -dxv}, "spool_gain": {s: half}}
+            "flow_coefficient": {a: qa, b: -qb},
+            "spool_time_constant": {s: -dxv},
+            "spool_gain": {s: half},
+        }
         one = np.ones_like(x)
         effects = {
             "deadband@command.valve_command": {s: -np.sign(half)},
@@ -118,15 +126,23 @@ class Regression:
             "gain_curve@command.valve_command": {s: half * (np.abs(half) / 10 - 1)},
             "rate_limit@command.valve_command": {s: -np.sign(di) * np.maximum(0, np.abs(di) - fast)},
             "saturation@command.valve_command": {s: -np.sign(half) * np.maximum(0, np.abs(half) - top)},
-            "offset@command.valve_command": {s: one}, "scale@command.valve_command": {s: half},
-            "lag@command.valve_command": {s: -di}, "delay@command.valve_command": {s: -di},
+            "offset@command.valve_command": {s: one},
+            "scale@command.valve_command": {s: half},
+            "lag@command.valve_command": {s: -di},
+            "delay@command.valve_command": {s: -di},
             "stuck@command.valve_command": {s: -half * late},
-            "scale@sensor.position": {m: v}, "lag@sensor.position": {m: -dv}, "drift@sensor.position": {m: one},
+            "scale@sensor.position": {m: v},
+            "lag@sensor.position": {m: -dv},
+            "drift@sensor.position": {m: one},
             "stuck@sensor.position": {m: -v * late},
             "offset@sensor.velocity": {m: -one, c: p["viscous_damping"] * one, a: area * one, b: -area * one},
             "scale@sensor.velocity": {m: -v, c: p["viscous_damping"] * v, a: area * v, b: -area * v},
             "lag@sensor.velocity": {
-                m: dv, c: p["moving_mass"] * -ddv - p["viscous_damping"] * dv, a: -area * dv, b: area * dv},
+                m: dv,
+                c: p["moving_mass"] * -ddv - p["viscous_damping"] * dv,
+                a: -area * dv,
+                b: area * dv,
+            },
             "offset@sensor.load_pressure": {c: -area * one, r: one},
             "scale@sensor.load_pressure": {c: -area * pl, r: pl},
             "lag@sensor.load_pressure": {c: area * dpl, r: -dpl},
@@ -136,11 +152,13 @@ class Regression:
             "offset@sensor.chamber_b_pressure": {b: hb, r: one},
             "offset@sensor.spool_position": {s: one, a: -ga, b: gb},
             "scale@sensor.spool_position": {s: xv + tau * dxv, a: -qa, b: qb},
-            "coulomb_friction@force.piston": {c: -side}, "viscous_friction@force.piston": {c: -v},
-            "stribeck_friction@force.piston": {c: -side * np.exp(-(vs / 0.03) ** 2)},
+            "coulomb_friction@force.piston": {c: -side},
+            "viscous_friction@force.piston": {c: -v},
+            "stribeck_friction@force.piston": {c: -side * np.exp(-((vs / 0.03) ** 2))},
             "asymmetric_friction@force.piston": {c: -0.5 * np.abs(side)},
             "load_dependent_friction@force.piston": {c: -side * np.abs(pls)},
-            "load_force@force.piston": {c: -one}, "added_mass@force.piston": {c: -dv},
+            "load_force@force.piston": {c: -one},
+            "added_mass@force.piston": {c: -dv},
             "end_stop@force.piston": {c: -np.maximum(0, x - reach)},
             "orifice_leakage@flow.chamber_a_chamber_b": {a: -root(pls), b: root(pls)},
             "laminar_leakage@flow.chamber_a_chamber_b": {a: -pl, b: pl},
@@ -152,15 +170,24 @@ class Regression:
             "area_curve@restriction.valve": {a: qa * log_opening, b: -qb * log_opening},
             "deadband@restriction.valve": {a: -np.tanh(xvs / 0.05) * ga, b: np.tanh(xvs / 0.05) * gb},
             "droop@source.supply_pressure": {a: -fa * np.abs(qa), b: -fb * np.abs(qb)},
-            "ripple@source.supply_pressure": {a: fa * np.sin(2 * np.pi * tone * t), b: fb * np.sin(2 * np.pi * tone * t)},
+            "ripple@source.supply_pressure": {
+                a: fa * np.sin(2 * np.pi * tone * t),
+                b: fb * np.sin(2 * np.pi * tone * t),
+            },
             "offset@source.supply_pressure": {a: fa, b: fb},
-            "line_inertia@line.valve_cylinder": {a: -savgol_filter(qa, WINDOW, 3, deriv=2, delta=h),
-                                                 b: savgol_filter(qb, WINDOW, 3, deriv=2, delta=h)},
+            "line_inertia@line.valve_cylinder": {
+                a: -savgol_filter(qa, WINDOW, 3, deriv=2, delta=h),
+                b: savgol_filter(qb, WINDOW, 3, deriv=2, delta=h),
+            },
             "backlash@transmission.rod": {c: dv * after},
-            "elasticity@transmission.rod": {c: ddpl}}
+            "elasticity@transmission.rod": {c: ddpl},
+        }
         effects = {key: value for key, value in effects.items() if key in self.known}
-        return (rows, {n: {e: smoothed(y) for e, y in d.items()} for n, d in parameters.items()},
-                {n: {e: smoothed(y) for e, y in d.items()} for n, d in effects.items()})
+        return (
+            rows,
+            {n: {e: smoothed(y) for e, y in d.items()} for n, d in parameters.items()},
+            {n: {e: smoothed(y) for e, y in d.items()} for n, d in effects.items()},
+        )
 
 
 def _since(sign):
@@ -200,13 +227,17 @@ def diagnose(regression, method, without):
             matrix = np.column_stack(fixed + [effects[k] for k in active])
             size = np.linalg.norm(matrix, axis=0)
             solution = np.linalg.lstsq(matrix / size, target, rcond=1e-8)[0] / np.linalg.norm(target)
-            coefficient = dict(zip(active, np.abs(solution[len(fixed):])))
+            coefficient = dict(zip(active, np.abs(solution[len(fixed) :])))
             active = [k for k in active if coefficient[k] > threshold]
             if not active:
                 break
         order = sorted(active, key=lambda k: -coefficient[k])
         weight = np.array([coefficient[k] for k in order])
-        return order + [k for k in names if k not in order], weight / weight.sum() if len(order) else weight, bool(order)
+        return (
+            order + [k for k in names if k not in order],
+            weight / weight.sum() if len(order) else weight,
+            bool(order),
+        )
     start = _left(target, fixed)
     left = {k: _left(target, fixed + [c]) for k, c in effects.items()}
     order = sorted(left, key=left.get)
@@ -227,11 +258,17 @@ def answers(paths, sheet, without):
             entry["probability"] = float(w)
         port = ranked[0]["port"]
         result[method] = {
-            "rig": sheet.rig, "runs": list(paths),
+            "rig": sheet.rig,
+            "runs": list(paths),
             "where": {"ranked": [{"port": port}], "kind": "sensor" if port.startswith("sensor.") else "process"},
-            "cause": {"verdict": "named" if named else "none", "effects": [dict(ranked[0], parameters={})] if named else [],
-                      "equivalent": [], "ranked": ranked},
-            "shrink": {}}
+            "cause": {
+                "verdict": "named" if named else "none",
+                "effects": [dict(ranked[0], parameters={})] if named else [],
+                "equivalent": [],
+                "ranked": ranked,
+            },
+            "shrink": {},
+        }
     return result
 
 

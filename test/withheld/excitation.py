@@ -1,4 +1,5 @@
-"""How the truth is driven: the datasheet's position control on five set points, and its open-loop PRBS, with other tunings.
+"""How the truth is driven: the datasheet's position control on five set points, and its open-loop PRBS, with other
+tunings.
 
 A controller is called once per sample with what the transducers say and returns (volts, position_reference).
 """
@@ -91,7 +92,7 @@ class PositionControl:
         p, h, w = self.p, self.h, 40.0
         wish = self.raw(k * h)
         self.r += min(max(wish - self.r, -0.3 * h), 0.3 * h)
-        jerk = w ** 3 * (self.r - self.x) - 3 * w * w * self.v - 3 * w * self.a
+        jerk = w**3 * (self.r - self.x) - 3 * w * w * self.v - 3 * w * self.a
         self.a += jerk * h
         self.v += self.a * h
         self.x += self.v * h
@@ -103,7 +104,7 @@ class PositionControl:
         friction = p["coulomb_friction"] * self.sign + p["viscous_damping"] * self.v
         force = p["moving_mass"] * self.a - self.kv * (v - self.v) - self.kp * error + friction + seen["load_force"]
         rate = p["moving_mass"] * jerk - self.kp * (v - self.v)
-        n = area ** 2 * v / p["compliance"] + rate - self.kf * (area * pl - force)
+        n = area**2 * v / p["compliance"] + rate - self.kf * (area * pl - force)
         drop = seen["supply_pressure"] - math.copysign(1.0, n) * pl
         gain = area * p["flow_coefficient"] * math.sqrt(max(drop, 1e5)) / p["compliance"]
         return n / (gain * p["spool_gain"]), self.x
@@ -149,7 +150,9 @@ class Tones:
 def supply(sheet, random):
     """True level behind the pump: the set value, a slow wander and a few bar of hum."""
     level = sheet.constants.get("supply_pressure_set", 6.89e6) * random.uniform(0.985, 1.015)
-    terms = [(random.uniform(1e4, 4e4), 2 * math.pi * random.uniform(0.03, 0.4), random.uniform(0, 6.3)) for _ in range(3)]
+    terms = [
+        (random.uniform(1e4, 4e4), 2 * math.pi * random.uniform(0.03, 0.4), random.uniform(0, 6.3)) for _ in range(3)
+    ]
 
     return Tones(level, terms)
 
@@ -157,6 +160,9 @@ def supply(sheet, random):
 def load(sheet, random):
     """Load loop off (a few newtons), or on with a slow random push of some hundred newtons."""
     size = random.uniform(150, 500) if random.random() < 0.35 else random.uniform(0.5, 3.0)
-    terms = [(size * random.uniform(0.3, 0.7), 2 * math.pi * random.uniform(0.1, 1.5), random.uniform(0, 6.3)) for _ in range(3)]
+    terms = [
+        (size * random.uniform(0.3, 0.7), 2 * math.pi * random.uniform(0.1, 1.5), random.uniform(0, 6.3))
+        for _ in range(3)
+    ]
 
     return Tones(0.0, terms)

@@ -30,7 +30,10 @@ from truth_servo_actuator import PARAMETERS, Truth
 RIG = "servo_actuator"
 DURATION = 20.0
 PARTS = ["closed", "open", "none", "two"]
-SEEDS = {"development": 41000, "test": 102000}  # a method may be tuned on the first, never on the second (97000 and 98000 were, 99000 was looked at)
+SEEDS = {
+    "development": 41000,
+    "test": 102000,
+}  # a method may be tuned on the first, never on the second (97000 and 98000 were, 99000 was looked at)
 NOISE = {"0.1 %": 1.0, "0.5 %": 5.0, "2 %": 20.0}  # of range; factor on the datasheet's noise, which is about 0.1 %
 NOISE_SHARE = [0.5, 0.3, 0.2]
 SEVERITY = {"1.2-2": (1.25, 1.9), "2-5": (2.2, 4.6), "above 5": (5.5, 14.0)}
@@ -60,9 +63,13 @@ def draw_parameters(sheet, random, off):
 
 
 def draw_nuisance(random):
-    return {"stroke_friction": random.uniform(-0.006, 0.006), "warming": random.uniform(-1e-3, 0.0),
-            "spool_hysteresis": random.uniform(0.0, 0.003), "gain_error": random.uniform(-3e-4, 3e-4),
-            "pressure_filter": random.uniform(5e-6, 2e-5) if random.random() < 0.5 else 0.0}
+    return {
+        "stroke_friction": random.uniform(-0.006, 0.006),
+        "warming": random.uniform(-1e-3, 0.0),
+        "spool_hysteresis": random.uniform(0.0, 0.003),
+        "gain_error": random.uniform(-3e-4, 3e-4),
+        "pressure_filter": random.uniform(5e-6, 2e-5) if random.random() < 0.5 else 0.0,
+    }
 
 
 class Case:
@@ -70,7 +77,7 @@ class Case:
 
     def __init__(self, sheet, seed, part, number):
         self.sheet, self.part = sheet, part
-        draw = "closed" if part == "open" else part   # the open part uses the closed part's runs
+        draw = "closed" if part == "open" else part  # the open part uses the closed part's runs
         self.random = np.random.default_rng([seed, PARTS.index(draw), number])
         random = self.random
         self.off = part == "none" and number % 2 == 1
@@ -80,7 +87,7 @@ class Case:
         self.noise_scale = NOISE[self.noise_name]
         kinds = random.permutation(excitation.KINDS)[:2].tolist()
         self.kinds = kinds + [str(random.choice(excitation.KINDS))]
-        self.run_seeds = [int(s) for s in random.integers(0, 2 ** 31, 3)]
+        self.run_seeds = [int(s) for s in random.integers(0, 2**31, 3)]
         order = np.random.default_rng([seed, 77]).permutation(sheet.effects()).tolist()
         if draw == "closed":
             self.keys = [order[number % len(order)]]
@@ -108,8 +115,10 @@ class Case:
         return truth.run(duration or DURATION, control, self.noise_scale, self.run_seeds[index] + 1)
 
     def replayable(self, outputs, count=signature.COUNT):
-        return [signature.Run(o, self.noise_scale, s, self.parameters, self.nuisance, count)
-                for o, s in zip(outputs, self.run_seeds)]
+        return [
+            signature.Run(o, self.noise_scale, s, self.parameters, self.nuisance, count)
+            for o, s in zip(outputs, self.run_seeds)
+        ]
 
     def choose_sizes(self):
         """Knob of each effect so that it alone lifts the residual (after a refit within tolerance) to the target."""
@@ -121,7 +130,9 @@ class Case:
         prior = [1.0] * len(columns)
 
         def lift(key, q):
-            parts = [run.signature({key: sizes.value(key, self.sheet.bounds[key], self.templates[key], q)}) for run in runs]
+            parts = [
+                run.signature({key: sizes.value(key, self.sheet.bounds[key], self.templates[key], q)}) for run in runs
+            ]
             whole = np.concatenate(parts)
             _, left, _ = signature.explained(whole.ravel(), columns, prior, runs[0].repetition())
             return math.sqrt(1 + np.max(np.mean(left.reshape(whole.shape) ** 2, axis=0)))
@@ -163,14 +174,30 @@ class Case:
             if facts["lift_after_refit"] >= 1.2 or min(knobs.values()) >= 1:
                 break
             knobs = {k: min(1.0, q + 0.12) for k, q in knobs.items()}
-        label = {"part": self.part, "rig": RIG, "effects": effects, "parameters": self.parameters, "parameters_off": self.moved,
-                 "noise": str(self.noise_name), "noise_scale": self.noise_scale, "excitations": self.kinds[:len(outputs)],
-                 "nuisance": self.nuisance}
+        label = {
+            "part": self.part,
+            "rig": RIG,
+            "effects": effects,
+            "parameters": self.parameters,
+            "parameters_off": self.moved,
+            "noise": str(self.noise_name),
+            "noise_scale": self.noise_scale,
+            "excitations": self.kinds[: len(outputs)],
+            "nuisance": self.nuisance,
+        }
         if facts:
             structure, alone = oracle.identifiable(facts)
-            label.update({"lift": facts["lift"], "lift_after_refit": facts["lift_after_refit"],
-                          "severity": severity_class(facts["lift_after_refit"]), "structure": structure, "identifiable": alone,
-                          "inseparable": {k: oracle.separate_set(facts, k) for k in effects}, "oracle": facts})
+            label.update(
+                {
+                    "lift": facts["lift"],
+                    "lift_after_refit": facts["lift_after_refit"],
+                    "severity": severity_class(facts["lift_after_refit"]),
+                    "structure": structure,
+                    "identifiable": alone,
+                    "inseparable": {k: oracle.separate_set(facts, k) for k in effects},
+                    "oracle": facts,
+                }
+            )
         return outputs, label
 
 
@@ -208,7 +235,8 @@ def _interrupted(*_):
 
 
 def end_on_signals():
-    """SIGTERM ends as Ctrl-C does, and both do in the background too: a shell starts background commands deaf to the latter."""
+    """SIGTERM ends as Ctrl-C does, and both do in the background too: a shell starts background commands deaf to the
+    latter."""
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, _interrupted)
 
@@ -219,7 +247,9 @@ def bar(done, total, began, text):
     width, spent = 30, time.perf_counter() - began
     left = spent / done * (total - done) if done else 0.0
     full = width * done // max(total, 1)
-    sys.stderr.write(f"\r{text} [{'#' * full}{'.' * (width - full)}] {done}/{total}  {spent:.0f} s, about {left:.0f} s to go ")
+    sys.stderr.write(
+        f"\r{text} [{'#' * full}{'.' * (width - full)}] {done}/{total}  {spent:.0f} s, about {left:.0f} s to go "
+    )
     sys.stderr.write("\n" if done == total or not sys.stderr.isatty() else "")
     sys.stderr.flush()
 
@@ -244,7 +274,7 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None):
         if before["settings"] != made["settings"]:
             raise SystemExit(f"{out}: holds cases of other settings {before['settings']}; give another folder")
         made = before
-    home = {}   # open case -> name of the folder it shares with the closed case
+    home = {}  # open case -> name of the folder it shares with the closed case
     tasks = []
     for (part, number), name in names.items():
         if part == "open" and ("closed", number) in names:
@@ -279,8 +309,14 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None):
             without = twins.withheld(key, sheet.bounds)
             made["cases"][name]["withheld"] = without
         folder = os.path.join("data", home.get(name, name))
-        manifest.append({"case": name, "runs": [os.path.join(folder, f"run_{n}.csv") for n in (1, 2)],
-                         "third": os.path.join(folder, "run_3.csv") if third else None, "without": without})
+        manifest.append(
+            {
+                "case": name,
+                "runs": [os.path.join(folder, f"run_{n}.csv") for n in (1, 2)],
+                "third": os.path.join(folder, "run_3.csv") if third else None,
+                "without": without,
+            }
+        )
     with open(label_path, "w", encoding="utf-8") as stream:
         json.dump(made, stream, indent=1, default=float)
     manifest.sort(key=lambda entry: entry["case"])
@@ -296,7 +332,9 @@ def add_arguments(parser):
     parser.add_argument("--set", choices=sorted(SEEDS), default="development", help="which seed (default development)")
     parser.add_argument("--seed", type=int, help="another seed in place of --set")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes at once (default: all cores)")
-    parser.add_argument("--third", action="store_true", help="a third run per case, to hold the predicted shrink against")
+    parser.add_argument(
+        "--third", action="store_true", help="a third run per case, to hold the predicted shrink against"
+    )
 
 
 if __name__ == "__main__":

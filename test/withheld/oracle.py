@@ -3,9 +3,9 @@
 The signature of the labelled effect must not be explained
   (a) by parameters that move within their tolerances (else it is miscalibration), nor
   (b) by a near-equivalent effect together with such parameters, at a small or a large size of it.
-What is left in the best such explanation is a chi^2 over all samples; it must exceed both a threshold and what the truth's
-own nuisance effects and bristles leave behind. The test knows the true states, so it is an upper bound: "not identifiable" is firm,
-"identifiable" means that the data hold the answer, not that it is easy.
+What is left in the best such explanation is a chi^2 over all samples; it must exceed both a threshold and what the
+truth's own nuisance effects and bristles leave behind. The test knows the true states, so it is an upper bound: "not
+identifiable" is firm, "identifiable" means that the data hold the answer, not that it is easy.
 """
 import numpy as np
 
@@ -13,17 +13,17 @@ import signature
 import sizes
 import twins
 
-PARAMETERS_ALONE = 60.0   # above the solver's own error, which is a chi^2 of about 10
-STIFF_BRISTLE = 6.0e8     # N/m: nearly the datasheet's set-valued friction
-RIVAL = 60.0              # log likelihood lower by 30
+PARAMETERS_ALONE = 60.0  # above the solver's own error, which is a chi^2 of about 10
+STIFF_BRISTLE = 6.0e8  # N/m: nearly the datasheet's set-valued friction
+RIVAL = 60.0  # log likelihood lower by 30
 
 
 def refit(runs, target, columns, effect=None, steps=5, enough=np.inf):
     """Smallest chi^2 that parameters within tolerance (and one effect) leave of a target, by Gauss-Newton.
 
-    Starts linear, then simulates what it found and corrects, for thresholds are small beside the chi^2 of a plain effect;
-    not where the linear answer is far beyond `enough`. `effect`: (key, values, main parameter, bounds, its signature).
-    """
+    Starts linear, then simulates what it found and corrects, for thresholds are small beside the chi^2 of a plain
+    effect; not where the linear answer is far beyond `enough`. `effect`: (key, values, main parameter, bounds, its
+    signature). """
     names = list(columns)
     repetition = runs[0].repetition()
     matrix, prior = [columns[n] for n in names], [1.0] * len(names)
@@ -56,17 +56,22 @@ def examine(runs, effects, sheet, random):
     columns = signature.parameter_signatures(runs)
     alone, left = refit(runs, target, columns)
     if len(effects) == 1:  # some effects are a parameter exactly; a search need not be sharp enough to see it
-        (key, values), = effects.items()
+        ((key, values),) = effects.items()
         off = twins.twin_tolerances(key, values, runs[0].parameters, sheet.tolerance)
-        if off <= 3 and off ** 2 < alone:
-            alone, left = off ** 2, np.zeros_like(left)
+        if off <= 3 and off**2 < alone:
+            alone, left = off**2, np.zeros_like(left)
     after = float(np.sqrt(1 + np.max(np.mean(left.reshape(-1, raw[0].shape[1]) ** 2, axis=0))))
     quiet = dict.fromkeys(runs[0].nuisance, 0.0)
     quiet["bristle"] = STIFF_BRISTLE
     nuisance = np.concatenate([run.signature(effects={}, nuisance=quiet) for run in runs]).ravel()
     floor = signature.explained(nuisance, list(columns.values()), [1.0] * len(columns), runs[0].repetition())[0]
-    facts = {"lift": signature.lift(raw), "lift_after_refit": after, "chi2_parameters_alone": alone,
-             "chi2_nuisance": floor, "chi2_rivals": {}}
+    facts = {
+        "lift": signature.lift(raw),
+        "lift_after_refit": after,
+        "chi2_parameters_alone": alone,
+        "chi2_nuisance": floor,
+        "chi2_rivals": {},
+    }
     for key in effects:
         rest = {k: v for k, v in effects.items() if k != key}
         single = target
@@ -96,5 +101,8 @@ def identifiable(facts):
 def separate_set(facts, key):
     """Near-equivalents of an effect that these runs cannot tell from it."""
     limit = max(RIVAL, facts["chi2_nuisance"])
-    return sorted(name.split(" < ")[1] for name, left in facts["chi2_rivals"].items()
-                  if name.split(" < ")[0] == key and left <= limit)
+    return sorted(
+        name.split(" < ")[1]
+        for name, left in facts["chi2_rivals"].items()
+        if name.split(" < ")[0] == key and left <= limit
+    )

@@ -1,7 +1,7 @@
 """The right-hand side of the servo actuator's truth, compiled: LSODA calls it without passing through Python.
 
-rate(t, y, c, drive, dy) writes dy/dt. `c` is one record of CONSTANTS; `drive` says how the voltage runs on the present piece:
-(kind, a, b, c, start), see CommandPath. The formulae are described in truth_servo_actuator.py.
+rate(t, y, c, drive, dy) writes dy/dt. `c` is one record of CONSTANTS; `drive` says how the voltage runs on the present
+piece: (kind, a, b, c, start), see CommandPath. The formulae are described in truth_servo_actuator.py.
 """
 import ctypes
 import math
@@ -11,21 +11,27 @@ from numba import carray, cfunc, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-ORIFICE_LAMINAR = 600.0   # Pa
+ORIFICE_LAMINAR = 600.0  # Pa
 ATMOSPHERE = 101325.0
 POLYTROPIC = 1.1
-PUMP_RESISTANCE = 5.0e8   # Pa s/m^3, seen by the supply transducer
-PUMP_TIME = 0.05          # s
-BRISTLE_DAMPING = 5.0e3   # N s/m
+PUMP_RESISTANCE = 5.0e8  # Pa s/m^3, seen by the supply transducer
+PUMP_TIME = 0.05  # s
+BRISTLE_DAMPING = 5.0e3  # N s/m
 MOST_STATES = 14
 
-CONSTANTS = np.dtype([(name, np.float64) for name in (
-    "area piston_mass load_mass volume viscous coulomb excess stribeck bulk flow_gain tau_v spool_gain stop stop_k stop_d "
-    "bristle stroke_friction warming more_coulomb more_viscous more_excess more_velocity asymmetry by_load push spring "
-    "end_x end_k leak_ab laminar_ab leak_a leak_b air exponent overlap droop ripple ripple_w supply_offset "
-    "has_rod has_line rod_index line_index inertance share_f gap rod_k rod_d supply_level load_level "
-    "extra_friction any_leak").split()]
-    + [(name, np.float64, (3,)) for name in ("supply_a", "supply_w", "supply_p", "load_a", "load_w", "load_p")])
+CONSTANTS = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            "area piston_mass load_mass volume viscous coulomb excess stribeck bulk flow_gain tau_v spool_gain stop"
+            " stop_k stop_d bristle stroke_friction warming more_coulomb more_viscous more_excess more_velocity"
+            " asymmetry by_load push spring end_x end_k leak_ab laminar_ab leak_a leak_b air exponent overlap droop"
+            " ripple ripple_w supply_offset has_rod has_line rod_index line_index inertance share_f gap rod_k rod_d"
+            " supply_level load_level extra_friction any_leak"
+        ).split()
+    ]
+    + [(name, np.float64, (3,)) for name in ("supply_a", "supply_w", "supply_p", "load_a", "load_w", "load_p")]
+)
 
 
 @njit
@@ -42,7 +48,7 @@ def soft_deadband(u, width):
 
 @njit
 def root(y):
-    return y / (abs(y) ** 3 + ORIFICE_LAMINAR ** 3) ** (1 / 6)
+    return y / (abs(y) ** 3 + ORIFICE_LAMINAR**3) ** (1 / 6)
 
 
 @njit
@@ -125,7 +131,7 @@ def rate(t, y, c, drive, dy):
         dpa = ca / (c.volume + c.area * x) * (qa - c.area * v - out_a)
         dpb = cb / (c.volume - c.area * x) * (c.area * v - qb - out_b)
     if pa < 0:
-        dpa -= 3e3 * pa   # make-up valve
+        dpa -= 3e3 * pa  # make-up valve
     if pb < 0:
         dpb -= 3e3 * pb
     # friction of the piston (and, without a rod effect, of all that moves)
@@ -141,7 +147,7 @@ def rate(t, y, c, drive, dy):
         level += 0.5 * c.asymmetry * math.tanh(v / 5e-4) + c.by_load * math.sqrt(pl * pl + 1e6)
         level = max(level, 1.0)
     dz = v - c.bristle * abs(v) * z / level
-    force = (c.area * pl - c.bristle * z - BRISTLE_DAMPING * dz - (own * b + c.more_viscous) * v - c.push - c.spring * x)
+    force = c.area * pl - c.bristle * z - BRISTLE_DAMPING * dz - (own * b + c.more_viscous) * v - c.push - c.spring * x
     if c.end_k > 0 and x > c.end_x:
         force -= max(0.0, c.end_k * (x - c.end_x) * (1 + 0.5 * v))
     if has_rod:
@@ -177,6 +183,7 @@ _NOW_AT, _DRIVE_AT = NOW.ctypes.data, DRIVE.ctypes.data
 def _pointer(typing, address):
     def generate(context, builder, signature, arguments):
         return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
     return types.voidptr(address), generate
 
 
@@ -185,10 +192,15 @@ _double = types.CPointer(types.float64)
 
 @cfunc(types.void(types.CPointer(types.int32), _double, _double, _double))
 def _fortran(n, t, y, dy):
-    rate(t[0], carray(y, MOST_STATES), carray(_pointer(_NOW_AT), 1, dtype=CONSTANTS)[0],
-         carray(_pointer(_DRIVE_AT), 5, dtype=np.float64), carray(dy, MOST_STATES))
+    rate(
+        t[0],
+        carray(y, MOST_STATES),
+        carray(_pointer(_NOW_AT), 1, dtype=CONSTANTS)[0],
+        carray(_pointer(_DRIVE_AT), 5, dtype=np.float64),
+        carray(dy, MOST_STATES),
+    )
 
 
 _capsule = ctypes.pythonapi.PyCapsule_New
 _capsule.restype, _capsule.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
-FORTRAN = _capsule(_fortran.address, None, None)   # f2py hands it to LSODA as it is
+FORTRAN = _capsule(_fortran.address, None, None)  # f2py hands it to LSODA as it is

@@ -132,7 +132,9 @@ def main():
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     generate.add_arguments(reader)
     reader.add_argument("--program", default=os.path.join(ROOT, "faultline"), help="what to run as `PROGRAM gap ...`")
-    reader.add_argument("--at-once", type=int, default=1, help="cases diagnosed at once; the cores are shared among them")
+    reader.add_argument(
+        "--at-once", type=int, default=1, help="cases diagnosed at once; the cores are shared among them"
+    )
     reader.add_argument("--no-faultline", action="store_true", help="baselines only")
     reader.add_argument("--no-baselines", action="store_true", help="faultline only")
     reader.add_argument("--table", help="write the table here (default OUT/table.md)")
@@ -156,8 +158,12 @@ def main():
         run_baselines(given.out, manifest, given.jobs)
     for line in failed:
         print(line, file=sys.stderr)
-    command = f"test/withheld/run.py OUT --cases {given.cases}" + "".join(f" --part {p}" for p in given.part or []) \
-        + (f" --set {given.set}" if given.seed is None else f" --seed {given.seed}") + (" --third" if given.third else "")
+    command = (
+        f"test/withheld/run.py OUT --cases {given.cases}"
+        + "".join(f" --part {p}" for p in given.part or [])
+        + (f" --set {given.set}" if given.seed is None else f" --seed {given.seed}")
+        + (" --third" if given.third else "")
+    )
     table = score.score(given.out, f"Made by `{command}` (seed {seed}).")
     with open(given.table or os.path.join(given.out, "table.md"), "w", encoding="utf-8") as stream:
         stream.write(table)

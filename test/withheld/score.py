@@ -2,9 +2,9 @@
 
     score.py OUT [--table FILE] [--answered]
 
---answered leaves out cases that faultline has not answered (yet): the table of a run that was stopped. Otherwise they count as wrong.
-Reads OUT/sealed/labels.json and OUT/answers/METHOD/CASE.json; METHOD faultline and the baselines side by side.
-"""
+--answered leaves out cases that faultline has not answered (yet): the table of a run that was stopped. Otherwise they
+count as wrong. Reads OUT/sealed/labels.json and OUT/answers/METHOD/CASE.json; METHOD faultline and the baselines side
+by side. """
 import argparse
 import json
 import math
@@ -45,12 +45,17 @@ def single(label, given):
     for name in given.effects + given.ranked:
         if name not in two:
             two.append(name)
-    return {"top1": top == key, "top2": given.verdict == "named" and key in two[:2],
-            "set": given.verdict == "named" and key in given.effects + given.equivalent,
-            "family": top is not None and twins.family(top) == twins.family(key),
-            "place": given.place == port, "place_group": port in given.place_group,
-            "kind": given.kind == twins.place_kind(port), "unknown": given.verdict == "unknown",
-            "missed": given.verdict in ("none", "miscalibrated")}
+    return {
+        "top1": top == key,
+        "top2": given.verdict == "named" and key in two[:2],
+        "set": given.verdict == "named" and key in given.effects + given.equivalent,
+        "family": top is not None and twins.family(top) == twins.family(key),
+        "place": given.place == port,
+        "place_group": port in given.place_group,
+        "kind": given.kind == twins.place_kind(port),
+        "unknown": given.verdict == "unknown",
+        "missed": given.verdict in ("none", "miscalibrated"),
+    }
 
 
 def coverage(cases, answers):
@@ -97,7 +102,9 @@ def unknown_at(closed, opened, allowed=0.05):
         if above > allowed:
             continue
         part = 1.0 if above + at <= allowed else (allowed - above) / at
-        hit = sum(o > threshold for o in opened) / len(opened) + part * sum(o == threshold for o in opened) / len(opened)
+        hit = sum(o > threshold for o in opened) / len(opened) + part * sum(o == threshold for o in opened) / len(
+            opened
+        )
         best = max(best, hit)
     return best, len(opened)
 
@@ -117,20 +124,31 @@ def summarise(labels, answers, seconds, third):
     for k in ("top1", "top2", "set", "family", "place", "place_group", "kind", "unknown", "missed"):
         result[k] = rate(scored[n][k] for n in aimed)
     # an effect that one run cannot tell from its twin: naming it, or naming its twin and listing it, is right
-    twin = [n for n, l in parts["closed"].items()
-            if l["structure"] and not l["identifiable"] and l["severity"] in ("2-5", "above 5")]
+    twin = [
+        n
+        for n, l in parts["closed"].items()
+        if l["structure"] and not l["identifiable"] and l["severity"] in ("2-5", "above 5")
+    ]
     result["twin_set"] = rate(scored[n]["set"] for n in twin)
     for off in (False, True):
         inside = [n for n, l in parts["none"].items() if bool(l["parameters_off"]) == off]
         result["false_off" if off else "false"] = rate(
-            answers.get(n, MISSING).verdict not in ("none", "miscalibrated") for n in inside)
-    opened = [n for n, l in parts["open"].items() if l["structure"] and l["severity"] in ("2-5", "above 5")
-              and next(iter(l["effects"])) not in twins.PARAMETER_TWINS]
+            answers.get(n, MISSING).verdict not in ("none", "miscalibrated") for n in inside
+        )
+    opened = [
+        n
+        for n, l in parts["open"].items()
+        if l["structure"]
+        and l["severity"] in ("2-5", "above 5")
+        and next(iter(l["effects"])) not in twins.PARAMETER_TWINS
+    ]
     result["open_unknown"] = rate(answers.get(n, MISSING).verdict == "unknown" for n in opened)
-    result["open_at_5"] = unknown_at([answers.get(n, MISSING).unknown for n in aimed],
-                                     [answers.get(n, MISSING).unknown for n in opened])
-    result["open_place"] = rate(next(iter(parts["open"][n]["effects"])).split("@")[1] == answers.get(n, MISSING).place
-                                for n in opened)
+    result["open_at_5"] = unknown_at(
+        [answers.get(n, MISSING).unknown for n in aimed], [answers.get(n, MISSING).unknown for n in opened]
+    )
+    result["open_place"] = rate(
+        next(iter(parts["open"][n]["effects"])).split("@")[1] == answers.get(n, MISSING).place for n in opened
+    )
     both = [n for n, l in parts["two"].items() if l["structure"] and l["severity"] in ("2-5", "above 5")]
     result["two_both"] = rate(set(parts["two"][n]["effects"]) <= set(answers.get(n, MISSING).effects) for n in both)
     result["two_one"] = rate(bool(set(parts["two"][n]["effects"]) & set(answers.get(n, MISSING).effects)) for n in both)
@@ -152,54 +170,105 @@ def summarise(labels, answers, seconds, third):
     result["shrink_near"], result["shrink_inside"] = rate(near), rate(inside)
     result["coverage"] = coverage({n: parts["closed"][n] for n in aimed}, answers)
     result["calibration"] = calibration_error(
-        [(a.probability[0], scored[n]["top1"]) for n in parts["closed"]
-         for a in [answers.get(n, MISSING)] if a.verdict == "named" and a.probability])
+        [
+            (a.probability[0], scored[n]["top1"])
+            for n in parts["closed"]
+            for a in [answers.get(n, MISSING)]
+            if a.verdict == "named" and a.probability
+        ]
+    )
     result["seconds"] = (median(seconds.values()), len(seconds))
     result["missing"] = (sum(n not in answers for n in labels), len(labels))
     return result, rows
 
 
-LINES = [("top1", "top-1"), ("top2", "top-2"), ("set", "named or in its equivalence set"), ("family", "family"),
-         ("place", "place top-1"), ("place_group", "place, or in the first place's group"), ("kind", "sensor against process"),
-         ("unknown", "false unknowns"), ("missed", "missed (none or miscalibrated)"),
-         ("twin_set", "not separable: named or in its set"),
-         ("false", "false alarms, parameters within tolerance"), ("false_off", "false alarms, parameters off by up to 30 %"),
-         ("open_unknown", "open: verdict unknown"), ("open_at_5", "open: unknown at 5 % false unknowns"),
-         ("open_place", "open: place top-1"), ("two_both", "two effects: both named"), ("two_one", "two effects: at least one"),
-         ("closable", "closable share won, median"), ("heldout", "held-out shrink, median"),
-         ("shrink_near", "shrink on a third run within 5 points"), ("shrink_inside", "shrink on a third run inside its interval"),
-         ("coverage", "parameter inside its interval"), ("calibration", "calibration error")]
+LINES = [
+    ("top1", "top-1"),
+    ("top2", "top-2"),
+    ("set", "named or in its equivalence set"),
+    ("family", "family"),
+    ("place", "place top-1"),
+    ("place_group", "place, or in the first place's group"),
+    ("kind", "sensor against process"),
+    ("unknown", "false unknowns"),
+    ("missed", "missed (none or miscalibrated)"),
+    ("twin_set", "not separable: named or in its set"),
+    ("false", "false alarms, parameters within tolerance"),
+    ("false_off", "false alarms, parameters off by up to 30 %"),
+    ("open_unknown", "open: verdict unknown"),
+    ("open_at_5", "open: unknown at 5 % false unknowns"),
+    ("open_place", "open: place top-1"),
+    ("two_both", "two effects: both named"),
+    ("two_one", "two effects: at least one"),
+    ("closable", "closable share won, median"),
+    ("heldout", "held-out shrink, median"),
+    ("shrink_near", "shrink on a third run within 5 points"),
+    ("shrink_inside", "shrink on a third run inside its interval"),
+    ("coverage", "parameter inside its interval"),
+    ("calibration", "calibration error"),
+]
 
 
 def markdown(labels, methods, heading):
     """The table of all methods; then the first one's by severity and by what the oracle says."""
-    text = ["# Withheld check of `faultline gap`", "", heading, "",
-            "Closed-set lines: cases that the oracle calls identifiable, severity above 2. In brackets: number of cases.", ""]
+    text = [
+        "# Withheld check of `faultline gap`",
+        "",
+        heading,
+        "",
+        "Closed-set lines: cases that the oracle calls identifiable, severity above 2. In brackets: number of cases.",
+        "",
+    ]
     names = list(methods)
     text += ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     for key, title in LINES:
         text.append(f"| {title} | " + " | ".join(show(methods[m][0][key]) for m in names) + " |")
-    text.append("| seconds a case, median | " + " | ".join(
-        "-" if math.isnan(methods[m][0]["seconds"][0]) else f"{methods[m][0]['seconds'][0]:.1f}" for m in names) + " |")
+    text.append(
+        "| seconds a case, median | "
+        + " | ".join(
+            "-" if math.isnan(methods[m][0]["seconds"][0]) else f"{methods[m][0]['seconds'][0]:.1f}" for m in names
+        )
+        + " |"
+    )
     text.append("| cases without an answer | " + " | ".join(str(methods[m][0]["missing"][0]) for m in names) + " |")
     first = names[0]
-    text += ["", f"## {first} by severity (closed set)", "",
-             "| severity | identifiable | cases | top-1 | top-2 | in its set | family | place | sensor/process | unknown | missed |",
-             "|---" * 11 + "|"]
+    text += [
+        "",
+        f"## {first} by severity (closed set)",
+        "",
+        (
+            "| severity | identifiable | cases | top-1 | top-2 | in its set | family | place | sensor/process | unknown"
+            " | missed |"
+        ),
+        "|---" * 11 + "|",
+    ]
     for cls, wanted, v in methods[first][1]:
-        text.append(f"| {cls} | {'yes' if wanted else 'no'} | {v['top1'][1]} | " + " | ".join(
-            f"{100 * v[k][0]:.0f} %" for k in ("top1", "top2", "set", "family", "place", "kind", "unknown", "missed")) + " |")
+        text.append(
+            f"| {cls} | {'yes' if wanted else 'no'} | {v['top1'][1]} | "
+            + " | ".join(
+                f"{100 * v[k][0]:.0f} %"
+                for k in ("top1", "top2", "set", "family", "place", "kind", "unknown", "missed")
+            )
+            + " |"
+        )
     for title, field in (("noise", "noise"), ("excitation of the first run", "excitations")):
-        text += ["", f"## {first} by {title} (identifiable, severity above 2)", "",
-                 f"| {title} | cases | top-1 | place |", "|---|---|---|---|"]
+        text += [
+            "",
+            f"## {first} by {title} (identifiable, severity above 2)",
+            "",
+            f"| {title} | cases | top-1 | place |",
+            "|---|---|---|---|",
+        ]
         groups = {}
         for n, l in labels.items():
             if l["part"] == "closed" and l["identifiable"] and l["severity"] in ("2-5", "above 5"):
                 group = l[field] if field == "noise" else l[field][0]
                 groups.setdefault(group, []).append(single(l, methods[first][2].get(n, MISSING)))
         for g in sorted(groups):
-            text.append(f"| {g} | {len(groups[g])} | {show(rate(s['top1'] for s in groups[g])).split(' (')[0]} | "
-                        f"{show(rate(s['place'] for s in groups[g])).split(' (')[0]} |")
+            text.append(
+                f"| {g} | {len(groups[g])} | {show(rate(s['top1'] for s in groups[g])).split(' (')[0]} | "
+                f"{show(rate(s['place'] for s in groups[g])).split(' (')[0]} |"
+            )
     wrong = []
     for n in sorted(labels):
         l = labels[n]
@@ -210,8 +279,13 @@ def markdown(labels, methods, heading):
                 said = a.effects[0] if a.effects else ""
                 wrong.append(f"| {n} | {key} | {l['lift_after_refit']:.1f} | {l['noise']} | {a.verdict} | {said} |")
     if wrong:
-        text += ["", f"## Where {first} is wrong", "", "| case | truth | severity | noise | verdict | first named |",
-                 "|---" * 6 + "|"] + wrong
+        text += [
+            "",
+            f"## Where {first} is wrong",
+            "",
+            "| case | truth | severity | noise | verdict | first named |",
+            "|---" * 6 + "|",
+        ] + wrong
     return "\n".join(text) + "\n"
 
 

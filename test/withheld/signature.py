@@ -1,16 +1,16 @@
 """What an effect, a parameter or a nuisance does to the outputs, in units of the noise.
 
-Windows of 0.16 s, spread over a run, are simulated again without noise under the recorded commands, each started from the
-true state, once with and once without the change. Their difference over the channel's noise is the signature: what a
-model without the effect leaves as residual when it is restarted every 0.16 s, before any refit.
+Windows of 0.16 s, spread over a run, are simulated again without noise under the recorded commands, each started from
+the true state, once with and once without the change. Their difference over the channel's noise is the signature: what
+a model without the effect leaves as residual when it is restarted every 0.16 s, before any refit.
 """
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from truth_servo_actuator import OUTPUTS, PARAMETERS, Truth
 
-LENGTH = 160   # samples in a window
-COUNT = 6      # windows in a run
+LENGTH = 160  # samples in a window
+COUNT = 6  # windows in a run
 
 
 def windows(samples, shift, count=COUNT):
@@ -36,7 +36,9 @@ class Run:
     def outputs(self, effects=None, parameters=None, nuisance=None):
         p = dict(self.parameters)
         p.update(parameters or {})
-        truth = Truth(self.sheet, p, effects or {}, self.nuisance if nuisance is None else nuisance, self.supply, self.load)
+        truth = Truth(
+            self.sheet, p, effects or {}, self.nuisance if nuisance is None else nuisance, self.supply, self.load
+        )
         return truth.replay(self.commands, self.windows, self.starts)
 
     def plain(self):
@@ -55,7 +57,7 @@ class Run:
 def lift(signatures):
     """How far the residual rises over the noise floor, in the channel where it rises most (1: not at all)."""
     together = np.concatenate(signatures)
-    return float(np.sqrt(1 + np.max(np.mean(together ** 2, axis=0))))
+    return float(np.sqrt(1 + np.max(np.mean(together**2, axis=0))))
 
 
 def parameter_signatures(runs):

@@ -13,8 +13,14 @@ NOT_COMPARABLE = {"entrained_air", "stribeck_friction", "end_stop", "hysteresis"
 
 
 def main_parameter(effect):
-    return {"stribeck_friction": "static_excess", "load_force": "constant", "end_stop": "position", "ripple": "amplitude",
-            "elasticity": "compliance", "stuck": "from"}.get(effect)
+    return {
+        "stribeck_friction": "static_excess",
+        "load_force": "constant",
+        "end_stop": "position",
+        "ripple": "amplitude",
+        "elasticity": "compliance",
+        "stuck": "from",
+    }.get(effect)
 
 
 def template(key, bounds, random):
@@ -59,7 +65,7 @@ def value(key, bounds, fixed, q):
     elif (effect, main) in FROM_INFINITY:
         result[main] = high * (low / high) ** q
     else:
-        low = max(low, high * 10 ** -4) if low <= 0 else low
+        low = max(low, high * 10**-4) if low <= 0 else low
         result[main] = low * (high / low) ** q
     return result
 

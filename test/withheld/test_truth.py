@@ -69,7 +69,7 @@ def datasheet_reference(commands, step=2.5e-5):
                 new = 0.0
             else:
                 way = math.copysign(1.0, v) if v != 0 else math.copysign(1.0, push)
-                level = P["coulomb_friction"] + P["static_excess"] * math.exp(-(v / P["stribeck_velocity"]) ** 2)
+                level = P["coulomb_friction"] + P["static_excess"] * math.exp(-((v / P["stribeck_velocity"]) ** 2))
                 new = v + step / P["moving_mass"] * (push - P["viscous_damping"] * v - way * level)
                 if v * new < 0:
                     new = 0.0
@@ -85,8 +85,11 @@ class Physics(unittest.TestCase):
     def test_steady_speed_follows_from_flow_and_friction(self):
         out = run(1.5, 0.4)
         v = out["clean"][-1, 1]
-        force = P["coulomb_friction"] + P["viscous_damping"] * v \
-            + P["static_excess"] * math.exp(-(v / P["stribeck_velocity"]) ** 2)
+        force = (
+            P["coulomb_friction"]
+            + P["viscous_damping"] * v
+            + P["static_excess"] * math.exp(-((v / P["stribeck_velocity"]) ** 2))
+        )
         load = force / P["ram_area"]
         self.assertAlmostEqual(out["clean"][-1, 2] / load, 1.0, delta=0.01)
         supply = out["states"][-1, 5]
@@ -145,10 +148,14 @@ class Physics(unittest.TestCase):
         y = out["states"][-1]
         flow = P["ram_area"] * y[1]
         behind = y[5] - resistance * flow
-        self.assertAlmostEqual(flow / (P["flow_coefficient"] * math.sqrt(2) * 2.0 * math.sqrt(behind - y[2])), 1.0, delta=0.01)
+        self.assertAlmostEqual(
+            flow / (P["flow_coefficient"] * math.sqrt(2) * 2.0 * math.sqrt(behind - y[2])), 1.0, delta=0.01
+        )
 
     def test_elastic_rod_stretches_under_load(self):
-        out = run(0.0, 0.3, {"elasticity@transmission.rod": {"compliance": 1e-5, "damping": 500.0}}, load=lambda t: 400.0)
+        out = run(
+            0.0, 0.3, {"elasticity@transmission.rod": {"compliance": 1e-5, "damping": 500.0}}, load=lambda t: 400.0
+        )
         y, truth = out["states"][-1], out["truth"]
         load_side = 0.4 * (P["coulomb_friction"] + P["static_excess"])
         stretch = y[0] - y[truth.rod_index]
@@ -219,7 +226,11 @@ class Effects(unittest.TestCase):
             bounds = SHEET.bounds[key]
             fixed = sizes.template(key, bounds, random)
             with self.subTest(key):
-                if key.split("@")[0] != "stuck" and key.split("@")[1] != "transmission.rod" and "line_inertia" not in key:
+                if (
+                    key.split("@")[0] != "stuck"
+                    and key.split("@")[1] != "transmission.rod"
+                    and "line_inertia" not in key
+                ):
                     self.assertLess(np.abs(clean({key: sizes.nothing(key, fixed)}) - plain).max(), 0.05)
                 strong = sizes.value(key, bounds, fixed, 1.0)
                 if key.startswith("stuck"):
@@ -239,10 +250,12 @@ class Effects(unittest.TestCase):
     def test_weak_line_and_stiff_rod_tend_to_the_plain_rig(self):
         noise = np.array([SHEET.noise[c] for c in OUTPUTS])
         plain = run(1.0, 0.2)["clean"]
-        for effects in ({"line_inertia@line.valve_cylinder": {"inertance": 1e5}},
-                        {"elasticity@transmission.rod": {"compliance": 1e-9, "damping": 2e4}}):
+        for effects in (
+            {"line_inertia@line.valve_cylinder": {"inertance": 1e5}},
+            {"elasticity@transmission.rod": {"compliance": 1e-9, "damping": 2e4}},
+        ):
             apart = np.abs(run(1.0, 0.2, effects)["clean"] - plain) / noise
-            self.assertLess(np.sqrt(np.mean(apart ** 2)), 1.0, effects)
+            self.assertLess(np.sqrt(np.mean(apart**2)), 1.0, effects)
 
     def test_sizes_stay_in_the_ports_bounds_and_grow(self):
         random = np.random.default_rng(1)
@@ -261,6 +274,7 @@ class Cases(unittest.TestCase):
             case = generate.Case(SHEET, seed, "closed", 5)
             out = case.simulate(0, {}, 0.05)
             return case.keys, case.parameters, out["record"]["position"].tolist(), case.templates
+
         self.assertEqual(facts(7), facts(7))
         self.assertNotEqual(facts(7)[2], facts(8)[2])
 
@@ -335,7 +349,9 @@ class Oracle(unittest.TestCase):
         return oracle.identifiable(oracle.examine(self.runs, effects, SHEET, np.random.default_rng(0)))
 
     def test_two_tolerances_of_coulomb_friction_are_miscalibration(self):
-        self.assertEqual(self.verdict({"coulomb_friction@force.piston": {"force": 0.12 * P["coulomb_friction"]}}), (False, False))
+        self.assertEqual(
+            self.verdict({"coulomb_friction@force.piston": {"force": 0.12 * P["coulomb_friction"]}}), (False, False)
+        )
 
     def test_an_overlapping_valve_is_told_from_everything(self):
         self.assertEqual(self.verdict({"deadband@restriction.valve": {"width": 0.8}}), (True, True))
@@ -349,13 +365,33 @@ class Oracle(unittest.TestCase):
         self.assertAlmostEqual(bounded, 1e6 * 49 + 9)
 
 
-def made(effect, port, verdict="named", place=None, kind=None, probability=0.9, equivalent=(), interval=(0.9, 1.1), unknown=None):
-    entry = {"effect": effect, "port": port, "probability": probability,
-             "parameters": {"width": {"value": 1.0, "low": interval[0], "high": interval[1]}}}
-    data = {"where": {"ranked": [{"port": place or port}], "kind": kind or twins.place_kind(port)},
-            "cause": {"verdict": verdict, "effects": [entry] if verdict == "named" else [], "ranked": [entry],
-                      "equivalent": list(equivalent)},
-            "shrink": {"heldout": 0.9, "interval": [0.85, 0.95], "closable": 0.95}}
+def made(
+    effect,
+    port,
+    verdict="named",
+    place=None,
+    kind=None,
+    probability=0.9,
+    equivalent=(),
+    interval=(0.9, 1.1),
+    unknown=None,
+):
+    entry = {
+        "effect": effect,
+        "port": port,
+        "probability": probability,
+        "parameters": {"width": {"value": 1.0, "low": interval[0], "high": interval[1]}},
+    }
+    data = {
+        "where": {"ranked": [{"port": place or port}], "kind": kind or twins.place_kind(port)},
+        "cause": {
+            "verdict": verdict,
+            "effects": [entry] if verdict == "named" else [],
+            "ranked": [entry],
+            "equivalent": list(equivalent),
+        },
+        "shrink": {"heldout": 0.9, "interval": [0.85, 0.95], "closable": 0.95},
+    }
     if unknown is not None:
         data["cause"]["unknown_probability"] = unknown
     return answer.Answer(data)
@@ -363,8 +399,20 @@ def made(effect, port, verdict="named", place=None, kind=None, probability=0.9, 
 
 def label(part, key, severity="2-5", off=(), **more):
     effects = {key: {"width": 1.0}} if key else {}
-    return dict({"part": part, "effects": effects, "severity": severity, "structure": True, "identifiable": True,
-                 "parameters_off": list(off), "noise": "0.1 %", "excitations": ["prbs", "duty"], "lift_after_refit": 3.0}, **more)
+    return dict(
+        {
+            "part": part,
+            "effects": effects,
+            "severity": severity,
+            "structure": True,
+            "identifiable": True,
+            "parameters_off": list(off),
+            "noise": "0.1 %",
+            "excitations": ["prbs", "duty"],
+            "lift_after_refit": 3.0,
+        },
+        **more,
+    )
 
 
 class Scorer(unittest.TestCase):
@@ -374,28 +422,50 @@ class Scorer(unittest.TestCase):
             "case_0002": label("closed", "deadband@restriction.valve"),
             "case_0003": label("closed", "deadband@command.valve_command"),
             "case_0004": label("closed", "deadband@command.valve_command", severity="1.2-2"),
-            "case_0005": label("none", None), "case_0006": label("none", None, off=["compliance"]),
-            "case_0007": label("open", "deadband@restriction.valve"), "case_0008": label("open", "deadband@command.valve_command"),
-            "case_0009": label("two", None)}
+            "case_0005": label("none", None),
+            "case_0006": label("none", None, off=["compliance"]),
+            "case_0007": label("open", "deadband@restriction.valve"),
+            "case_0008": label("open", "deadband@command.valve_command"),
+            "case_0009": label("two", None),
+        }
         self.labels["case_0009"]["effects"] = {"lag@sensor.velocity": {}, "deadband@restriction.valve": {}}
         self.answers = {
             "case_0001": made("deadband", "command.valve_command", probability=0.9),
             "case_0002": made("deadband", "command.valve_command", probability=0.5, interval=(2, 3)),
-            "case_0003": made("hysteresis", "command.valve_command", probability=0.4,
-                              equivalent=[{"effect": "deadband", "port": "command.valve_command"}]),
+            "case_0003": made(
+                "hysteresis",
+                "command.valve_command",
+                probability=0.4,
+                equivalent=[{"effect": "deadband", "port": "command.valve_command"}],
+            ),
             "case_0004": made("lag", "sensor.velocity"),
-            "case_0005": made("x", "y", verdict="none"), "case_0006": made("lag", "sensor.velocity"),
-            "case_0007": made("x", "restriction.valve", verdict="unknown"), "case_0008": made("lag", "command.valve_command"),
-            "case_0009": made("lag", "sensor.velocity")}
+            "case_0005": made("x", "y", verdict="none"),
+            "case_0006": made("lag", "sensor.velocity"),
+            "case_0007": made("x", "restriction.valve", verdict="unknown"),
+            "case_0008": made("lag", "command.valve_command"),
+            "case_0009": made("lag", "sensor.velocity"),
+        }
 
     def summary(self):
         return score.summarise(self.labels, self.answers, {"case_0001": 2.0, "case_0002": 4.0, "case_0003": 9.0}, {})[0]
 
     def test_rates(self):
         found = self.summary()
-        expected = {"top1": (1 / 3, 3), "family": (2 / 3, 3), "set": (2 / 3, 3), "place": (2 / 3, 3), "kind": (1.0, 3),
-                    "false": (0.0, 1), "false_off": (1.0, 1), "open_unknown": (0.5, 2), "two_both": (0.0, 1), "two_one": (1.0, 1),
-                    "seconds": (4.0, 3), "coverage": (1.0, 1), "missing": (0, 9)}
+        expected = {
+            "top1": (1 / 3, 3),
+            "family": (2 / 3, 3),
+            "set": (2 / 3, 3),
+            "place": (2 / 3, 3),
+            "kind": (1.0, 3),
+            "false": (0.0, 1),
+            "false_off": (1.0, 1),
+            "open_unknown": (0.5, 2),
+            "two_both": (0.0, 1),
+            "two_one": (1.0, 1),
+            "seconds": (4.0, 3),
+            "coverage": (1.0, 1),
+            "missing": (0, 9),
+        }
         for key, (value, count) in expected.items():
             self.assertAlmostEqual(found[key][0], value, msg=key)
             self.assertEqual(found[key][1], count, key)
@@ -409,7 +479,9 @@ class Scorer(unittest.TestCase):
     def test_unknown_rate_at_five_percent(self):
         closed = [0.1] * 19 + [0.9]
         self.assertAlmostEqual(score.unknown_at(closed, [0.5, 0.95])[0], 1.0)
-        self.assertAlmostEqual(score.unknown_at([0.0] * 10, [0.0] * 4)[0], 0.05)  # a bare "no" wins nothing but the coin
+        self.assertAlmostEqual(
+            score.unknown_at([0.0] * 10, [0.0] * 4)[0], 0.05
+        )  # a bare "no" wins nothing but the coin
         self.assertAlmostEqual(score.unknown_at([0.0] * 9 + [1.0], [1.0] * 4)[0], 0.5)
 
     def test_missing_answers_count_against(self):
@@ -450,9 +522,14 @@ class Twins(unittest.TestCase):
             self.assertIn(key.split("@")[0], twins.FAMILY)
 
     def test_an_exact_twin_is_exact(self):
-        values = {"coulomb_friction@force.piston": {"force": 40.0}, "viscous_friction@force.piston": {"coefficient": 90.0},
-                  "added_mass@force.piston": {"mass": 0.5}, "compliance_factor@compliance.chambers": {"factor": 1 / 1.1},
-                  "clogging@restriction.valve": {"fraction": -0.1}, "scale@command.valve_command": {"factor": 1.1}}
+        values = {
+            "coulomb_friction@force.piston": {"force": 40.0},
+            "viscous_friction@force.piston": {"coefficient": 90.0},
+            "added_mass@force.piston": {"mass": 0.5},
+            "compliance_factor@compliance.chambers": {"factor": 1 / 1.1},
+            "clogging@restriction.valve": {"fraction": -0.1},
+            "scale@command.valve_command": {"factor": 1.1},
+        }
         noise = np.array([SHEET.noise[c] for c in OUTPUTS])
         for key, effect in values.items():
             name = twins.EXACT_TWIN[key][0]

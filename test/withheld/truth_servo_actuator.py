@@ -7,12 +7,13 @@ every sample and wherever a held command changes. Where physics allows, the form
     orifices            y / (|y|^3 + d^3)^(1/6) in place of y / (y^2 + d^2)^(1/4)
     supply              pump with a soft characteristic, a state of its own; measured at its outlet
     entrained air       polytropic, exponent 1.1 (so its fraction is not the datasheet's number to the last digit)
-    deadband, overlap   softplus blend;     saturation  high-order rational blend;     hysteresis  three plays in parallel
-    droop               solved exactly for the drawn flow (quadratic)
+    deadband, overlap   softplus blend;     saturation  high-order rational blend;     hysteresis  three plays in
+    parallel droop               solved exactly for the drawn flow (quadratic)
     end stop, backlash  contacts after Hunt and Crossley
     lags                exact between samples;   delay  exact shift, the command changes within a sample
 Small nuisance effects that no datasheet lists: friction that varies along the stroke, oil that warms up, a valve with a
-trace of hysteresis, transducers a little off, a filter on the pressure channels. Each stays well below the sensor noise.
+trace of hysteresis, transducers a little off, a filter on the pressure channels. Each stays well below the sensor
+noise.
 
 States: x, v, p_a, p_b, x_v, P_s, z (bristle); with a rod effect also x_l, v_l, z_l; with line inertia also p_va, q_a,
 p_vb, q_b. SI units throughout.
@@ -26,14 +27,31 @@ import excitation
 import rate_servo_actuator as rate
 from rate_servo_actuator import soft_deadband
 
-BRISTLE = 1.0e8           # N/m: 400 N of friction winds the seals up by 4 um; softer ones would be a gap of their own
-CONTACT = 1.0e7           # N/m, backlash flanks
+BRISTLE = 1.0e8  # N/m: 400 N of friction winds the seals up by 4 um; softer ones would be a gap of their own
+CONTACT = 1.0e7  # N/m, backlash flanks
 COUPLING_STIFFNESS = 4.0e7  # N/m, rod coupling when only the other rod effect is asked for
 OUTPUTS = ["position", "velocity", "load_pressure", "chamber_a_pressure", "chamber_b_pressure", "spool_position"]
-PARAMETERS = ["ram_area", "moving_mass", "viscous_damping", "coulomb_friction", "static_excess", "stribeck_velocity",
-              "compliance", "chamber_volume", "flow_coefficient", "spool_time_constant", "spool_gain"]
-NO_NUISANCE = {"stroke_friction": 0.0, "warming": 0.0, "spool_hysteresis": 0.0, "gain_error": 0.0, "pressure_filter": 0.0,
-               "bristle": BRISTLE}
+PARAMETERS = [
+    "ram_area",
+    "moving_mass",
+    "viscous_damping",
+    "coulomb_friction",
+    "static_excess",
+    "stribeck_velocity",
+    "compliance",
+    "chamber_volume",
+    "flow_coefficient",
+    "spool_time_constant",
+    "spool_gain",
+]
+NO_NUISANCE = {
+    "stroke_friction": 0.0,
+    "warming": 0.0,
+    "spool_hysteresis": 0.0,
+    "gain_error": 0.0,
+    "pressure_filter": 0.0,
+    "bristle": BRISTLE,
+}
 
 
 def split(effects):
@@ -48,8 +66,8 @@ def split(effects):
 class CommandPath:
     """From the voltage that is recorded to the voltage that drives the spool.
 
-    Each sample gives pieces (start, end, kind, a, b, c) on which the drive is a (kind 0), a + (b - a) exp(-(t - start)/c)
-    (kind 1) or a ramp from b towards a with slope c (kind 2).
+    Each sample gives pieces (start, end, kind, a, b, c) on which the drive is a (kind 0), a + (b - a) exp(-(t -
+    start)/c) (kind 1) or a ramp from b towards a with slope c (kind 2).
     """
 
     def __init__(self, effects, period, spool_hysteresis=0.0):
@@ -122,7 +140,8 @@ class CommandPath:
 
 
 class Sensor:
-    """One output channel on its way to the recording: exact lag between samples, then scale, drift, offset, steps, stuck."""
+    """One output channel on its way to the recording: exact lag between samples, then scale, drift, offset, steps,
+    stuck."""
 
     def __init__(self, effects, period, gain=1.0, filter_time=0.0):
         self.e = effects
@@ -172,7 +191,9 @@ class Truth:
     parameters: name -> value; effects: "effect@port" -> {parameter: value}; supply_wander(t) and load(t): callables.
     """
 
-    def __init__(self, datasheet, parameters=None, effects=None, nuisance=None, supply=None, load=None, bypass_volts=0.0):
+    def __init__(
+        self, datasheet, parameters=None, effects=None, nuisance=None, supply=None, load=None, bypass_volts=0.0
+    ):
         self.sheet = datasheet
         self.p = dict(datasheet.nominal)
         self.p.update(parameters or {})
@@ -220,7 +241,9 @@ class Truth:
         c.extra_friction = bool(c.more_coulomb or c.more_excess or c.asymmetry or c.by_load)
 
         ab = ports.get("flow.chamber_a_chamber_b", {})
-        c.leak_ab = ab.get("orifice_leakage", {}).get("coefficient", 0.0) + p["leak_valve_gain"] * max(self.bypass_volts, 0.0)
+        c.leak_ab = ab.get("orifice_leakage", {}).get("coefficient", 0.0) + p["leak_valve_gain"] * max(
+            self.bypass_volts, 0.0
+        )
         c.laminar_ab = ab.get("laminar_leakage", {}).get("coefficient", 0.0)
         c.leak_a = ports.get("flow.chamber_a_tank", {}).get("orifice_leakage", {}).get("coefficient", 0.0)
         c.leak_b = ports.get("flow.chamber_b_tank", {}).get("orifice_leakage", {}).get("coefficient", 0.0)
@@ -304,7 +327,9 @@ class Truth:
         return y[:7]
 
     def solver(self, tolerance=1e-5):
-        return ode(rate.FORTRAN if self.compiled else self.rhs).set_integrator("lsoda", rtol=tolerance, atol=self.absolute_tolerance(), nsteps=20000)
+        return ode(rate.FORTRAN if self.compiled else self.rhs).set_integrator(
+            "lsoda", rtol=tolerance, atol=self.absolute_tolerance(), nsteps=20000
+        )
 
     def advance(self, solver, y, pieces):
         rate.NOW[:] = self.constants
@@ -318,25 +343,36 @@ class Truth:
 
     def measured(self, y, sensors, t):
         """Outputs behind the transducers, without noise."""
-        return (sensors[0](t, y[0]), sensors[1](t, y[1]), sensors[2](t, y[2] - y[3]), sensors[3](t, y[2]),
-                sensors[4](t, y[3]), sensors[5](t, y[4]))
+        return (
+            sensors[0](t, y[0]),
+            sensors[1](t, y[1]),
+            sensors[2](t, y[2] - y[3]),
+            sensors[3](t, y[2]),
+            sensors[4](t, y[3]),
+            sensors[5](t, y[4]),
+        )
 
     def sensors(self):
         n = self.nuisance
         made = []
         for index, name in enumerate(OUTPUTS):
             pressure = name.endswith("pressure")
-            made.append(Sensor(self.ports.get("sensor." + name, {}), self.period,
-                               1 + n["gain_error"] * (-1) ** index if name != "position" else 1.0,
-                               n["pressure_filter"] if pressure else 0.0))
+            made.append(
+                Sensor(
+                    self.ports.get("sensor." + name, {}),
+                    self.period,
+                    1 + n["gain_error"] * (-1) ** index if name != "position" else 1.0,
+                    n["pressure_filter"] if pressure else 0.0,
+                )
+            )
         return made
 
     def run(self, duration, controller, noise_scale=1.0, seed=0, y0=None, tolerance=1e-5):
         """Simulate with a controller; returns a dictionary of channel arrays (as recorded) and `states`, `clean`.
 
         controller(k, measured) -> command, called once per sample with the measured channels of that sample.
-        Noise in the recording is the datasheet's times noise_scale; the controller has its own, quieter path (one times).
-        """
+        Noise in the recording is the datasheet's times noise_scale; the controller has its own, quieter path (one
+        times). """
         sheet, h = self.sheet, self.period
         count = int(round(duration / h))
         random = np.random.default_rng(seed)
@@ -345,7 +381,7 @@ class Truth:
         std = [sheet.noise[c] for c in OUTPUTS]
         step = [sheet.resolution[c] for c in OUTPUTS]
         white = random.standard_normal((count, 6))
-        more = random.standard_normal((count, 6)) * math.sqrt(max(noise_scale ** 2 - 1, 0.0))
+        more = random.standard_normal((count, 6)) * math.sqrt(max(noise_scale**2 - 1, 0.0))
         low = [0.0 if sheet.range[c][0] == 0 else -math.inf for c in OUTPUTS]
         solver = self.solver(tolerance)
         y = self.start(y0)
@@ -367,8 +403,11 @@ class Truth:
                 noise = own_noise * white[k, c] * std[c]
                 own = sensors[c].last(t, values[c] + noise)
                 seen[OUTPUTS[c]] = own
-                logged = own if noise_scale <= 1 or "stuck" in sensors[c].e else \
-                    sensors[c].last(t, values[c] + noise + more[k, c] * std[c])
+                logged = (
+                    own
+                    if noise_scale <= 1 or "stuck" in sensors[c].e
+                    else sensors[c].last(t, values[c] + noise + more[k, c] * std[c])
+                )
                 rows[c][k] = max(low[c], math.floor(logged / step[c] + 0.5) * step[c])
             supply[k], load[k] = y[5], self.load(t)
             seen["supply_pressure"], seen["load_force"] = y[5], load[k]
@@ -386,7 +425,8 @@ class Truth:
         return {"t": np.arange(count) * h, "record": record, "states": states, "clean": clean, "truth": self}
 
     def replay(self, commands, windows, starts, tolerance=1e-5):
-        """Outputs without noise on windows (first, last+1) of a run, each started from a state, driven by given commands.
+        """Outputs without noise on windows (first, last+1) of a run, each started from a state, driven by given
+        commands.
 
         Memory of the command path and of the transducers is taken along from the start of the run: the path sees every
         command, a transducer starts settled at the window's first value.

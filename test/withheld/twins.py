@@ -3,23 +3,40 @@
 FAMILY = {}
 for _family, _names in {
     "friction": "coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction",
-    "load": "load_force added_mass end_stop", "play": "backlash elasticity", "deadzone": "deadband",
-    "hysteresis": "hysteresis", "gain": "gain_curve scale", "limit": "rate_limit saturation", "offset": "offset drift",
-    "lag": "lag", "delay": "delay", "resolution": "quantisation noise", "stuck": "stuck",
-    "leakage": "orifice_leakage laminar_leakage speed_leakage relief_opening", "restriction": "clogging area_curve",
-    "compliance": "entrained_air compliance_factor", "line": "line_inertia",
-    "source": "droop ripple displacement_ripple", "temperature": "viscosity_drift", "heat": "heat_loss heat_capacity",
+    "load": "load_force added_mass end_stop",
+    "play": "backlash elasticity",
+    "deadzone": "deadband",
+    "hysteresis": "hysteresis",
+    "gain": "gain_curve scale",
+    "limit": "rate_limit saturation",
+    "offset": "offset drift",
+    "lag": "lag",
+    "delay": "delay",
+    "resolution": "quantisation noise",
+    "stuck": "stuck",
+    "leakage": "orifice_leakage laminar_leakage speed_leakage relief_opening",
+    "restriction": "clogging area_curve",
+    "compliance": "entrained_air compliance_factor",
+    "line": "line_inertia",
+    "source": "droop ripple displacement_ripple",
+    "temperature": "viscosity_drift",
+    "heat": "heat_loss heat_capacity",
 }.items():
     for _name in _names.split():
         FAMILY[_name] = _family
 
 # Move like a nominal parameter: below about three tolerances miscalibration, not structure.
 PARAMETER_TWINS = {
-    "coulomb_friction@force.piston", "viscous_friction@force.piston", "stribeck_friction@force.piston",
-    "added_mass@force.piston", "compliance_factor@compliance.chambers", "clogging@restriction.valve",
+    "coulomb_friction@force.piston",
+    "viscous_friction@force.piston",
+    "stribeck_friction@force.piston",
+    "added_mass@force.piston",
+    "compliance_factor@compliance.chambers",
+    "clogging@restriction.valve",
     "scale@command.valve_command",
 }
-# Parameter that does exactly what the effect does: effect -> (parameter, its relative shift from the effect and its value).
+# Parameter that does exactly what the effect does: effect -> (parameter, its relative shift from the effect and its
+# value).
 EXACT_TWIN = {
     "coulomb_friction@force.piston": ("coulomb_friction", lambda e, nominal: e["force"] / nominal),
     "viscous_friction@force.piston": ("viscous_damping", lambda e, nominal: e["coefficient"] / nominal),
@@ -43,8 +60,12 @@ _GROUPS = [
     ["lag@command.valve_command", "delay@command.valve_command"],
     ["orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b"],
     ["offset@sensor.chamber_a_pressure", "scale@sensor.chamber_a_pressure"],
-    ["coulomb_friction@force.piston", "load_dependent_friction@force.piston", "viscous_friction@force.piston",
-     "stribeck_friction@force.piston"],
+    [
+        "coulomb_friction@force.piston",
+        "load_dependent_friction@force.piston",
+        "viscous_friction@force.piston",
+        "stribeck_friction@force.piston",
+    ],
     ["asymmetric_friction@force.piston", "load_force@force.piston"],
     ["scale@command.valve_command", "gain_curve@command.valve_command", "clogging@restriction.valve"],
     ["entrained_air@compliance.chambers", "compliance_factor@compliance.chambers"],
@@ -79,10 +100,14 @@ def rivals(key, known):
 
 
 def withheld(key, known):
-    """What the open part takes out of the library with an effect: its near-equivalents and its family at the same port."""
+    """What the open part takes out of the library with an effect: its near-equivalents and its family at the same
+    port."""
     effect, port = key.split("@")
-    same = [other for other in known
-            if other != key and other.split("@")[1] == port and FAMILY.get(other.split("@")[0]) == FAMILY.get(effect)]
+    same = [
+        other
+        for other in known
+        if other != key and other.split("@")[1] == port and FAMILY.get(other.split("@")[0]) == FAMILY.get(effect)
+    ]
     return [key] + rivals(key, known) + [other for other in same if other not in rivals(key, known)]
 
 

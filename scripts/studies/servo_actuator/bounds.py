@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 """Do the 90 % bounds of an internal leak hold it? Leaks of random size from 15 s on, on rigs off their datasheet.
 
-Every run: other parameters within tolerance, the small effects of every recording, one of three profiles in turn, a leak coefficient
-drawn between 5e-9 and 4e-8 m^3/(s sqrt(Pa)) on a logarithmic scale; 40 s. Printed: how often the alarm at the end names the leak, how often its bounds hold
-the true size, and the errors in half widths of the bounds.
+Every run: other parameters within tolerance, the small effects of every recording, one of three profiles in turn, a
+leak coefficient drawn between 5e-9 and 4e-8 m^3/(s sqrt(Pa)) on a logarithmic scale; 40 s. Printed: how often the alarm
+at the end names the leak, how often its bounds hold the true size, and the errors in half widths of the bounds.
 
     scripts/studies/servo_actuator/bounds.py [--runs 36] [--seed 7]
 """
@@ -27,11 +27,25 @@ FRICTION_PRESSURE = 0.67e6  # Pa, at which the alarm states the flow
 
 def one(folder, number, seed, coefficient):
     profile = PROFILES[number % len(PROFILES)]
-    bag = record(RIG, folder / f"{number}.bag", "--profile", profile, "--duration", 40, "--seed", seed, "--off-nominal", "--nuisance",
-                 "--effect", f"orifice_leakage@flow.chamber_a_chamber_b:coefficient={coefficient:.4g},from=15")
+    bag = record(
+        RIG,
+        folder / f"{number}.bag",
+        "--profile",
+        profile,
+        "--duration",
+        40,
+        "--seed",
+        seed,
+        "--off-nominal",
+        "--nuisance",
+        "--effect",
+        f"orifice_leakage@flow.chamber_a_chamber_b:coefficient={coefficient:.4g},from=15",
+    )
     report = diagnose(bag)
     bag.unlink()
-    sizes = [a["size"] for a in report["alarms"] if a["active"] and a["port"] == "flow.chamber_a_chamber_b" and a["size"]]
+    sizes = [
+        a["size"] for a in report["alarms"] if a["active"] and a["port"] == "flow.chamber_a_chamber_b" and a["size"]
+    ]
     return profile, coefficient * math.sqrt(FRICTION_PRESSURE) * 1e3, sizes[0] if sizes else None
 
 
@@ -50,7 +64,10 @@ def main():
         errors = sorted(abs(size["value"] - true) / (0.5 * (size["high"] - size["low"])) for true, size in found)
         inside = sum(size["low"] <= true <= size["high"] for true, size in found)
         middle = f"{errors[len(errors) // 2]:.2f}, {errors[9 * len(errors) // 10]:.2f}" if errors else "-"
-        print(f"{chosen:<10} named {len(found):>2}/{len(rows):<3} inside {inside:>2}/{len(found):<3} error in half widths, median and 90 %: {middle}")
+        print(
+            f"{chosen:<10} named {len(found):>2}/{len(rows):<3} inside {inside:>2}/{len(found):<3} error in half"
+            f" widths, median and 90 %: {middle}"
+        )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 """Figures 5 to 12 of Mahulkar et al. (2011) on the servo actuator, and their numbers as JSON on standard output.
 
-The rig is off its datasheet by its tolerances and carries the small effects of every recording; the filter is the datasheet's.
+The rig is off its datasheet by its tolerances and carries the small effects of every recording; the filter is the
+datasheet's.
 
     scripts/studies/servo_actuator/figures.py [--seed 4] [-o docs/pictures]
 """
@@ -24,7 +25,14 @@ from rig_runs import datasheet, diagnose, drawn, record, simulate, values, write
 RIG = "servo_actuator"
 BLUE, ORANGE, GREY, GREEN = "#1f5f99", "#d1741b", "#8a9199", "#2f8f5b"
 LITRES = 1e3
-STEPS = [(20, 50, 1), (50, 80, 2), (80, 110, 3), (110, 140, 4), (140, 170, 5), (200, 230, 5)]  # s, s, V: internal_leak_steps
+STEPS = [
+    (20, 50, 1),
+    (50, 80, 2),
+    (80, 110, 3),
+    (110, 140, 4),
+    (140, 170, 5),
+    (200, 230, 5),
+]  # s, s, V: internal_leak_steps
 Q55 = [8e-4, 1e-4, 4e-5, 8e-6, 8e-7]
 
 
@@ -38,7 +46,9 @@ class Bench:
         self.truth, self.nominal = values(self.rig), values(self.sheet)
 
     def record(self, name, *arguments):
-        return record(RIG, self.folder / f"{name}.bag", "--config", self.config, "--seed", self.seed, "--nuisance", *arguments)
+        return record(
+            RIG, self.folder / f"{name}.bag", "--config", self.config, "--seed", self.seed, "--nuisance", *arguments
+        )
 
     def variant(self, name, change):
         """The rig's own datasheet with something changed."""
@@ -65,9 +75,24 @@ def save(figure, output, number):
 def tracking(bench, output):
     """Figs 5 to 7: simulated (nominal model, k_f = 80 1/s as in the paper) against the rig (k_f = 30 1/s)."""
     stiff = bench.variant("stiff", lambda sheet: sheet["controllers"]["position_control"].update(force_gain=80))
-    runs = {"simulated": simulate(RIG, bench.folder, "--config", stiff, "--profile", "random", "--duration", 60, "--seed", bench.seed),
-            "rig": simulate(RIG, bench.folder, "--config", bench.config, "--nuisance", "--profile", "random", "--duration", 60,
-                            "--seed", bench.seed)}
+    runs = {
+        "simulated": simulate(
+            RIG, bench.folder, "--config", stiff, "--profile", "random", "--duration", 60, "--seed", bench.seed
+        ),
+        "rig": simulate(
+            RIG,
+            bench.folder,
+            "--config",
+            bench.config,
+            "--nuisance",
+            "--profile",
+            "random",
+            "--duration",
+            60,
+            "--seed",
+            bench.seed,
+        ),
+    }
     figure, axes = panel(3, 7)
     numbers = {}
     for (name, run), colour in zip(runs.items(), (ORANGE, BLUE)):
@@ -77,11 +102,15 @@ def tracking(bench, output):
         axes[0].plot(t, 1e3 * run["position"][shown], color=colour, linewidth=1, label=name)
         axes[1].plot(t, error[shown], color=colour, linewidth=0.8, label=name)
         axes[2].plot(t, run["valve_command"][shown], color=colour, linewidth=0.8, label=name)
-        numbers[name] = {"error_mm": [float(error[settled].min()), float(error[settled].max())],
-                         "error_rms_mm": float(np.sqrt(np.mean(error[settled] ** 2))),
-                         "valve_V": [float(run["valve_command"][settled].min()), float(run["valve_command"][settled].max())],
-                         "position_mm": [float(1e3 * run["position"][settled].min()), float(1e3 * run["position"][settled].max())]}
-    axes[0].plot(t, 1e3 * runs["rig"]["position_reference"][shown], color=GREY, linewidth=1, linestyle="--", label="set point")
+        numbers[name] = {
+            "error_mm": [float(error[settled].min()), float(error[settled].max())],
+            "error_rms_mm": float(np.sqrt(np.mean(error[settled] ** 2))),
+            "valve_V": [float(run["valve_command"][settled].min()), float(run["valve_command"][settled].max())],
+            "position_mm": [float(1e3 * run["position"][settled].min()), float(1e3 * run["position"][settled].max())],
+        }
+    axes[0].plot(
+        t, 1e3 * runs["rig"]["position_reference"][shown], color=GREY, linewidth=1, linestyle="--", label="set point"
+    )
     axes[0].set_ylabel("Fig 5: position, mm")
     axes[1].set_ylabel("Fig 6: error, mm")
     axes[2].set(ylabel="Fig 7: valve input, V", xlabel="time, s")
@@ -90,8 +119,13 @@ def tracking(bench, output):
 
 
 def course(series):
-    return (series["t"], series["q.leak_coefficient"], series["q.leak_flow"] * LITRES, series["leak_flow"] * LITRES,
-            series["leak_valve_command"])
+    return (
+        series["t"],
+        series["q.leak_coefficient"],
+        series["q.leak_flow"] * LITRES,
+        series["leak_flow"] * LITRES,
+        series["leak_valve_command"],
+    )
 
 
 def leak_steps(bench, output):
@@ -109,8 +143,15 @@ def leak_steps(bench, output):
     rows = []
     for begin, end, v in STEPS:
         inside = (t > begin + 10) & (t < end)
-        rows.append({"volts": v, "coefficient": float(scaled[inside].mean()), "true_coefficient": float(bench.true_leak(v)),
-                     "flow_lps": float(np.abs(flow[inside]).mean()), "metered_lps": float(metered[inside].mean())})
+        rows.append(
+            {
+                "volts": v,
+                "coefficient": float(scaled[inside].mean()),
+                "true_coefficient": float(bench.true_leak(v)),
+                "flow_lps": float(np.abs(flow[inside]).mean()),
+                "metered_lps": float(metered[inside].mean()),
+            }
+        )
     return {"steps": rows, "sentence": report["sentence"]}
 
 
@@ -126,32 +167,51 @@ def leak_ramp(bench, output):
     late = t > 25
     alarm = next((a for a in report["alarms"] if a["effect"] == "orifice_leakage"), None)
     at = float(np.interp(alarm["raised"], [20, 220], [0, 5])) if alarm else None
-    return {"error_rms": float(np.sqrt(np.mean((scaled - true)[late] ** 2))), "error_mean": float((scaled - true)[late].mean()),
-            "alarm_raised_s": alarm and alarm["raised"], "volts_then": at,
-            "lps_then": at and at * 0.0064}
+    return {
+        "error_rms": float(np.sqrt(np.mean((scaled - true)[late] ** 2))),
+        "error_mean": float((scaled - true)[late].mean()),
+        "alarm_raised_s": alarm and alarm["raised"],
+        "volts_then": at,
+        "lps_then": at and at * 0.0064,
+    }
 
 
 def small_leaks(bench, output):
     """One step each, read 15 to 40 s after it opened."""
     rows = []
     for volts in (0.25, 0.5, 1, 1.5, 2, 3, 4, 5):
-        file = bench.record("small", "--profile", "square", "--duration", 60, "--command",
-                            f"leak_valve_command:20=0,20.001={volts}")
+        file = bench.record(
+            "small", "--profile", "square", "--duration", 60, "--command", f"leak_valve_command:20=0,20.001={volts}"
+        )
         report, series = diagnose(file, series=True)
         t, coefficient, flow, metered, _ = course(series)
         inside = (t > 35) & (t < 60)
         alarm = next((a for a in report["alarms"] if a["effect"] == "orifice_leakage"), None)
-        rows.append({"volts": volts, "metered_lps": float(metered[inside].mean()), "estimated_lps": float(np.abs(flow[inside]).mean()),
-                     "delay_s": alarm and alarm["raised"] - 20,
-                     "alarm_lps": alarm and [alarm["size"]["low"], alarm["size"]["value"], alarm["size"]["high"]]})
+        rows.append(
+            {
+                "volts": volts,
+                "metered_lps": float(metered[inside].mean()),
+                "estimated_lps": float(np.abs(flow[inside]).mean()),
+                "delay_s": alarm and alarm["raised"] - 20,
+                "alarm_lps": alarm and [alarm["size"]["low"], alarm["size"]["value"], alarm["size"]["high"]],
+            }
+        )
     figure, axes = plt.subplots(figsize=(5, 3.6))
     metered, estimated = [r["metered_lps"] for r in rows], [r["estimated_lps"] for r in rows]
     axes.plot([0, 0.036], [0, 0.036], color=GREY, linewidth=1, linestyle=":", label="equal")
     axes.plot(metered, estimated, "o-", color=BLUE, markersize=4, linewidth=0.8, label="filter, mean over 25 s")
     found = [r for r in rows if r["alarm_lps"]]
     low, value, high = np.array([r["alarm_lps"] for r in found]).T
-    axes.errorbar([r["metered_lps"] for r in found], value, [value - low, high - value], fmt="s", color=ORANGE, markersize=3,
-                  linewidth=0.8, label="alarm with 90 % bounds")
+    axes.errorbar(
+        [r["metered_lps"] for r in found],
+        value,
+        [value - low, high - value],
+        fmt="s",
+        color=ORANGE,
+        markersize=3,
+        linewidth=0.8,
+        label="alarm with 90 % bounds",
+    )
     axes.set(xlabel="flow meter, l/s", ylabel="leak, l/s")
     axes.legend(frameon=False, fontsize=8)
     figure.savefig(output / "servo_small_leaks.png", dpi=110, bbox_inches="tight")
@@ -192,9 +252,16 @@ def main():
     output = pathlib.Path(options.output)
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder, options.seed)
-        answer = {name: work(bench, output) for name, work in
-                  {"tracking": tracking, "leak_steps": leak_steps, "leak_ramp": leak_ramp, "small_leaks": small_leaks,
-                   "sensitivity": sensitivity}.items()}
+        answer = {
+            name: work(bench, output)
+            for name, work in {
+                "tracking": tracking,
+                "leak_steps": leak_steps,
+                "leak_ramp": leak_ramp,
+                "small_leaks": small_leaks,
+                "sensitivity": sensitivity,
+            }.items()
+        }
     print(json.dumps(answer, indent=1))
 
 

@@ -1,13 +1,15 @@
 #!/usr/bin/python3
 """Is each fault of the servo actuator named, on recordings? Every row: one fault that starts at 20 s, on several rigs.
 
-Rigs are off their datasheet by their tolerances, with the small effects of every recording. Printed: how often there was any alarm, how
-often the fault itself was named, how often it stands among what is said to be alike, what else was named, and the median size over true.
+Rigs are off their datasheet by their tolerances, with the small effects of every recording. Printed: how often there
+was any alarm, how often the fault itself was named, how often it stands among what is said to be alike, what else was
+named, and the median size over true.
 
-    scripts/studies/servo_actuator/isolation.py [--rigs 3] [--profile random] [--onset 20] [--load 300] [--json FILE] [--picture FILE]
+    scripts/studies/servo_actuator/isolation.py [--rigs 3] [--profile random] [--onset 20] [--load 300]
+        [--json FILE] [--picture FILE]
 
-The picture: on the left the cosines that `faultline isolability` computes from the model for a healthy run of that profile, on the right
-what the alarms of the recordings said.
+The picture: on the left the cosines that `faultline isolability` computes from the model for a healthy run of that
+profile, on the right what the alarms of the recordings said.
 """
 
 import argparse
@@ -30,8 +32,14 @@ FAULTS = [  # what item 4 of the issue asks for, then what used to pass for a le
     ["orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8"],
     ["orifice_leakage@flow.chamber_a_tank:coefficient=5e-9"],
     ["orifice_leakage@flow.chamber_b_tank:coefficient=5e-9"],
-    ["orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8", "orifice_leakage@flow.chamber_a_tank:coefficient=5e-9"],
-    ["orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8", "orifice_leakage@flow.chamber_b_tank:coefficient=5e-9"],
+    [
+        "orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8",
+        "orifice_leakage@flow.chamber_a_tank:coefficient=5e-9",
+    ],
+    [
+        "orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8",
+        "orifice_leakage@flow.chamber_b_tank:coefficient=5e-9",
+    ],
     ["offset@source.supply_pressure:value=-1e6"],
     ["droop@source.supply_pressure:resistance=4e9"],
     ["coulomb_friction@force.piston:force=150"],
@@ -67,8 +75,20 @@ def name_of(effect):
 def job(folder, sheet, seed, profile, onset, effects, at):
     config = write_datasheet(drawn(sheet, seed), folder / f"{at}_{seed}.yaml")
     extra = [word for effect in effects for word in ("--effect", f"{effect},from={onset}")]
-    bag = record(RIG, folder / f"{at}_{seed}.bag", "--config", config, "--profile", profile, "--seed", seed, "--nuisance",
-                 "--duration", onset + AFTER, *extra)
+    bag = record(
+        RIG,
+        folder / f"{at}_{seed}.bag",
+        "--config",
+        config,
+        "--profile",
+        profile,
+        "--seed",
+        seed,
+        "--nuisance",
+        "--duration",
+        onset + AFTER,
+        *extra,
+    )
     report = diagnose(bag)
     bag.unlink()
     config.unlink()
@@ -77,8 +97,18 @@ def job(folder, sheet, seed, profile, onset, effects, at):
 
 def judge(effects, reports, onset):
     wanted = {name_of(e) for e in effects}
-    row = {"faults": effects, "runs": len(reports), "alarms": 0, "named": 0, "among": 0, "early": 0, "delays": [], "sizes": [],
-           "others": collections.Counter(), "said": collections.Counter()}
+    row = {
+        "faults": effects,
+        "runs": len(reports),
+        "alarms": 0,
+        "named": 0,
+        "among": 0,
+        "early": 0,
+        "delays": [],
+        "sizes": [],
+        "others": collections.Counter(),
+        "said": collections.Counter(),
+    }
     for report in reports:
         late = [a for a in report["alarms"] if a["raised"] >= onset]
         row["early"] += any(a["raised"] < onset for a in report["alarms"])
@@ -127,17 +157,28 @@ def draw(file, rows, matrix, names, profile):
             kind = "nothing" if name == "nothing" else "another" if "@" in name else "unknown"
             told[k, known.get(name, columns.index(kind))] += count / row["runs"]
     short = [n.replace("_", " ").replace("@", " @ ") for n in names]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(19, 9), gridspec_kw={"width_ratios": [len(names), len(columns)]})
-    for axes, table, labels, title in ((left, matrix, short, f"cosine of the model's responses, profile {profile}"),
-                                       (right, told, [*short, *columns[len(names):]], "share of recordings in which this was named")):
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(19, 9), gridspec_kw={"width_ratios": [len(names), len(columns)]}
+    )
+    for axes, table, labels, title in (
+        (left, matrix, short, f"cosine of the model's responses, profile {profile}"),
+        (right, told, [*short, *columns[len(names) :]], "share of recordings in which this was named"),
+    ):
         axes.imshow(table, cmap="Blues", vmin=0, vmax=1, aspect="auto")
         axes.set_xticks(range(len(labels)), labels, rotation=90, fontsize=8)
         axes.set_yticks(range(len(short)), short if axes is left else [""] * len(short), fontsize=8)
         axes.set_title(title, fontsize=10)
         for (i, j), value in np.ndenumerate(table):
             if value >= 0.3:
-                axes.text(j, i, f"{value:.2f}".replace("1.00", "1"), ha="center", va="center", fontsize=6,
-                          color="white" if value > 0.6 else "black")
+                axes.text(
+                    j,
+                    i,
+                    f"{value:.2f}".replace("1.00", "1"),
+                    ha="center",
+                    va="center",
+                    fontsize=6,
+                    color="white" if value > 0.6 else "black",
+                )
     figure.tight_layout()
     figure.savefig(file, dpi=75)
 
@@ -147,24 +188,35 @@ def main():
     parser.add_argument("--rigs", type=int, default=3)
     parser.add_argument("--profile", default="random")
     parser.add_argument("--onset", type=int, default=20, help="s")
-    parser.add_argument("--load", type=float, help="N, mean of a load that the load cell sees; it wanders by half of that")
+    parser.add_argument(
+        "--load", type=float, help="N, mean of a load that the load cell sees; it wanders by half of that"
+    )
     parser.add_argument("--picture")
     parser.add_argument("--only", type=int, nargs="*", help="numbers of rows")
     parser.add_argument("--json")
     options = parser.parse_args()
     sheet = datasheet(RIG)
     if options.load:
-        sheet["inputs"]["load_force"].update(value=options.load, wander_std=abs(options.load) / 2, wander_low=0.1, wander_high=1.5)
+        sheet["inputs"]["load_force"].update(
+            value=options.load, wander_std=abs(options.load) / 2, wander_low=0.1, wander_high=1.5
+        )
     chosen = [FAULTS[k] for k in options.only] if options.only else FAULTS
     with tempfile.TemporaryDirectory() as folder, concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         folder = pathlib.Path(folder)
-        jobs = [[pool.submit(job, folder, sheet, 70 + k, options.profile, options.onset, effects, at) for k in range(options.rigs)]
-                for at, effects in enumerate([*chosen, []])]
+        jobs = [
+            [
+                pool.submit(job, folder, sheet, 70 + k, options.profile, options.onset, effects, at)
+                for k in range(options.rigs)
+            ]
+            for at, effects in enumerate([*chosen, []])
+        ]
         rows = [judge(effects, [j.result() for j in row], options.onset) for effects, row in zip([*chosen, []], jobs)]
         if options.picture:
             names = [name_of(row["faults"][0]) for row in rows if len(row["faults"]) == 1]
             draw(options.picture, rows, model_matrix(folder, options.profile, 1, names), names, options.profile)
-    print(f"{'fault':<62} {'alarm':>6} {'named':>6} {'among':>6} {'delay':>6} {'size':>6} {'inside':>7}  also or instead")
+    print(
+        f"{'fault':<62} {'alarm':>6} {'named':>6} {'among':>6} {'delay':>6} {'size':>6} {'inside':>7}  also or instead"
+    )
     for row in rows:
         ratios = sorted(s[0] for s in row["sizes"])
         size = f"{ratios[len(ratios) // 2]:.2f}" if ratios else ""
@@ -172,8 +224,11 @@ def main():
         delay = f"{sorted(row['delays'])[len(row['delays']) // 2]:.1f}" if row["delays"] else ""
         others = ", ".join(f"{name} x{count}" for name, count in row["others"].most_common(4))
         first = [" + ".join(e.split(",stiff")[0] for e in row["faults"]) or "healthy"]
-        print(f"{first[0]:<62} {row['alarms']:>2}/{row['runs']:<3} {row['named']:>2}/{row['runs']:<3} {row['among']:>2}/{row['runs']:<3} "
-              f"{delay:>6} {size:>6} {inside:>7}  {others}{'  EARLY ' + str(row['early']) if row['early'] else ''}")
+        print(
+            f"{first[0]:<62} {row['alarms']:>2}/{row['runs']:<3} {row['named']:>2}/{row['runs']:<3} "
+            f"{row['among']:>2}/{row['runs']:<3} {delay:>6} {size:>6} {inside:>7} "
+            f" {others}{'  EARLY ' + str(row['early']) if row['early'] else ''}"
+        )
     if options.json:
         pathlib.Path(options.json).write_text(json.dumps(rows, indent=1) + "\n")
 

@@ -3,7 +3,7 @@
 // halved and doubled.
 //
 // Evidence is twice a log-likelihood ratio, of squares divided by `inflation_variances`. Units else as in
-// gap/gap_options.h; "found on the servo actuator": chosen on simulated healthy and faulty runs of it, no derivation.
+// gap/gap_options.h; "found on one rig": chosen on its simulated healthy and faulty runs, no derivation.
 #pragma once
 
 #include <array>
@@ -38,10 +38,10 @@ struct ResponseSettings {
   std::size_t early_stretches = 4;  // after which what is done again is done ever more rarely
 
   // ---- the fault
-  double threshold_evidence = 30;  // from which there is a fault: a bound on false alarms, found on the servo actuator
-  double release_fraction = 0.3;   // of the threshold, below which a fault is over: hysteresis against flicker
-  double over_evidence = 5;        // by which the latest stretch speaks against a fault that was there
-  double coarse_fraction = 0.4;    // of the largest amplitude, tried beside that and the linear answer
+  double threshold_evidence = 30;         // from which there is a fault: a bound on false alarms, found on one rig
+  double release_fraction = 0.3;          // of the threshold, below which a fault is over: hysteresis against flicker
+  double over_evidence = 5;               // by which the latest stretch speaks against a fault that was there
+  double coarse_fraction = 0.4;           // of the largest amplitude, tried beside that and the linear answer
   std::size_t refined_hypotheses = 6;     // by Gauss-Newton steps on the model with the effect in it
   std::size_t refinements = 3;            // steps, at most
   double refine_step_fraction = 0.1;      // of an amplitude: step of its differences ...

@@ -18,8 +18,8 @@ struct GapOptions {
   // residual_model.h: preparation of a run, noise, start states.
   struct Residuals {
     // Samples from one restart of the states to the next: longer segments show slow effects, shorter ones keep the
-    // response linear in the start state; 250 samples are about ten periods of the servo actuator's hydraulic
-    // resonance.
+    // response linear in the start state; 250 samples are about ten periods of a hydraulic resonance at
+    // 40 Hz and 1 kHz.
     std::size_t segment_samples = 250;
     // Samples on each side of the quadratic that gives a start state, widest first: averages 13 or 7 samples.
     std::array<std::size_t, 2> start_half_width_samples = {6, 3};
