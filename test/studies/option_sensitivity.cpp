@@ -329,7 +329,9 @@ Engine signatures_engine() {
               std::string words;
               for (const Estimate& estimate : course) {
                 isolator.process(estimate, trusted, finding);
-                std::string now = finding.active ? finding.kind + " " + finding.effect + "@" + finding.port : "";
+                std::string now;
+                if (finding.active)
+                  now = std::string(to_string(finding.kind)) + " " + finding.effect + "@" + finding.port;
                 if (now == words) continue;
                 words = std::move(now);
                 named = estimate.time;
