@@ -4,10 +4,10 @@
 
 #include <gtest/gtest.h>
 
-#include "cooling_recordings.h"
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/signal/error.h"
-#include "servo_runs.h"
+#include "rigs/cooling_circuit/recordings.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

@@ -4,9 +4,9 @@
 
 #include <fmt/format.h>
 
-#include "cooling_recordings.h"
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/signal/error.h"
+#include "rigs/cooling_circuit/recordings.h"
 
 namespace faultline {
 namespace {

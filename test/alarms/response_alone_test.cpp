@@ -4,7 +4,7 @@
 
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/alarms/estimate_join.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

@@ -6,10 +6,10 @@
 #include <map>
 
 #include "allocations.h"
-#include "cooling_recordings.h"
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/estimators/recursive_least_squares.h"
 #include "faultline/numerics/random.h"
+#include "rigs/cooling_circuit/recordings.h"
 
 namespace faultline {
 namespace {

@@ -11,7 +11,7 @@
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/estimators/estimator_stage.h"
 #include "faultline/estimators/state_estimator.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

@@ -14,13 +14,13 @@
 #include <boost/numeric/odeint/stepper/runge_kutta_dopri5.hpp>
 
 #include "allocations.h"
-#include "cooling_runs.h"
 #include "faultline/estimators/observed_correction.h"
 #include "faultline/estimators/row_correction.h"
 #include "faultline/numerics/integrator.h"
 #include "faultline/numerics/random.h"
 #include "faultline/numerics/sparse_lu.h"
 #include "faultline/numerics/triangle.h"
+#include "rigs/cooling_circuit/runs.h"
 #include "sundials_methods.h"
 
 namespace faultline {

@@ -3,6 +3,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import struct
 import subprocess
 import sys
@@ -323,7 +324,7 @@ class Yaml(ProgramTest):
         self.refused("a: b\n" * 1000000, "larger than 4 MB")
 
     def test_sample_period(self):
-        text = (ROOT / "config" / f"{RIG}.yaml").read_text()
+        text = (ROOT / "config" / RIG / "rig.yaml").read_text()
         self.assertIn("\nsample_period: 0.001", text)
         for period in ("1e-300", "0", "-1", "101", "1e300"):
             (self.folder / "x.yaml").write_text(text.replace("\nsample_period: 0.001", f"\nsample_period: {period}"))
@@ -333,15 +334,16 @@ class Yaml(ProgramTest):
 
     def test_types_of_stages(self):
         """Whatever names a stage's kind: file and line of the stage."""
-        lines = (ROOT / "config" / f"{RIG}.yaml").read_text().splitlines(keepends=True)
+        shutil.copytree(ROOT / "config" / RIG, self.folder / "own")
+        lines = (self.folder / "own/stages.yaml").read_text().splitlines(keepends=True)
         recording = self.simulate("a.bag")
         places = [i for i, line in enumerate(lines) if re.match(r"( +|  - name: .*, )type: ", line)]
         self.assertGreater(len(places), 3)
         for i in places:
             changed = re.sub(r"type: \w+", "type: nonsense", lines[i])
-            (self.folder / "x.yaml").write_text("".join(lines[:i] + [changed] + lines[i + 1 :]))
-            said = self.complains(["diagnose", recording, "--config", "x.yaml"], "x.yaml:", "'nonsense'")
-            self.assertLessEqual(abs(int(re.search(r"x\.yaml:(\d+):", said).group(1)) - i - 1), 1, said)
+            (self.folder / "own/stages.yaml").write_text("".join(lines[:i] + [changed] + lines[i + 1 :]))
+            said = self.complains(["diagnose", recording, "--config", "own"], "stages.yaml:", "'nonsense'")
+            self.assertLessEqual(abs(int(re.search(r"stages\.yaml:(\d+):", said).group(1)) - i - 1), 1, said)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,9 @@ class InputsAreKept(ProgramTest):
         super().setUp()
         self.simulate("a.bag", duration=1)
         self.simulate("a.csv", duration=1)
-        (self.folder / "own.yaml").write_text((ROOT / "config" / f"{RIG}.yaml").read_text())
+        (self.folder / "own.yaml").write_text(
+            "\n".join((ROOT / "config" / RIG / part).read_text() for part in ("rig.yaml", "stages.yaml"))
+        )
         (self.folder / "link.bag").symlink_to("a.bag")
         os.link(self.folder / "a.bag", self.folder / "hard.bag")
         (self.folder / "deep").mkdir()

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "faultline/detectors/detector.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 

@@ -7,7 +7,7 @@
 
 #include "count_allocations.h"
 #include "faultline/signal/error.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

@@ -5,7 +5,7 @@
 #include "allocations.h"
 #include "faultline/estimators/estimator_stage.h"
 #include "faultline/estimators/response_core.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "faultline/numerics/in_parallel.h"
 #include "faultline/signal/error.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

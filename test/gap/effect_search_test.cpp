@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "faultline/gap/size_search.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

@@ -10,7 +10,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

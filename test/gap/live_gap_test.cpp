@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "faultline/signal/error.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

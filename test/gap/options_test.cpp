@@ -6,12 +6,12 @@
 #include <set>
 #include <string>
 
-#include "cooling_runs.h"
 #include "faultline/estimators/response_settings.h"
 #include "faultline/fit/fit_options.h"
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/gap/live_gap.h"
 #include "faultline/isolation/signature_options.h"
+#include "rigs/cooling_circuit/runs.h"
 
 namespace faultline {
 namespace {

@@ -12,7 +12,7 @@
 #include "faultline/gap/grid_step.h"
 #include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "faultline/isolation/isolator.h"
 #include "faultline/signal/error.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

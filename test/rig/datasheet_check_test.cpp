@@ -15,7 +15,7 @@
 #include "faultline/rig/nearest_name.h"
 #include "faultline/rig/rig.h"
 #include "faultline/signal/error.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

@@ -1,6 +1,7 @@
 // The datasheet reader: what the shipped datasheets hold, and that every wrong value is refused with the key and the
 // line.
 #include "faultline/rig/datasheet.h"
+#include "config_folder.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -20,11 +21,6 @@ namespace faultline {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string config_folder() {
-  const fs::path beside = fs::path(__FILE__).parent_path() / "../../config";
-  return fs::exists(beside) ? beside.lexically_normal().string() : "config";
-}
 
 Datasheet shipped(const std::string& rig) { return find_datasheet(config_folder(), rig); }
 

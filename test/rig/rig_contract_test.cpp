@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "faultline/rig/rig.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

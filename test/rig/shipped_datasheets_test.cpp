@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "config_folder.h"
 #include "faultline/rig/datasheet.h"
 #include "faultline/rig/effect.h"
 #include "faultline/signal/error.h"
@@ -14,11 +15,6 @@ namespace faultline {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string config_folder() {
-  const fs::path beside = fs::path(__FILE__).parent_path() / "../../config";
-  return fs::exists(beside) ? beside.lexically_normal().string() : "config";
-}
 
 Datasheet shipped(const std::string& rig) { return find_datasheet(config_folder(), rig); }
 

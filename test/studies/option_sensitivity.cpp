@@ -17,7 +17,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "cooling_recordings.h"
 #include "faultline/estimators/estimator_stage.h"
 #include "faultline/estimators/fault_responses.h"
 #include "faultline/fit/parameter_fit.h"
@@ -25,7 +24,8 @@
 #include "faultline/gap/live_gap.h"
 #include "faultline/isolation/signature_isolator.h"
 #include "faultline/signal/error.h"
-#include "servo_runs.h"
+#include "rigs/cooling_circuit/recordings.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

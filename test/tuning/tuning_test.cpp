@@ -7,7 +7,7 @@
 #include "faultline/signal/error.h"
 #include "faultline/tuning/noise_tuning.h"
 #include "faultline/tuning/threshold_tuning.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

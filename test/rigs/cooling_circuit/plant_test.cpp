@@ -6,8 +6,8 @@
 
 #include <algorithm>
 
-#include "cooling_runs.h"
 #include "faultline/signal/error.h"
+#include "rigs/cooling_circuit/runs.h"
 
 namespace faultline {
 namespace {

@@ -1,8 +1,8 @@
 // The bench's sequencer: slew limits, interlock, one and two raw set points.
 #include <gtest/gtest.h>
 
-#include "cooling_runs.h"
 #include "faultline/signal/error.h"
+#include "rigs/cooling_circuit/runs.h"
 
 namespace faultline {
 namespace {

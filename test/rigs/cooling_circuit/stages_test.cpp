@@ -4,8 +4,8 @@
 
 #include <map>
 
-#include "cooling_recordings.h"
 #include "faultline/estimators/estimator_stage.h"
+#include "rigs/cooling_circuit/recordings.h"
 
 namespace faultline {
 namespace {

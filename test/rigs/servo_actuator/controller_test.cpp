@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "faultline/signal/error.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {

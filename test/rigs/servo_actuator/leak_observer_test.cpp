@@ -5,9 +5,11 @@
 
 #include <Eigen/Dense>
 
+#include "estimators/jacobians.h"
 #include "faultline/estimators/estimator_stage.h"
 #include "faultline/estimators/state_estimator.h"
-#include "servo_runs.h"
+#include "faultline/numerics/random.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {
@@ -224,6 +226,20 @@ TEST(ServoLeak, RisesAsFastAsItsProcessNoiseAllows) {
   const std::vector<std::pair<double, double>> paper = {
       {8e-4, 0.8}, {1e-4, 2.4}, {4e-5, 3.7}, {8e-6, 6.6}, {8e-7, 14.9}};
   for (const auto& [noise, seconds] : paper) EXPECT_NEAR(leak_run(noise, 1).rise, seconds, 0.3 * seconds) << noise;
+}
+
+TEST(LeakObserver, JacobianIsThatOfDifferences) {
+  const auto model = make_process_model("servo_leak", servo(), servo().estimators.front().settings);
+  std::vector<double> channels(servo().channels.size(), 0);
+  channels[column("supply_pressure")] = 6.89e6;
+  channels[column("valve_command")] = 1;
+  model->take_inputs(channels.data());
+  Random random(4);
+  for (int k = 0; k < 200; ++k) {
+    const std::vector<double> x = {random.uniform(-0.1, 0.1), random.uniform(-0.3, 0.3), random.uniform(-5e5, 5e5),
+                                   random.uniform(-4, 4),     random.uniform(-1, 4),     random.uniform(-20, 20)};
+    ASSERT_LT(worst_entry(*model, x, {0.01, 0.01, 1e4, 0.1, 1, 1}, 1e-3), 1e-5) << k;
+  }
 }
 
 }  // namespace

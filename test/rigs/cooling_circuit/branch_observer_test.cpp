@@ -1,58 +1,14 @@
-// Every process model's Jacobians against central differences, at points spread over its range.
+// The branch observer: its Jacobians against central differences, its exact step against the equation integrated.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 
-#include "cooling_runs.h"
-#include "faultline/estimators/process_model.h"
+#include "estimators/jacobians.h"
 #include "faultline/numerics/random.h"
+#include "rigs/cooling_circuit/runs.h"
 
 namespace faultline {
 namespace {
-
-using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-// Largest difference of A from differences of predict(), each entry in parts of its row's largest, columns scaled by
-// `scale`.
-double worst_entry(const ProcessModel& model, const std::vector<double>& x, const std::vector<double>& scale,
-                   double dt) {
-  const auto n = static_cast<Eigen::Index>(x.size());
-  Matrix analytic(n, n), numeric(n, n);
-  EXPECT_TRUE(model.jacobian(x.data(), dt, analytic.data()));
-  for (Eigen::Index j = 0; j < n; ++j) {
-    const double step = 1e-5 * scale[static_cast<std::size_t>(j)];
-    std::vector<double> plus = x, minus = x, high(x.size()), low(x.size());
-    plus[static_cast<std::size_t>(j)] += step;
-    minus[static_cast<std::size_t>(j)] -= step;
-    model.predict(plus.data(), dt, high.data());
-    model.predict(minus.data(), dt, low.data());
-    for (Eigen::Index i = 0; i < n; ++i)
-      numeric(i, j) = (high[static_cast<std::size_t>(i)] - low[static_cast<std::size_t>(i)]) / (2 * step);
-  }
-  double worst = 0;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    double largest = 0;
-    for (Eigen::Index j = 0; j < n; ++j)
-      largest = std::max(largest, std::abs(numeric(i, j)) * scale[static_cast<std::size_t>(j)]);
-    for (Eigen::Index j = 0; j < n; ++j)
-      worst = std::max(worst, std::abs(analytic(i, j) - numeric(i, j)) * scale[static_cast<std::size_t>(j)] / largest);
-  }
-  return worst;
-}
-
-TEST(Jacobian, ServoLeak) {
-  const auto model = make_process_model("servo_leak", servo(), servo().estimators.front().settings);
-  std::vector<double> channels(servo().channels.size(), 0);
-  channels[column("supply_pressure")] = 6.89e6;
-  channels[column("valve_command")] = 1;
-  model->take_inputs(channels.data());
-  Random random(4);
-  for (int k = 0; k < 200; ++k) {
-    const std::vector<double> x = {random.uniform(-0.1, 0.1), random.uniform(-0.3, 0.3), random.uniform(-5e5, 5e5),
-                                   random.uniform(-4, 4),     random.uniform(-1, 4),     random.uniform(-20, 20)};
-    ASSERT_LT(worst_entry(*model, x, {0.01, 0.01, 1e4, 0.1, 1, 1}, 1e-3), 1e-5) << k;
-  }
-}
 
 Settings branch_settings(const std::string& scheme) {
   return {"test",

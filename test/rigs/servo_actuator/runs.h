@@ -6,14 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "config_folder.h"
 #include "faultline/rig/simulator.h"
 
 namespace faultline {
-
-inline std::string config_folder() {
-  const std::filesystem::path beside = std::filesystem::path(__FILE__).parent_path() / "../config";
-  return std::filesystem::exists(beside) ? beside.lexically_normal().string() : "config";
-}
 
 inline const Datasheet& servo() {
   static const Datasheet sheet = find_datasheet(config_folder(), "servo_actuator");

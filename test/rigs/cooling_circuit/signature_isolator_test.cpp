@@ -7,11 +7,11 @@
 
 #include <fmt/format.h>
 
-#include "cooling_recordings.h"
 #include "count_allocations.h"
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/isolation/balance_model.h"
 #include "faultline/signal/error.h"
+#include "rigs/cooling_circuit/recordings.h"
 
 namespace faultline {
 namespace {

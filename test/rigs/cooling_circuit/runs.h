@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 
 #include "faultline/rig/simulator.h"
-#include "servo_runs.h"
+#include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "cooling_runs.h"
+#include "rigs/cooling_circuit/runs.h"
 
 namespace faultline {
 
