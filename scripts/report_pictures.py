@@ -173,7 +173,8 @@ def _remark(axis, text, colour="#5a646e"):
 
 def raised(power):
     """`10⁻⁸ ` for a label; nothing where there is no power."""
-    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")) + " " if power else ""
+    superscript = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    return "10" + str(power).translate(superscript) + " " if power else ""
 
 
 def chi_square_99(degrees):

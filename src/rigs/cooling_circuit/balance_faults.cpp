@@ -183,7 +183,7 @@ class CoolingCircuit : public BalanceModel {
       const double cold = f[kCold] - of(kOffsetCold) - (everywhere && h.cause == kWaterDrift ? size : 0.0);
       r[kTube] = 0.875 * log_of(tube) - log_of(root * (1 - of(kClogTube))) - viscosity - reference[kTube];
       r[kDrain] = log_of(throttle) - log_of(std::sqrt(drop_out) * (1 - of(kClogDrain))) - reference[kDrain];
-      // Of the feed for now its flow over what is open; P_m is known after the last branch.
+      // Of the feed, at first, its flow over what is open; P_m is known after the last branch.
       feed_flow_[i] = feed;
       feed_open_[i] = 1 - of(kClogFeed);
       feed_pressure_[i] = p1;
