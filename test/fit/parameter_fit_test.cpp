@@ -1,6 +1,7 @@
 // The fit on runs of the simulator whose parameters are known: estimates lie within their intervals, and what a run
 // cannot tell is said.
 #include "faultline/fit/parameter_fit.h"
+#include "faultline/numerics/quantiles.h"
 
 #include <gtest/gtest.h>
 
@@ -62,7 +63,7 @@ TEST(ParameterFit, SaysWhatStandstillCannotTell) {
   for (const FittedParameter& p : fit.parameters) {
     EXPECT_FALSE(p.determined) << p.name;
     EXPECT_EQ(p.estimate, p.nominal);
-    EXPECT_NEAR((p.high - p.nominal) / p.nominal, 1.645 * p.tolerance, 1e-9);
+    EXPECT_NEAR((p.high - p.nominal) / p.nominal, kNinetyPercentSigmas * p.tolerance, 1e-9);
     EXPECT_FALSE(p.reason.empty());
   }
 }

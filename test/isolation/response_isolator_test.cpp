@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "faultline/isolation/isolator.h"
+#include "faultline/numerics/quantiles.h"
 #include "faultline/signal/error.h"
 #include "rigs/servo_actuator/runs.h"
 
@@ -65,8 +66,8 @@ TEST_F(ResponseIsolation, NamesTheBestWithItsSize) {
   EXPECT_TRUE(f.equivalent.empty());
   EXPECT_DOUBLE_EQ(f.size, 1e-8);
   const double std = std::hypot(0.7 * 0.1, 0.04 * 0.5);  // std_factor and model_error of the datasheet
-  EXPECT_NEAR(f.low, 2e-8 * (0.5 - 1.645 * std), 1e-20);
-  EXPECT_NEAR(f.high, 2e-8 * (0.5 + 1.645 * std), 1e-20);
+  EXPECT_NEAR(f.low, 2e-8 * (0.5 - kNinetyPercentSigmas * std), 1e-20);
+  EXPECT_NEAR(f.high, 2e-8 * (0.5 + kNinetyPercentSigmas * std), 1e-20);
   EXPECT_NEAR(f.confidence, 1, 1e-12);
   EXPECT_EQ(isolator_->judged_until(), 12);
   EXPECT_FALSE(hear({}).active);
@@ -133,14 +134,14 @@ TEST_F(ResponseIsolation, AStageThatRanksNothingIsRefused) {
 
 TEST(RankedHypothesis, IntervalsOfSizesThatGrowAndThatFall) {
   RankedHypothesis h = cause("orifice_leakage", kSeal, 0, 1);
-  EXPECT_NEAR(h.sizes(0.2).low, 2e-8 * (0.5 - 0.329), 1e-20);
+  EXPECT_NEAR(h.sizes(0.2).low, 2e-8 * (0.5 - 0.2 * kNinetyPercentSigmas), 1e-20);
   EXPECT_EQ(h.sizes(1).low, 0);  // never beyond what the datasheet allows
-  EXPECT_NEAR(h.sizes(1).high, 2e-8 * (0.5 + 1.645), 1e-20);
+  EXPECT_NEAR(h.sizes(1).high, 2e-8 * (0.5 + kNinetyPercentSigmas), 1e-20);
   h.none = std::numeric_limits<double>::infinity();  // a limit: the larger the amplitude, the lower it is
   h.full = 0.3;
   EXPECT_DOUBLE_EQ(h.size(), 0.6);
-  EXPECT_NEAR(h.sizes(0.1).low, 0.3 / (0.5 + 0.1645), 1e-12);
-  EXPECT_NEAR(h.sizes(0.1).high, 0.3 / (0.5 - 0.1645), 1e-12);
+  EXPECT_NEAR(h.sizes(0.1).low, 0.3 / (0.5 + 0.1 * kNinetyPercentSigmas), 1e-12);
+  EXPECT_NEAR(h.sizes(0.1).high, 0.3 / (0.5 - 0.1 * kNinetyPercentSigmas), 1e-12);
   EXPECT_NEAR(h.sizes(1).high, 0.3 / 0.0005, 1e-9);
 }
 
