@@ -133,7 +133,7 @@ def latency(root, programs, duration):
                 '--csv',
                 samples,
                 '--sheet',
-                os.path.join(root, 'config/servo_actuator'),
+                os.path.join(root, 'config/servo_actuator/rig.yaml'),
                 '--duration',
                 str(duration),
             ]
