@@ -50,6 +50,9 @@ NUMERICS = [  # group of benchmarks, what it is, what it is done with
     ('correction/rows', 'correction by five rows of ten states', 'our Potter'),
 ]
 
+# What the latency is measured on.
+SHEET = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'config/servo_actuator/rig.yaml')
+
 
 def measured(program, quick):
     """Benchmarks by name, as Google Benchmark tells them: medians, or one short run each."""
@@ -133,7 +136,7 @@ def latency(root, programs, duration):
                 '--csv',
                 samples,
                 '--sheet',
-                os.path.join(root, 'config/servo_actuator/rig.yaml'),
+                SHEET,
                 '--duration',
                 str(duration),
             ]
