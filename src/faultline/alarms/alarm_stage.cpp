@@ -247,10 +247,11 @@ void AlarmStage::tell_findings(double time) {
       continue;
     }
     // By the detector's name: of what explains it equally well, that is what the rig is watched for.
-    Finding f = i.finding;
-    const std::string own = named(f.effect, f.port);
+    Finding& f = i.shown;
+    f = i.finding;
+    const bool own_name = f.effect == w->finding.effect && f.port == w->finding.port;
     f.equivalent.erase(std::remove(f.equivalent.begin(), f.equivalent.end(), w->named), f.equivalent.end());
-    if (own != w->named) f.equivalent.insert(f.equivalent.begin(), own);
+    if (!own_name) f.equivalent.insert(f.equivalent.begin(), named(f.effect, f.port));
     if (i.reason == Reason::told_by_another) {
       w->finding.equivalent = book_.at(w->alarm).equivalent = f.equivalent;
       continue;
@@ -265,7 +266,7 @@ void AlarmStage::tell_findings(double time) {
     f.size_unit = w->detector->size_unit();
     // The isolator's size, in the detector's words, where it weighed that very effect.
     f.none = 0;
-    if (own == w->named && f.has_size && w->detection.per_effect > 0) {
+    if (own_name && f.has_size && w->detection.per_effect > 0) {
       f.size *= w->detection.per_effect;
       f.low *= w->detection.per_effect;
       f.high *= w->detection.per_effect;

@@ -76,6 +76,7 @@ class AlarmStage {
   struct Isolated : Source {
     std::unique_ptr<Isolator> isolator;
     int told_for = -1;  // the detector that found the same, while this alarm tells it
+    Finding shown;      // the finding in that detector's words; kept, since its strings then keep their memory
     // Names a cause, having weighed every other.
     bool names_the_cause() const { return isolator->overrules() && finding.active; }
   };
