@@ -10,11 +10,11 @@
 //   L_h(a) = min over theta of  |r_ref + T_ref theta|^2 + |r + T theta + d_h a|^2 + theta' theta
 //   a_h = -(b - C' Lambda^-1 n)/D_h,  D_h = g - C' Lambda^-1 C,  evidence E_h = L(0) - L_h(a_h) = a_h^2 D_h
 //
-// with n = T'r, C = T'd, b = d'r, g = d'd and Lambda = 1 + T'T over all stretches. Many times over: as a change (the
-// fault is in the last stretch only, in the last two, ... of the recent ones) and from the start (it is in all); the
-// most evidence decides. While nothing is wrong the model is made linear anew around what it learnt of the
-// parameters. The best few hypotheses are refined by Gauss-Newton steps on the model with the effect in it, and a
-// second fault is searched for beside the first.
+// with the information vector n = T'r of the parameters, C = T'd, b = d'r, g = d'd and Lambda = 1 + T'T over all
+// stretches. Many times over: as a change (the fault is in the last stretch only, in the last two, ... of the recent
+// ones) and from the start (it is in all); the most evidence decides. While nothing is wrong the model is made linear
+// anew around what it learnt of the parameters. The best few hypotheses are refined by Gauss-Newton steps on the model
+// with the effect in it, and a second fault is searched for beside the first.
 //
 // Units: amplitudes as in FaultHypothesis; evidence is twice a log-likelihood ratio (response_settings.h). D_h says
 // what could be seen: a fault whose least amplitude at the threshold lies beyond its range is not observable in this

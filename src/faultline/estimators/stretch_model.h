@@ -53,7 +53,7 @@ struct ModelPoint {
 // What is known of theta before some stretches: from the tolerances, and from other stretches.
 struct ResponsePrior {
   Eigen::MatrixXd information;  // 1 + T'T
-  Eigen::VectorXd pull;         // shift + T'r
+  Eigen::VectorXd pull;         // information vector of the parameters: shift + T'r
   double constant = 0;          // shift'shift + r'r
   void add(const ResponseSums& sums);
 };

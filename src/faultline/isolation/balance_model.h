@@ -1,4 +1,5 @@
-// What a rig's balances say of each fault, for the signature isolator. A model names features (quantities of an
+// What a rig's balances say of each fault, for the signature isolator. A balance is a parity relation: an equation of
+// the rig between measured channels whose residual is zero on a healthy rig. A model names features (quantities of an
 // estimator stage), residuals that are zero while nothing has changed, and hypotheses: faults of one unknown size
 // each.
 //

@@ -1,4 +1,5 @@
-// Isolation by signatures: which single fault, and of which size, explains what the balances of a rig show.
+// Isolation by signatures: which single fault, and of which size, explains what the balances of a rig
+// (its parity relations, balance_model.h) show.
 // Sources: Basseville, Nikiforov, Detection of Abrupt Changes (1993), chapters 2 and 7; Gertler, Fault Detection and
 // Diagnosis in Engineering Systems (1998), chapter 3.
 //
