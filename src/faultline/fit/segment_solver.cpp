@@ -15,14 +15,13 @@ class SegmentCosts : public ceres::EvaluationCallback {
  public:
   SegmentCosts(const SegmentSolver& solver, std::vector<double> values, const std::vector<std::size_t>& free)
       : solver_(solver), values_(std::move(values)), free_(free), z(free.size()) {
-    for (std::size_t j = 0; j < free_.size(); ++j)
-      z[j] = (values_[free_[j]] / solver_.nominal_[free_[j]] - 1) / solver_.scales_[free_[j]];
+    for (std::size_t j = 0; j < free_.size(); ++j) z[j] = solver_.coordinate(free_[j], values_[free_[j]]);
   }
   void PrepareForEvaluation(bool derivatives, bool moved) override {
     if (!moved && (have_derivatives_ || !derivatives)) return;
-    for (std::size_t j = 0; j < free_.size(); ++j)
-      values_[free_[j]] = solver_.nominal_[free_[j]] * (1 + z[j] * solver_.scales_[free_[j]]);
-    solver_.triangles(values_, free_, derivatives, triangles);
+    for (std::size_t j = 0; j < free_.size(); ++j) values_[free_[j]] = solver_.value(free_[j], z[j]);
+    solver_.triangles(values_, free_,
+                      derivatives ? SegmentSolver::Derivatives::forward : SegmentSolver::Derivatives::none, triangles);
     have_derivatives_ = derivatives;
   }
   const std::vector<double>& values() const { return values_; }
@@ -64,6 +63,24 @@ class SegmentCost : public ceres::CostFunction {
   int parameters_;
 };
 
+// sqrt(k) z: what the tolerances know.
+class ToleranceCost : public ceres::CostFunction {
+ public:
+  explicit ToleranceCost(const Eigen::VectorXd& weights) : roots_(weights.cwiseSqrt()) {
+    set_num_residuals(static_cast<int>(roots_.size()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(roots_.size()));
+  }
+  bool Evaluate(double const* const* z, double* residuals, double** jacobians) const override {
+    const Eigen::Index n = roots_.size();
+    Eigen::Map<Eigen::VectorXd>(residuals, n) = roots_.cwiseProduct(Eigen::Map<const Eigen::VectorXd>(z[0], n));
+    if (jacobians && jacobians[0]) Eigen::Map<Eigen::MatrixXd>(jacobians[0], n, n) = roots_.asDiagonal();
+    return true;
+  }
+
+ private:
+  Eigen::VectorXd roots_;
+};
+
 }  // namespace
 
 SegmentSolver::SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun> runs, std::vector<double> noise,
@@ -75,8 +92,73 @@ SegmentSolver::SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun
       sigma_(noise_),
       scales_(std::move(scales)),
       nominal_(model.sheet().nominal()),
-      jobs_(jobs) {
+      jobs_(jobs),
+      weights_(nominal_.size(), 1.0) {
   for (const SegmentedRun& run : runs_) segments_ += run.restarts.size();
+}
+
+double SegmentSolver::coordinate(std::size_t parameter, double value) const {
+  return std::log(value / nominal_[parameter]) / scales_[parameter];
+}
+
+double SegmentSolver::value(std::size_t parameter, double coordinate) const {
+  return nominal_[parameter] * std::exp(coordinate * scales_[parameter]);
+}
+
+double SegmentSolver::cost(const std::vector<double>& values, const std::vector<std::size_t>& free) const {
+  Columns all;
+  triangles(values, {}, Derivatives::none, all);
+  const double rows = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
+  const double limit = options_.huber_sigma * std::sqrt(rows);
+  double sum = 0;
+  for (const Eigen::MatrixXd& one : all) {
+    const double size = one(0, 0);
+    sum += size <= limit ? 0.5 * size * size : limit * (std::abs(size) - 0.5 * limit);
+  }
+  for (const std::size_t index : free) sum += 0.5 * weights_[index] * std::pow(coordinate(index, values[index]), 2);
+  return sum;
+}
+
+void SegmentSolver::set_correlation(const std::vector<double>& values) {
+  const auto rows = static_cast<Eigen::Index>(model_.segment()) - 1;
+  const auto outputs = static_cast<Eigen::Index>(noise_.size());
+  // Products over lags of each output, sums over segments.
+  Eigen::MatrixXd products = Eigen::MatrixXd::Zero(rows / 2 + 1, outputs);
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    const Columns stacks = whitened(columns(values, {}, runs_[r], {}, false), r);
+    for (const Eigen::MatrixXd& stack : stacks) {
+      const double w = weight(stack.squaredNorm());
+      for (Eigen::Index o = 0; o < outputs; ++o) {
+        const auto part = stack.col(0).segment(o * rows, rows);
+        for (Eigen::Index lag = 0; lag < products.rows(); ++lag)
+          products(lag, o) += w * part.head(rows - lag).dot(part.tail(rows - lag));
+      }
+    }
+  }
+  double sum = 0;
+  for (Eigen::Index o = 0; o < outputs; ++o) {
+    double length = 1;
+    for (Eigen::Index lag = 1; lag < products.rows() && products(lag, o) > 0; ++lag)
+      length += 2 * products(lag, o) / products(0, o);
+    sum += length / static_cast<double>(outputs);
+  }
+  correlation_ = sum;
+}
+
+Eigen::MatrixXd SegmentSolver::Information::covariance(double correlation) const {
+  Eigen::MatrixXd result = few * correlation * hessian;
+  if (few < 1) result += (1 - few) * blocks / (blocks - static_cast<double>(hessian.rows())) * scatter;
+  return result;
+}
+
+void SegmentSolver::set_weights(const std::vector<double>& values, const std::vector<std::size_t>& free) {
+  const Information info = information(values, free);
+  const Eigen::MatrixXd covariance = info.covariance(correlation_);
+  for (std::size_t j = 0; j < free.size(); ++j) {
+    const auto i = static_cast<Eigen::Index>(j);
+    weights_[free[j]] = correlation_;
+    if (info.hessian(i, i) > 0) weights_[free[j]] = std::max(correlation_, covariance(i, i) / info.hessian(i, i));
+  }
 }
 
 double SegmentSolver::weight(double square) const {
@@ -151,23 +233,28 @@ std::vector<Eigen::MatrixXf> SegmentSolver::simulated(const std::vector<ModelCha
 
 std::vector<Eigen::MatrixXf> SegmentSolver::columns(const std::vector<double>& values,
                                                     const std::vector<std::size_t>& free, const SegmentedRun& run,
-                                                    const std::vector<Change>& changes) const {
+                                                    const std::vector<Change>& changes, bool central) const {
+  const double step = options_.difference_tolerances;
   std::vector<ModelChange> wanted;
-  for (const std::size_t index : free) {
-    std::vector<double> moved = values;
-    moved[index] += options_.difference_tolerances * scales_[index] * nominal_[index];
-    wanted.push_back({moved, {}});
-  }
+  const auto moved = [&](std::size_t index, double by) {
+    std::vector<double> there = values;
+    there[index] *= std::exp(by * scales_[index]);
+    wanted.push_back({there, {}});
+  };
+  for (const std::size_t index : free) moved(index, step);
   wanted.push_back({values, {}});
   for (const Change& change : changes) {
     wanted.push_back(change.plus);
     wanted.push_back(change.minus);
   }
+  if (central)
+    for (const std::size_t index : free) moved(index, -step);
   const std::vector<Eigen::MatrixXf> all = simulated(wanted, run);
   std::vector<Eigen::MatrixXf> result;
   const Eigen::MatrixXf& here = all[free.size()];
   for (std::size_t j = 0; j < free.size(); ++j)
-    result.push_back((all[j] - here) * static_cast<float>(1 / options_.difference_tolerances));
+    result.push_back(central ? Eigen::MatrixXf((all[j] - all[all.size() - free.size() + j]) * float(0.5 / step))
+                             : Eigen::MatrixXf((all[j] - here) * float(1 / step)));
   result.push_back(here);
   for (std::size_t c = 0; c < changes.size(); ++c)
     result.push_back(all[free.size() + 2 + 2 * c] - all[free.size() + 1 + 2 * c]);
@@ -186,12 +273,14 @@ SegmentSolver::Columns SegmentSolver::whitened(const std::vector<Eigen::MatrixXf
   return result;
 }
 
-void SegmentSolver::triangles(const std::vector<double>& values, const std::vector<std::size_t>& free, bool derivatives,
+void SegmentSolver::triangles(const std::vector<double>& values, const std::vector<std::size_t>& free, Derivatives how,
                               Columns& result) const {
   const auto n = static_cast<Eigen::Index>(free.size());
+  const bool derivatives = how != Derivatives::none;
   result.clear();
   for (std::size_t r = 0; r < runs_.size(); ++r) {
-    Columns stacks = whitened(columns(values, derivatives ? free : std::vector<std::size_t>(), runs_[r], {}), r);
+    Columns stacks = whitened(
+        columns(values, derivatives ? free : std::vector<std::size_t>(), runs_[r], {}, how == Derivatives::central), r);
     in_parallel(stacks.size(), jobs_, [&](std::size_t s) {
       Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(n + 1, n + 1);
       if (derivatives)
@@ -205,7 +294,7 @@ void SegmentSolver::triangles(const std::vector<double>& values, const std::vect
   }
 }
 
-void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::size_t>& free,
+bool SegmentSolver::solve(std::vector<double>& values, const std::vector<std::size_t>& free,
                           std::size_t iterations) const {
   SegmentCosts costs(*this, values, free);
   ceres::Problem::Options problem_options;
@@ -217,10 +306,13 @@ void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::si
   for (std::size_t s = 0; s < segments_; ++s)
     problem.AddResidualBlock(new SegmentCost(costs.triangles, s, n),
                              new ceres::HuberLoss(options_.huber_sigma * std::sqrt(rows)), costs.z.data());
+  Eigen::VectorXd weights(n);
+  for (int j = 0; j < n; ++j) weights[j] = weights_[free[static_cast<std::size_t>(j)]];
+  problem.AddResidualBlock(new ToleranceCost(weights), nullptr, costs.z.data());
   for (int j = 0; j < n; ++j) {
     const double scale = scales_[free[static_cast<std::size_t>(j)]];
-    problem.SetParameterLowerBound(costs.z.data(), j, (options_.lowest_fraction - 1) / scale);
-    problem.SetParameterUpperBound(costs.z.data(), j, (options_.highest_ratio - 1) / scale);
+    problem.SetParameterLowerBound(costs.z.data(), j, std::log(options_.lowest_ratio) / scale);
+    problem.SetParameterUpperBound(costs.z.data(), j, std::log(options_.highest_ratio) / scale);
   }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
@@ -233,8 +325,9 @@ void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::si
   ceres::Solve(options, &problem, &summary);
   for (int j = 0; j < n; ++j) {
     const std::size_t index = free[static_cast<std::size_t>(j)];
-    values[index] = nominal_[index] * (1 + costs.z[static_cast<std::size_t>(j)] * scales_[index]);
+    values[index] = value(index, costs.z[static_cast<std::size_t>(j)]);
   }
+  return summary.termination_type == ceres::CONVERGENCE;
 }
 
 SegmentSolver::Information SegmentSolver::information(const std::vector<double>& values,
@@ -242,7 +335,8 @@ SegmentSolver::Information SegmentSolver::information(const std::vector<double>&
   const auto n = static_cast<Eigen::Index>(free.size());
   Information info{Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, n)};
   Columns all;
-  triangles(values, free, true, all);
+  triangles(values, free, Derivatives::central, all);
+  info.values = static_cast<double>(segments_ * (model_.segment() - 1) * model_.outputs().size()) / correlation_;
   std::size_t at = 0;
   for (const SegmentedRun& run : runs_) {
     Eigen::VectorXd block = Eigen::VectorXd::Zero(n);
@@ -254,10 +348,12 @@ SegmentSolver::Information SegmentSolver::information(const std::vector<double>&
       block += w * jacobian.transpose() * residual;
       if ((s + 1) % options_.block_segments == 0 || s + 1 == run.restarts.size()) {
         info.scatter += block * block.transpose();
+        ++info.blocks;
         block.setZero();
       }
     }
   }
+  info.few = std::clamp(2 - info.blocks / static_cast<double>(n), 0.0, 1.0);
   return info;
 }
 
@@ -266,7 +362,7 @@ Eigen::MatrixXd SegmentSolver::responses(const std::vector<double>& values, cons
   const auto n = static_cast<Eigen::Index>(free.size()), m = static_cast<Eigen::Index>(changes.size());
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(n, m);
   for (std::size_t r = 0; r < runs_.size(); ++r)
-    for (const Eigen::MatrixXd& stack : whitened(columns(values, free, runs_[r], changes), r))
+    for (const Eigen::MatrixXd& stack : whitened(columns(values, free, runs_[r], changes, false), r))
       sum += weight(stack.col(n).squaredNorm()) * stack.leftCols(n).transpose() * stack.rightCols(m);
   return sum;
 }
