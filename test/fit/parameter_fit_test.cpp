@@ -89,16 +89,6 @@ TEST(ParameterFit, RefusesWhatItCannotUse) {
   EXPECT_THROW(fit_parameters(servo(), {{"a", jump}}, 1), InputError);
 }
 
-// (I + S S')^(-1/2) x, against the eigenvalues of the large matrix.
-TEST(SegmentModel, ProjectsAsTheLargeMatrixWould) {
-  const Eigen::MatrixXd s = Eigen::MatrixXd::Random(12, 3) * 3;
-  Eigen::MatrixXd x = Eigen::MatrixXd::Random(12, 2);
-  const Eigen::MatrixXd square = Eigen::MatrixXd::Identity(12, 12) + s * s.transpose();
-  const Eigen::MatrixXd wanted = x.transpose() * square.inverse() * x;
-  SegmentModel::project(s, x);
-  EXPECT_LT((x.transpose() * x - wanted).norm(), 1e-10 * wanted.norm());
-}
-
 TEST(InParallel, DoesEverythingOnceAndThrowsOn) {
   for (const int jobs : {1, 3}) {
     std::vector<std::atomic<int>> done(100);

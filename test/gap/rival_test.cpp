@@ -13,8 +13,7 @@ namespace {
 GapResult diagnose(const Datasheet& sheet, double lowest) {
   std::vector<GapRun> runs;
   for (const std::uint64_t seed : {1, 2})
-    runs.push_back(prepare_run(sheet, "run", two_gains_run(2, 0.2, 20, seed, 0.8, lowest),
-                               GapOptions().residuals.segment_samples));
+    runs.push_back(cut_run(sheet, "run", two_gains_run(2, 0.2, 20, seed, 0.8, lowest), 2));
   GapSettings settings;
   settings.jobs = 2;
   return diagnose_gap(sheet, std::move(runs), {}, settings, {});

@@ -8,6 +8,7 @@
 #include "faultline/fit/fit_errors.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
+#include "faultline/segments/time_scales.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -119,10 +120,15 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
                             const FitProgress& progress, const FitOptions& options) {
   if (runs.empty()) throw InputError("fit: no run was given");
   const std::vector<std::size_t> free = marked_parameters(sheet);
-  const SegmentModel model(sheet, options.segment_samples, options.segments);
+  const SegmentModel model(sheet, options.segments);
+  std::vector<const Recording*> recordings;
+  for (const auto& run : runs) recordings.push_back(&run.second);
+  const double segment = segment_length(sheet, recordings);
   std::vector<SegmentedRun> prepared;
-  for (auto& [name, recording] : runs) prepared.push_back(model.prepare(name, std::move(recording)));
-  const std::vector<double> noise = model.noise(prepared);
+  for (auto& [name, recording] : runs)
+    prepared.push_back(cut_run(sheet, name, std::move(recording), segment, options.segments));
+  const std::vector<double> noise = noise_of(sheet, prepared, options.segments);
+  for (SegmentedRun& run : prepared) model.place_starts(run, noise, model.nominal());
   std::vector<double> scales;
   for (const Parameter& p : sheet.parameters) scales.push_back(scale_of(p, options));
   SegmentSolver solver(model, std::move(prepared), noise, scales, options, jobs);
@@ -152,7 +158,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     result.channels.push_back({channel.name, channel.unit, noise[i], before[i], after[i]});
   }
   result.segments = solver.segments();
-  result.segment_duration = static_cast<double>(options.segment_samples) * sheet.sample_period;
+  result.segment_duration = segment;
   result.freedom = errors.freedom;
   if (!result.converged)
     result.remarks.push_back(

@@ -1,6 +1,6 @@
 // Estimates the parameters that a rig's datasheet marks `identify: true` from recordings, with 90 % intervals.
 //
-//   minimise  sum over segments of rho(|r_w(p)|^2 / (values per segment)) + prior      r_w: fit/segment_model.h,
+//   minimise  sum over segments of rho(|r_w(p)|^2 / (values per segment)) + prior      r_w: segments/linearisation.h,
 //                                                                                      rho: Huber's
 //
 // by Ceres's trust region, from the datasheet's values and from other starts; the scatter of each channel is estimated
@@ -16,7 +16,8 @@
 #include <string>
 #include <vector>
 
-#include "faultline/fit/segment_model.h"
+#include "faultline/fit/fit_options.h"
+#include "faultline/segments/segment_model.h"
 
 namespace faultline {
 

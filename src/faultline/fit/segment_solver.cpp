@@ -108,8 +108,7 @@ double SegmentSolver::value(std::size_t parameter, double coordinate) const {
 double SegmentSolver::cost(const std::vector<double>& values, const std::vector<std::size_t>& free) const {
   Columns all;
   triangles(values, {}, Derivatives::none, all);
-  const double rows = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
-  const double limit = options_.huber_sigma * std::sqrt(rows);
+  const double limit = options_.huber_sigma * std::sqrt(segment_values());
   double sum = 0;
   for (const Eigen::MatrixXd& one : all) {
     const double size = one(0, 0);
@@ -120,17 +119,17 @@ double SegmentSolver::cost(const std::vector<double>& values, const std::vector<
 }
 
 void SegmentSolver::set_correlation(const std::vector<double>& values) {
-  const auto rows = static_cast<Eigen::Index>(model_.segment()) - 1;
   const auto outputs = static_cast<Eigen::Index>(noise_.size());
+  const auto lags = static_cast<Eigen::Index>(runs_.front().segment / 2 + 1);
   // Products over lags of each output, sums over segments.
-  Eigen::MatrixXd products = Eigen::MatrixXd::Zero(rows / 2 + 1, outputs);
+  Eigen::MatrixXd products = Eigen::MatrixXd::Zero(lags, outputs);
   for (std::size_t r = 0; r < runs_.size(); ++r) {
-    const Columns stacks = whitened(columns(values, {}, runs_[r], {}, false), r);
-    for (const Eigen::MatrixXd& stack : stacks) {
+    for (const Eigen::MatrixXd& stack : columns(values, {}, r, {})) {
+      const Eigen::Index rows = stack.rows() / outputs;
       const double w = weight(stack.squaredNorm());
       for (Eigen::Index o = 0; o < outputs; ++o) {
         const auto part = stack.col(0).segment(o * rows, rows);
-        for (Eigen::Index lag = 0; lag < products.rows(); ++lag)
+        for (Eigen::Index lag = 0; lag < std::min(lags, rows); ++lag)
           products(lag, o) += w * part.head(rows - lag).dot(part.tail(rows - lag));
       }
     }
@@ -161,9 +160,12 @@ void SegmentSolver::set_weights(const std::vector<double>& values, const std::ve
   }
 }
 
+double SegmentSolver::segment_values() const {
+  return static_cast<double>(runs_.front().segment * model_.outputs().size());
+}
+
 double SegmentSolver::weight(double square) const {
-  const double values = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
-  const double limit = options_.huber_sigma * std::sqrt(values);
+  const double limit = options_.huber_sigma * std::sqrt(segment_values());
   const double size = std::sqrt(square);
   return size <= limit ? 1 : limit / size;
 }
@@ -173,10 +175,12 @@ std::vector<double> SegmentSolver::misfit(const std::vector<double>& values) con
   double rows = 0;
   for (const SegmentedRun& run : runs_) {
     const Eigen::MatrixXf r = model_.residuals({values, {}}, run, noise_);
-    const auto used = static_cast<Eigen::Index>(run.restarts.size() * model_.segment());
-    for (std::size_t i = 0; i < sums.size(); ++i)
-      sums[i] += r.col(static_cast<Eigen::Index>(i)).head(used).cast<double>().squaredNorm();
-    rows += static_cast<double>(used);
+    for (const std::size_t row : run.restarts) {
+      const auto part = r.middleRows(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(run.segment));
+      for (std::size_t i = 0; i < sums.size(); ++i)
+        sums[i] += part.col(static_cast<Eigen::Index>(i)).cast<double>().squaredNorm();
+      rows += static_cast<double>(run.segment);
+    }
   }
   for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = noise_[i] * std::sqrt(sums[i] / rows);
   return sums;
@@ -194,10 +198,10 @@ void SegmentSolver::set_scatter(const std::vector<double>& values) {
         squares[i].push_back(
             residuals[r]
                 .col(static_cast<Eigen::Index>(i))
-                .segment(static_cast<Eigen::Index>(row) + 1, static_cast<Eigen::Index>(model_.segment()) - 1)
+                .segment(static_cast<Eigen::Index>(row) + 1, static_cast<Eigen::Index>(runs_[r].segment) - 1)
                 .cast<double>()
                 .squaredNorm() /
-            static_cast<double>(model_.segment() - 1));
+            static_cast<double>(runs_[r].segment - 1));
   for (std::size_t i = 0; i < noise_.size(); ++i) {
     // Mean of the best: a few segments in which the model goes astray do not set the scale.
     std::sort(squares[i].begin(), squares[i].end());
@@ -211,65 +215,44 @@ void SegmentSolver::set_scatter(const std::vector<double>& values) {
 }
 
 void SegmentSolver::prepare_starts(const std::vector<double>& values) {
-  starts_.assign(runs_.size(), {});
+  std::vector<std::vector<Eigen::MatrixXf>> columns(runs_.size());
   in_parallel(runs_.size(), jobs_, [&](std::size_t r) {
-    const std::vector<Eigen::MatrixXf> columns = model_.start_columns({values, {}}, runs_[r], sigma_);
-    const auto rows = static_cast<Eigen::Index>((model_.segment() - 1) * model_.outputs().size());
-    for (const std::size_t row : runs_[r].restarts) {
-      Eigen::MatrixXd starts(rows, static_cast<Eigen::Index>(columns.size()));
-      for (std::size_t c = 0; c < columns.size(); ++c)
-        starts.col(static_cast<Eigen::Index>(c)) = model_.stacked(columns[c], row);
-      starts_[r].push_back(std::move(starts));
-    }
+    model_.place_starts(runs_[r], noise_, {values, {}});  // hidden states are as the model at hand has them
+    columns[r] = model_.start_columns({values, {}}, runs_[r], sigma_);
   });
+  starts_.clear();
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    starts_.emplace_back(runs_[r], std::move(columns[r]), segment_values());
 }
 
-std::vector<Eigen::MatrixXf> SegmentSolver::simulated(const std::vector<ModelChange>& changes,
-                                                      const SegmentedRun& run) const {
-  std::vector<Eigen::MatrixXf> columns(changes.size());
-  in_parallel(changes.size(), jobs_, [&](std::size_t c) { columns[c] = model_.residuals(changes[c], run, sigma_); });
-  return columns;
-}
-
-std::vector<Eigen::MatrixXf> SegmentSolver::columns(const std::vector<double>& values,
-                                                    const std::vector<std::size_t>& free, const SegmentedRun& run,
-                                                    const std::vector<Change>& changes, bool central) const {
-  const double step = options_.difference_tolerances;
-  std::vector<ModelChange> wanted;
-  const auto moved = [&](std::size_t index, double by) {
-    std::vector<double> there = values;
-    there[index] *= std::exp(by * scales_[index]);
-    wanted.push_back({there, {}});
+SegmentSolver::Columns SegmentSolver::columns(const std::vector<double>& values, const std::vector<std::size_t>& free,
+                                              std::size_t run, const std::vector<Change>& changes, bool central) const {
+  std::vector<Direction> directions;
+  const auto move = [&](std::size_t index, double by) {
+    Direction direction{{values, {}}, by};
+    direction.to.parameters[index] *= std::exp(by * scales_[index]);
+    directions.push_back(std::move(direction));
   };
-  for (const std::size_t index : free) moved(index, step);
-  wanted.push_back({values, {}});
+  for (const std::size_t index : free) move(index, options_.difference_tolerances);
   for (const Change& change : changes) {
-    wanted.push_back(change.plus);
-    wanted.push_back(change.minus);
+    directions.push_back({change.plus, 1});
+    directions.push_back({change.minus, 1});
   }
   if (central)
-    for (const std::size_t index : free) moved(index, -step);
-  const std::vector<Eigen::MatrixXf> all = simulated(wanted, run);
-  std::vector<Eigen::MatrixXf> result;
-  const Eigen::MatrixXf& here = all[free.size()];
-  for (std::size_t j = 0; j < free.size(); ++j)
-    result.push_back(central ? Eigen::MatrixXf((all[j] - all[all.size() - free.size() + j]) * float(0.5 / step))
-                             : Eigen::MatrixXf((all[j] - here) * float(1 / step)));
-  result.push_back(here);
-  for (std::size_t c = 0; c < changes.size(); ++c)
-    result.push_back(all[free.size() + 2 + 2 * c] - all[free.size() + 1 + 2 * c]);
-  return result;
-}
-
-SegmentSolver::Columns SegmentSolver::whitened(const std::vector<Eigen::MatrixXf>& columns, std::size_t run) const {
-  Columns result(runs_[run].restarts.size());
-  const auto rows = static_cast<Eigen::Index>((model_.segment() - 1) * model_.outputs().size());
-  in_parallel(result.size(), jobs_, [&](std::size_t s) {
-    result[s].resize(rows, static_cast<Eigen::Index>(columns.size()));
-    for (std::size_t c = 0; c < columns.size(); ++c)
-      result[s].col(static_cast<Eigen::Index>(c)) = model_.stacked(columns[c], runs_[run].restarts[s]);
-    SegmentModel::project(starts_[run][s], result[s]);
-  });
+    for (const std::size_t index : free) move(index, -options_.difference_tolerances);
+  const std::vector<LinearSegment> linear =
+      linearise(model_, runs_[run], starts_[run], sigma_, {values, {}}, directions, jobs_);
+  const auto n = static_cast<Eigen::Index>(free.size()), m = static_cast<Eigen::Index>(changes.size());
+  Columns result;
+  for (const LinearSegment& segment : linear) {
+    Eigen::MatrixXd all(segment.residual.size(), n + 1 + m);
+    all.leftCols(n) = segment.columns.leftCols(n);
+    if (central) all.leftCols(n) = 0.5 * (all.leftCols(n) + segment.columns.rightCols(n));
+    all.col(n) = segment.residual;
+    for (Eigen::Index c = 0; c < m; ++c)
+      all.col(n + 1 + c) = segment.columns.col(n + 2 * c + 1) - segment.columns.col(n + 2 * c);
+    result.push_back(std::move(all));
+  }
   return result;
 }
 
@@ -279,8 +262,8 @@ void SegmentSolver::triangles(const std::vector<double>& values, const std::vect
   const bool derivatives = how != Derivatives::none;
   result.clear();
   for (std::size_t r = 0; r < runs_.size(); ++r) {
-    Columns stacks = whitened(
-        columns(values, derivatives ? free : std::vector<std::size_t>(), runs_[r], {}, how == Derivatives::central), r);
+    Columns stacks =
+        columns(values, derivatives ? free : std::vector<std::size_t>(), r, {}, how == Derivatives::central);
     in_parallel(stacks.size(), jobs_, [&](std::size_t s) {
       Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(n + 1, n + 1);
       if (derivatives)
@@ -302,10 +285,9 @@ bool SegmentSolver::solve(std::vector<double>& values, const std::vector<std::si
   ceres::Problem problem(problem_options);
   const int n = static_cast<int>(free.size());
   costs.triangles.assign(segments_, Eigen::MatrixXd::Zero(n + 1, n + 1));
-  const double rows = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
   for (std::size_t s = 0; s < segments_; ++s)
     problem.AddResidualBlock(new SegmentCost(costs.triangles, s, n),
-                             new ceres::HuberLoss(options_.huber_sigma * std::sqrt(rows)), costs.z.data());
+                             new ceres::HuberLoss(options_.huber_sigma * std::sqrt(segment_values())), costs.z.data());
   Eigen::VectorXd weights(n);
   for (int j = 0; j < n; ++j) weights[j] = weights_[free[static_cast<std::size_t>(j)]];
   problem.AddResidualBlock(new ToleranceCost(weights), nullptr, costs.z.data());
@@ -336,7 +318,7 @@ SegmentSolver::Information SegmentSolver::information(const std::vector<double>&
   Information info{Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, n)};
   Columns all;
   triangles(values, free, Derivatives::central, all);
-  info.values = static_cast<double>(segments_ * (model_.segment() - 1) * model_.outputs().size()) / correlation_;
+  info.values = static_cast<double>(segments_) * segment_values() / correlation_;
   std::size_t at = 0;
   for (const SegmentedRun& run : runs_) {
     Eigen::VectorXd block = Eigen::VectorXd::Zero(n);
@@ -362,7 +344,7 @@ Eigen::MatrixXd SegmentSolver::responses(const std::vector<double>& values, cons
   const auto n = static_cast<Eigen::Index>(free.size()), m = static_cast<Eigen::Index>(changes.size());
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(n, m);
   for (std::size_t r = 0; r < runs_.size(); ++r)
-    for (const Eigen::MatrixXd& stack : whitened(columns(values, free, runs_[r], changes, false), r))
+    for (const Eigen::MatrixXd& stack : columns(values, free, r, changes))
       sum += weight(stack.col(n).squaredNorm()) * stack.leftCols(n).transpose() * stack.rightCols(m);
   return sum;
 }

@@ -14,7 +14,8 @@
 // (parameters + 1) rows: the same norm, the same J'J and J'r, and hours of runs fit in memory.
 #pragma once
 
-#include "faultline/fit/segment_model.h"
+#include "faultline/fit/fit_options.h"
+#include "faultline/segments/linearisation.h"
 
 namespace faultline {
 
@@ -62,13 +63,11 @@ class SegmentSolver {
                             const std::vector<Change>& changes) const;
 
  private:
-  // Whitened [J r] or other columns per segment of a run: values x columns.
+  // [J r changes...], whitened, per segment of a run: values x columns. J per scale, by forward differences.
   using Columns = std::vector<Eigen::MatrixXd>;
-  std::vector<Eigen::MatrixXf> simulated(const std::vector<ModelChange>& changes, const SegmentedRun& run) const;
-  // [J r changes...] of a run, each rows x outputs; J per coordinate, by forward or by central differences.
-  std::vector<Eigen::MatrixXf> columns(const std::vector<double>& values, const std::vector<std::size_t>& free,
-                                       const SegmentedRun& run, const std::vector<Change>& changes, bool central) const;
-  Columns whitened(const std::vector<Eigen::MatrixXf>& columns, std::size_t run) const;
+  Columns columns(const std::vector<double>& values, const std::vector<std::size_t>& free, std::size_t run,
+                  const std::vector<Change>& changes, bool central = false) const;
+  double segment_values() const;  // readings in a whole segment
   void prepare_starts(const std::vector<double>& values);
   // Triangles of all segments, runs one after the other. Without derivatives: one row with the norm.
   enum class Derivatives { none, forward, central };
@@ -86,7 +85,7 @@ class SegmentSolver {
   std::size_t segments_ = 0;
   double correlation_ = 1;
   std::vector<double> weights_;
-  std::vector<std::vector<Eigen::MatrixXd>> starts_;  // per run and segment: values x shown states
+  std::vector<StartProjection> starts_;  // per run
 };
 
 }  // namespace faultline

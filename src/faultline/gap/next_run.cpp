@@ -5,20 +5,21 @@
 
 #include <fmt/format.h>
 
+#include "faultline/segments/time_scales.h"
+
 namespace faultline {
 namespace {
 
 // Log-likelihood between the two in a run with this profile.
 double separation(const Datasheet& sheet, const std::string& profile, double duration, const GapModel& first,
                   const GapModel& second, const GapOptions& options, int jobs) {
-  const std::size_t segment = options.residuals.segment_samples;
   SimulationSetup setup;
   setup.profile = profile;
   setup.parameters = first.parameters;
   setup.effects = first.effects;
   Recording recording = simulate(sheet, setup, duration);
-  GapRun run = prepare_run(sheet, profile, std::move(recording), segment, options.residuals);
-  const ResidualModel model(sheet, {std::move(run)}, segment, options);
+  GapRun run = cut_run(sheet, profile, std::move(recording), segment_length(sheet), options.segments);
+  const ResidualModel model(sheet, {std::move(run)}, options);
   const Linearisation linear(model, second, {0}, jobs);
   const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), second.parameters);
   const double rival = projected_loss(linear, linear.products(linear.at_model()), z);
@@ -33,7 +34,7 @@ double separation(const Datasheet& sheet, const std::string& profile, double dur
 std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second,
                                      const std::string& between, const GapOptions& options, int jobs,
                                      std::vector<std::string>& remarks) {
-  const double segment = static_cast<double>(options.residuals.segment_samples) * sheet.sample_period;
+  const double segment = segment_length(sheet);
   std::vector<NextRun> result;
   if (sheet.profiles.empty()) remarks.push_back("no run is proposed: the datasheet has no profile to simulate");
   for (const Profile& profile : sheet.profiles) {

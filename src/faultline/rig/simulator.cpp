@@ -29,8 +29,9 @@ class Plant {
  public:
   Plant(const Datasheet& sheet, const SimulationSetup& setup, Use use)
       : sheet_(sheet),
+        period_(setup.sample_period > 0 ? setup.sample_period : sheet.sample_period),
         substeps_(substeps(sheet, setup, use)),
-        substep_(sheet.sample_period / substeps_),
+        substep_(period_ / substeps_),
         effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
     const RigType* type = find_rig_type(sheet.rig);
     if (!type)
@@ -62,16 +63,17 @@ class Plant {
   }
 
   // `channels`: commands and inputs at this time. Afterwards seen() holds what the sensors show.
-  void start(const double* channels, const double* nominal_state) {
+  void start(double time, const double* channels, const double* nominal_state) {
     effects_.reset();
-    effects_.set_time(0);
+    effects_.set_time(time);
     std::copy_n(channels, true_.size(), true_.begin());
-    for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], 0);
+    for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], time);
     std::fill_n(integrator_->state(), rig_->states(), 0.0);
     rig_->start(true_.data(), integrator_->state());
     effects_.reset();
-    if (nominal_state) restart(0, channels, nominal_state);
-    observe(0);
+    effects_.set_time(time);
+    if (nominal_state) restart(time, channels, nominal_state);
+    observe(time);
   }
 
   // Puts the rig's states back; effects keep their memory, and what sensors show at this time stays as it was.
@@ -112,6 +114,7 @@ class Plant {
   const std::vector<double>& seen() const { return shown_; }
   const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
   const double* state() const { return integrator_->state(); }
+  double period() const { return period_; }
 
  private:
   // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
@@ -125,7 +128,7 @@ class Plant {
     rig_->set_modes(state);
   }
 
-  static int substeps(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
+  int substeps(const Datasheet& sheet, const SimulationSetup& setup, Use use) const {
     const RigType* type = find_rig_type(sheet.rig);
     double wanted = type ? type->substep : sheet.sample_period;
     const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
@@ -135,7 +138,7 @@ class Plant {
     });
     if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
     if (setup.substep > 0) wanted = setup.substep;
-    return std::max(1, static_cast<int>(std::ceil(sheet.sample_period / wanted - 1e-9)));
+    return std::max(1, static_cast<int>(std::ceil(period_ / wanted - 1e-9)));
   }
 
   // Outputs as they are, then as sensors with effects show them. Sensors without effects only need the last substep,
@@ -146,6 +149,7 @@ class Plant {
   }
 
   const Datasheet& sheet_;
+  double period_;  // s
   int substeps_;
   double substep_;
   EffectSet effects_;
@@ -234,7 +238,7 @@ struct Simulator::Parts {
     controller->reset();
     row = 0;
     fill_inputs(0, driving.data());
-    plant.start(driving.data(), nullptr);
+    plant.start(0, driving.data(), nullptr);
   }
 
   double time_of(std::uint64_t k) const { return static_cast<double>(k) * sheet.sample_period; }
@@ -349,7 +353,7 @@ DrivenModel::~DrivenModel() = default;
 
 void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {
   parts_->take(recording, row, parts_->now);
-  parts_->plant.start(parts_->now.data(), state);
+  parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state);
 }
 
 void DrivenModel::advance(const Recording& recording, std::size_t to_row, const double* state) {
@@ -357,10 +361,11 @@ void DrivenModel::advance(const Recording& recording, std::size_t to_row, const 
   const double time = Parts::time(recording, to_row - 1);
   parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
   parts_->now.swap(parts_->next);
-  if (state) parts_->plant.restart(time + parts_->sheet.sample_period, parts_->now.data(), state);
+  if (state) parts_->plant.restart(time + parts_->plant.period(), parts_->now.data(), state);
 }
 
 const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }
+const double* DrivenModel::state() const { return parts_->plant.state(); }
 std::size_t DrivenModel::state_count() const { return parts_->sheet.states.size(); }
 
 std::vector<double> draw_parameters(const Datasheet& sheet, std::uint64_t seed) {
