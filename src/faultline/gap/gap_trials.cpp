@@ -97,8 +97,7 @@ GapTrials::GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std
     : sheet_(sheet), settings_(settings), progress_(progress), folds_(folds), learn_(learn) {
   around_.residuals = std::make_shared<ResidualModel>(sheet, std::move(runs), options());
   double duration = 0;
-  for (const GapRun& run : model().runs())
-    duration = std::max(duration, run.duration());
+  for (const GapRun& run : model().runs()) duration = std::max(duration, run.duration());
   all_ = candidates(sheet, settings.without, duration, options().candidates);
   for (std::size_t i = 0; i < model().runs().size(); ++i) every_.push_back(i);
 }
