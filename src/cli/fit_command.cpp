@@ -92,6 +92,7 @@ void run(const Options& options) {
   const ParameterFit fit = fit_parameters(sheet, std::move(runs), jobs, [tell](const std::string& text) {
     if (tell) std::fputs(fmt::format("fit: {}\n", text).c_str(), stderr);
   });
+  print_remarks("fit", fit.remarks);
   if (!options.patch.empty()) write_patch(sheet, fit, options.patch);
   if (!options.json.empty()) write_text(options.json, json_text(result_json(sheet, options.runs, fit)));
   if (options.json != "-") print_result(sheet, fit);

@@ -44,6 +44,7 @@ struct ParameterFit {
   std::vector<ChannelMisfit> channels;
   std::size_t segments = 0;
   double segment_duration = 0;  // s
+  std::vector<std::string> remarks;  // what of the runs was left out
 };
 
 using FitProgress = std::function<void(const std::string&)>;

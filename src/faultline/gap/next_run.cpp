@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "faultline/segments/time_scales.h"
+#include "faultline/segments/segment_length.h"
 
 namespace faultline {
 
