@@ -43,8 +43,8 @@ Json effect_json(const Datasheet& sheet, const NamedEffect& e) {
   for (const EffectParameter& p : find_effect_type(e.effect)->parameters)
     units[p.name] = effect_unit(sheet, sheet.port(e.port), p.unit);
   for (const auto& [name, interval] : e.intervals) intervals[name] = interval_json(interval);
-  return {{"effect", e.effect}, {"port", e.port},         {"family", e.family},          {"parameters", parameters},
-          {"units", units},     {"intervals", intervals}, {"probability", e.probability}};
+  return {{"effect", e.effect}, {"port", e.port},         {"family", e.family},       {"parameters", parameters},
+          {"units", units},     {"intervals", intervals}, {"at_bounds", e.at_bounds}, {"probability", e.probability}};
 }
 
 Json regions_json(const std::vector<Region>& regions) {
@@ -112,6 +112,7 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
     next.push_back(
         {{"excitation", run.excitation}, {"duration", run.duration}, {"gain", run.gain}, {"between", run.between}});
   json["next"] = next;
+  json["remarks"] = result.remarks;
   json["seconds"] = result.seconds;
   return json;
 }
@@ -149,6 +150,10 @@ std::string command_text(const Options& options) {
   return text;
 }
 
+bool is_at_bound(const NamedEffect& effect, const std::string& parameter) {
+  return std::find(effect.at_bounds.begin(), effect.at_bounds.end(), parameter) != effect.at_bounds.end();
+}
+
 void print_result(const GapResult& result) {
   fmt::print("{}: {}\n{}\n", result.rig, result.verdict, result.sentence);
   fmt::print("\n{:<22} {:>12} {:>12} {:>12} {:>12}\n", "rms over a segment", "noise", "nominal", "refit", "explained");
@@ -168,17 +173,20 @@ void print_result(const GapResult& result) {
       const RankedCause& cause = result.ranked[i];
       std::string parameters;
       for (const auto& [name, value] : cause.effect.parameters)
-        parameters += fmt::format("{}{}={:.4g}", parameters.empty() ? "" : ",", name, value);
+        parameters += fmt::format("{}{}={:.4g}{}", parameters.empty() ? "" : ",", name, value,
+                                  is_at_bound(cause.effect, name) ? " (at its bound)" : "");
       fmt::print("{:>6.2f} {:>10.0f}  {}@{}:{}\n", cause.effect.probability, cause.gain, cause.effect.effect,
                  cause.effect.port, parameters);
     }
-    fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n",
-               100 * result.shrink_refit, 100 * result.shrink_interval.low, 100 * result.shrink_interval.high,
-               100 * result.shrink_nominal);
+    if (!result.effects.empty())
+      fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n",
+                 100 * result.shrink_refit, 100 * result.shrink_interval.low, 100 * result.shrink_interval.high,
+                 100 * result.shrink_nominal);
   }
   for (const NextRun& run : result.next)
     fmt::print("next: record {} for {:g} s; it tells {} apart (predicted log likelihood {:.0f})\n", run.excitation,
                run.duration, run.between, run.gain);
+  for (const std::string& remark : result.remarks) fmt::print("{}\n", remark);
 }
 
 void run(const Options& options) {

@@ -62,8 +62,8 @@ TEST(ParameterFit, SaysWhatStandstillCannotTell) {
   ASSERT_EQ(fit.parameters.size(), 2u);
   for (const FittedParameter& p : fit.parameters) {
     EXPECT_FALSE(p.determined) << p.name;
-    EXPECT_EQ(p.estimate, p.nominal);
-    EXPECT_NEAR((p.high - p.nominal) / p.nominal, kNinetyPercentSigmas * p.tolerance, 1e-9);
+    EXPECT_NEAR(p.estimate / p.nominal, 1, 0.01 * p.tolerance);
+    EXPECT_NEAR(std::log(p.high / p.nominal), kNinetyPercentSigmas * p.tolerance, 0.05 * p.tolerance);
     EXPECT_FALSE(p.reason.empty());
   }
 }
@@ -89,7 +89,7 @@ TEST(ParameterFit, UsesWhatABrokenRunHolds) {
   for (std::size_t k = 1600; k < run.rows(); ++k) run.time[k] += 0.5;
   const ParameterFit fit = fit_parameters(with_marks({"compliance"}), {{"a", run}}, 2);
   EXPECT_EQ(fit.segments, 15u);
-  ASSERT_EQ(fit.remarks.size(), 1u);
+  ASSERT_FALSE(fit.remarks.empty());
   EXPECT_NE(fit.remarks[0].find("1 breaks"), std::string::npos) << fit.remarks[0];
   EXPECT_NEAR(fit.parameters[0].estimate / fit.parameters[0].nominal, 1, 0.05);
 }

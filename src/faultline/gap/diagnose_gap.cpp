@@ -35,13 +35,15 @@ NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::Vecto
   for (std::size_t p = 0; p < candidate.effect.parameters.size(); ++p) {
     const double value = candidate.effect.parameters[p];
     result.parameters[type->parameters[p].name] = value;
-    if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum || fit.covariance.rows() == 0) continue;
+    if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum) continue;
+    const double place = candidate.to_coordinate(p, value);
+    if (std::abs(place - 0.5) > 0.5 - options.bound_coordinate) result.at_bounds.push_back(type->parameters[p].name);
+    if (fit.covariance.rows() == 0) continue;
     const double between = static_cast<Eigen::Index>(p) < apart.size() ? apart[static_cast<Eigen::Index>(p)] : 0.0;
     const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)) + between * between);
     ++at;
-    const double c = candidate.to_coordinate(p, value);
-    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, c - width * std),
-                                                  candidate.from_coordinate(p, c + width * std)};
+    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, place - width * std),
+                                                  candidate.from_coordinate(p, place + width * std)};
   }
   return result;
 }
@@ -329,7 +331,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     const NamedEffect& best = result.ranked.front().effect;
     result.next = separating_runs(sheet, model_of(best).model, model_of(rival).model,
                                   best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port, options,
-                                  settings.jobs);
+                                  settings.jobs, result.remarks);
   }
   measure_levels(work.model(), nominal, search.plain.fit.model, search.base, result);
   describe(sheet, result);

@@ -76,9 +76,9 @@ struct GapOptions {
     // of a residual that is not white (development).
     double correlated_fraction = 0.08;
     std::size_t steps = 4;          // Gauss-Newton steps around one linearisation
-    std::size_t quick_steps = 3;    // ... of a finalist
+    std::size_t quick_steps = 8;    // ... of a finalist, at most: few need more than six to converge
     std::size_t refit_rounds = 5;   // linearisations of the refit, at most
-    std::size_t refine_rounds = 3;  // ... and of a structure that is followed
+    std::size_t refine_rounds = 6;  // ... and of a structure that is followed
     // Move up to which sensitivities stay valid: of a parameter in tolerances, of an effect as a fraction of its size.
     double same_sensitivity_fraction = 0.35;
     // Information about an effect's size, as a fraction of that of all runs, below which a fold does not fit it.
@@ -100,8 +100,8 @@ struct GapOptions {
   // effect_search.h: which effects are kept.
   struct Search {
     std::size_t finalists = 10;               // candidates that are fitted after screening
-    std::size_t followed = 3;                 // ... and that are refined, at most
-    double followed_gain_fraction = 0.75;     // of the best quick gain, from which a finalist is refined
+    std::size_t followed = 5;                 // ... and that are refined, at most
+    double followed_gain_fraction = 0.5;      // of the best quick gain, from which a finalist is refined
     double significance_standard_errors = 3;  // by which the held-out gain of an effect must exceed 0
     double material_fraction = 0.04;        // of the typical squared residual that an effect must remove (development),
     double material_rest_fraction = 0.3;    // ... and a further one of the excess that the others leave,
@@ -130,7 +130,9 @@ struct GapOptions {
     double rival_gain_fraction = 0.02;    // ... or within this fraction of the gain
     double interval_ratio = 4;  // of an interval to what the fit's covariance says: it ignores what the model lacks
     double place_probability = 0.15;  // of a second place, from which it is told as inseparable
-    std::size_t bootstraps = 400;     // of the shrink's interval: its ends then scatter by 5 % of its width
+    // Distance from an end of a parameter's range, in its coordinate, up to which its value is told to be at the bound.
+    double bound_coordinate = 1e-3;
+    std::size_t bootstraps = 400;  // of the shrink's interval: its ends then scatter by 5 % of its width
   } verdict;
 
   // measure.h: regions of the operating range.
@@ -151,7 +153,9 @@ struct GapOptions {
 
   // next_run.h.
   struct NextRuns {
-    double duration_segments = 80;          // length of a run that is proposed
+    // Length of a run that is proposed, at most; else the profile's own: enough to tell two causes apart that can be.
+    double segments = 80;
+    double least_segments = 4;              // ... and at least: fewer decide nothing
     double separating_log_likelihood = 20;  // between two causes, from which a run separates them: odds of 5e8
     std::size_t most = 3;                   // runs told
   } next_runs;
@@ -161,9 +165,8 @@ struct GapOptions {
 // array of those.
 template <class Visit>
 void for_each_option(GapOptions& options, Visit&& visit) {
-  for_each_option(options.segments, [&](const char* name, auto& value) {
-    visit((std::string("segments.") + name).c_str(), value);
-  });
+  for_each_option(options.segments,
+                  [&](const char* name, auto& value) { visit((std::string("segments.") + name).c_str(), value); });
 #define FAULTLINE_OPTION(member) visit(#member, options.member)
   FAULTLINE_OPTION(linearisation.difference_tolerances);
   FAULTLINE_OPTION(linearisation.parameter_bound_tolerances);
@@ -229,6 +232,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.rival_gain_fraction);
   FAULTLINE_OPTION(verdict.interval_ratio);
   FAULTLINE_OPTION(verdict.place_probability);
+  FAULTLINE_OPTION(verdict.bound_coordinate);
   FAULTLINE_OPTION(verdict.bootstraps);
   FAULTLINE_OPTION(regions.standstill_fraction);
   FAULTLINE_OPTION(regions.notable_ratio);
@@ -238,7 +242,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(grid.least_levels);
   FAULTLINE_OPTION(grid.same_fraction);
   FAULTLINE_OPTION(grid.half_width_fraction);
-  FAULTLINE_OPTION(next_runs.duration_segments);
+  FAULTLINE_OPTION(next_runs.segments);
+  FAULTLINE_OPTION(next_runs.least_segments);
   FAULTLINE_OPTION(next_runs.separating_log_likelihood);
   FAULTLINE_OPTION(next_runs.most);
 #undef FAULTLINE_OPTION

@@ -53,6 +53,7 @@ struct NamedEffect {
   std::string family;
   std::map<std::string, double> parameters;
   std::map<std::string, Interval> intervals;  // 90 %
+  std::vector<std::string> at_bounds;         // parameters whose value is an end of the range that the datasheet allows
   double probability = 0;
 };
 
@@ -100,6 +101,7 @@ struct GapResult {
   Interval shrink_interval;   // 90 %, of shrink_refit
   double closable = 0;        // gain of the named effects as a fraction of that of a flexible closure
   std::vector<NextRun> next;
+  std::vector<std::string> remarks;  // what could not be done, or is to be minded, each a sentence
   GapSeries series;
   double seconds = 0;
 };

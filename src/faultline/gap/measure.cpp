@@ -208,9 +208,20 @@ void describe(const Datasheet& sheet, GapResult& result) {
     if (!result.equivalent.empty())
       result.sentence += fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
   } else {
-    result.sentence = fmt::format("Something the library does not know{}; the best known effect closes only {:.0f} %.",
-                                  result.places.empty() ? "" : " at or near " + result.places.front().port,
-                                  100 * std::max(0.0, result.shrink_refit));
+    std::string found;
+    for (const NamedEffect& e : result.effects)
+      found += fmt::format("{}{} at {}", found.empty() ? "" : " and ", e.effect, e.port);
+    result.sentence = fmt::format("Something the library does not know{}; ",
+                                  result.places.empty() ? "" : " at or near " + result.places.front().port);
+    if (!found.empty())
+      result.sentence +=
+          fmt::format("the nearest, {}, {} {:.0f} % of what the refit leaves.", found,
+                      result.effects.size() > 1 ? "close" : "closes", 100 * std::max(0.0, result.shrink_refit));
+    else if (result.ranked.empty())
+      result.sentence += "no effect of the library could be tried.";
+    else
+      result.sentence += fmt::format("no effect of the library is significant on held-out data, {} at {} the nearest.",
+                                     result.ranked.front().effect.effect, result.ranked.front().effect.port);
   }
 }
 
