@@ -12,7 +12,8 @@
 //   identify    where no parameter is marked, those with a tolerance
 //   estimators  `model_filter`, an unscented Kalman filter on the rig's own model (estimators/rig_model.cpp), and
 //               `responses` (estimators/fault_responses.h), whose segments are twice as long as the slowest time scale
-//   detectors   without estimators too: `model_fit`, and `frozen_CHANNEL`, `noisy_CHANNEL` for every measured channel
+//               (a rig of more states than a filter takes has `channels` instead, estimators/channels.cpp)
+//   detectors   without estimators too: `model_fit` of that filter, and `frozen_CHANNEL`, `noisy_CHANNEL` for every measured channel
 //               whose noise is declared and seen; out of range and missing are told without a detector
 //   isolators   `fault` and `second_fault` on an estimator of type fault_response
 //
