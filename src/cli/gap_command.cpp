@@ -20,6 +20,7 @@
 #include "cli/subcommand.h"
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/rig/effect_unit.h"
+#include "faultline/segments/time_scales.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -181,11 +182,11 @@ void print_result(const GapResult& result) {
 }
 
 void run(const Options& options) {
-  std::vector<GapRun> runs, holdout;
+  std::vector<LoadedRecording> runs, holdout;
   Datasheet sheet;
   bool have_sheet = false;
   if (!options.report.empty()) check_gap_report();  // now, not after the diagnosis
-  const auto load = [&](const std::vector<std::string>& files, std::vector<GapRun>& list) {
+  const auto load = [&](const std::vector<std::string>& files, std::vector<LoadedRecording>& list) {
     for (const std::string& file : files) {
       LoadedRecording loaded = load_recording(file, options.rig, options.config);
       if (have_sheet && loaded.sheet.rig != sheet.rig)
@@ -194,7 +195,7 @@ void run(const Options& options) {
       sheet = loaded.sheet;
       have_sheet = true;
       print_remarks("gap", loaded.remarks);
-      list.push_back(prepare_run(sheet, file, std::move(loaded.recording), GapOptions().residuals.segment_samples));
+      list.push_back(std::move(loaded));
     }
   };
   load(options.runs, runs);
@@ -211,11 +212,24 @@ void run(const Options& options) {
   settings.without = options.without;
   settings.jobs = options.jobs > 0 ? options.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   settings.seed = options.seed;
+  std::vector<const Recording*> recordings;
+  for (const auto* list : {&runs, &holdout})
+    for (const LoadedRecording& run : *list) recordings.push_back(&run.recording);
+  const double segment = segment_length(sheet, recordings);
+  const auto cut = [&](const std::vector<std::string>& files, std::vector<LoadedRecording>& list) {
+    std::vector<GapRun> result;
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      result.push_back(cut_run(sheet, files[i], std::move(list[i].recording), segment));
+      if (!result.back().remark.empty()) print_remarks("gap", {result.back().remark});
+    }
+    return result;
+  };
+  std::vector<GapRun> learned = cut(options.runs, runs), held_out = cut(options.holdout, holdout);
   const bool show = isatty(STDERR_FILENO) != 0;
   std::mutex guard;
   int shown = -1;
   const GapResult result =
-      diagnose_gap(sheet, std::move(runs), std::move(holdout), settings, [&](double share, const std::string& text) {
+      diagnose_gap(sheet, std::move(learned), std::move(held_out), settings, [&](double share, const std::string& text) {
         const std::lock_guard<std::mutex> lock(guard);
         const int percent = static_cast<int>(100 * share);
         if (!show || percent == shown) return;

@@ -1,31 +1,17 @@
-// Every constant of the parameter fit and of the segments that it shares with the fault responses on which an answer
-// depends: what it means, its unit (in the name), why it has this value. docs/options.md has how much the answers
-// change when each is halved and doubled. Units as in gap/gap_options.h.
+// Every constant of the parameter fit on which an answer depends: what it means, its unit (in the name), why it has
+// this value. docs/options.md has how much the answers change when each is halved and doubled. Units as in
+// gap/gap_options.h.
 #pragma once
 
 #include <cstddef>
+#include <string>
+
+#include "faultline/segments/segment_options.h"
 
 namespace faultline {
 
-// segment_model.h: a model over a recording in segments.
-struct SegmentOptions {
-  // Samples on each side of the quadratic that smooths a start state: an average of 13, short against the motion at 1
-  // kHz.
-  std::size_t start_half_width_samples = 6;
-  // Mean squared misfit up to which that quadratic describes the signal; what is above is an error of the start.
-  double start_misfit_variances = 2;
-  // Residuals are cut at this many sigmas: finite where a model diverges, beyond anything a sensor shows.
-  double largest_residual_sigma = 1e4;
-  // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit.
-  double least_noise_fraction = 0.3;
-  // Deviation of a sample's distance in time from the sample period, as a fraction of it, up to which a run is evenly
-  // sampled.
-  double period_error_fraction = 0.2;
-};
-
 // parameter_fit.h, segment_solver.h.
 struct FitOptions {
-  std::size_t segment_samples = 250;         // from one restart of the states to the next: as in the gap
   std::size_t first_iterations = 10;         // of the trust region in the first round, at most
   std::size_t next_iterations = 3;           // ... and where only the scatter changed, or one parameter went
   double unmarked_tolerance_fraction = 0.1;  // of a parameter to be identified whose tolerance the datasheet gives as 0
@@ -43,20 +29,11 @@ struct FitOptions {
 };
 
 template <class Visit>
-void for_each_option(SegmentOptions& options, Visit&& visit) {
-#define FAULTLINE_OPTION(member) visit(#member, options.member)
-  FAULTLINE_OPTION(start_half_width_samples);
-  FAULTLINE_OPTION(start_misfit_variances);
-  FAULTLINE_OPTION(largest_residual_sigma);
-  FAULTLINE_OPTION(least_noise_fraction);
-  FAULTLINE_OPTION(period_error_fraction);
-#undef FAULTLINE_OPTION
-}
-
-template <class Visit>
 void for_each_option(FitOptions& options, Visit&& visit) {
+  for_each_option(options.segments, [&](const char* name, auto& value) {
+    visit((std::string("segments.") + name).c_str(), value);
+  });
 #define FAULTLINE_OPTION(member) visit(#member, options.member)
-  FAULTLINE_OPTION(segment_samples);
   FAULTLINE_OPTION(first_iterations);
   FAULTLINE_OPTION(next_iterations);
   FAULTLINE_OPTION(unmarked_tolerance_fraction);
@@ -70,11 +47,6 @@ void for_each_option(FitOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(scatter_fraction);
   FAULTLINE_OPTION(cost_tolerance_fraction);
   FAULTLINE_OPTION(step_tolerance_fraction);
-  FAULTLINE_OPTION(segments.start_half_width_samples);
-  FAULTLINE_OPTION(segments.start_misfit_variances);
-  FAULTLINE_OPTION(segments.largest_residual_sigma);
-  FAULTLINE_OPTION(segments.least_noise_fraction);
-  FAULTLINE_OPTION(segments.period_error_fraction);
 #undef FAULTLINE_OPTION
 }
 

@@ -8,6 +8,7 @@
 
 #include "faultline/fit/segment_solver.h"
 #include "faultline/numerics/quantiles.h"
+#include "faultline/segments/time_scales.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -92,10 +93,15 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   if (marked.empty())
     throw InputError(
         fmt::format("{}: no parameter is marked 'identify: true'; mark those that `fit` shall estimate", sheet.file));
-  const SegmentModel model(sheet, options.segment_samples, options.segments);
+  const SegmentModel model(sheet, options.segments);
+  std::vector<const Recording*> recordings;
+  for (const auto& run : runs) recordings.push_back(&run.second);
+  const double segment = segment_length(sheet, recordings);
   std::vector<SegmentedRun> prepared;
-  for (auto& [name, recording] : runs) prepared.push_back(model.prepare(name, std::move(recording)));
-  const std::vector<double> noise = model.noise(prepared);
+  for (auto& [name, recording] : runs)
+    prepared.push_back(cut_run(sheet, name, std::move(recording), segment, options.segments));
+  const std::vector<double> noise = noise_of(sheet, prepared, options.segments);
+  for (SegmentedRun& run : prepared) model.place_starts(run, noise, model.nominal());
   std::vector<double> scales;
   for (const Parameter& p : sheet.parameters) scales.push_back(scale_of(p, options));
   SegmentSolver solver(model, std::move(prepared), noise, scales, options, jobs);
@@ -168,7 +174,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     result.channels.push_back({channel.name, channel.unit, noise[i], before[i], after[i]});
   }
   result.segments = solver.segments();
-  result.segment_duration = static_cast<double>(options.segment_samples) * sheet.sample_period;
+  result.segment_duration = segment;
   return result;
 }
 

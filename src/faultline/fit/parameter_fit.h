@@ -1,6 +1,6 @@
 // Estimates the parameters that a rig's datasheet marks `identify: true` from recordings, with 90 % intervals.
 //
-//   minimise  sum over segments of rho(|r_w(p)|^2 / (values per segment))      r_w: fit/segment_model.h, rho: Huber's
+//   minimise  sum over segments of rho(|r_w(p)|^2 / (values per segment))      r_w: segments/linearisation.h, rho: Huber's
 //
 // by Ceres's trust region; the scatter of each channel is estimated along (it is the model's error, not the noise,
 // that limits a rig's model). An interval holds three parts, added as variances:
@@ -19,7 +19,8 @@
 #include <string>
 #include <vector>
 
-#include "faultline/fit/segment_model.h"
+#include "faultline/fit/fit_options.h"
+#include "faultline/segments/segment_model.h"
 
 namespace faultline {
 

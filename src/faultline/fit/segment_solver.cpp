@@ -79,9 +79,12 @@ SegmentSolver::SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun
   for (const SegmentedRun& run : runs_) segments_ += run.restarts.size();
 }
 
+double SegmentSolver::segment_values() const {
+  return static_cast<double>(runs_.front().segment * model_.outputs().size());
+}
+
 double SegmentSolver::weight(double square) const {
-  const double values = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
-  const double limit = options_.huber_sigma * std::sqrt(values);
+  const double limit = options_.huber_sigma * std::sqrt(segment_values());
   const double size = std::sqrt(square);
   return size <= limit ? 1 : limit / size;
 }
@@ -91,10 +94,12 @@ std::vector<double> SegmentSolver::misfit(const std::vector<double>& values) con
   double rows = 0;
   for (const SegmentedRun& run : runs_) {
     const Eigen::MatrixXf r = model_.residuals({values, {}}, run, noise_);
-    const auto used = static_cast<Eigen::Index>(run.restarts.size() * model_.segment());
-    for (std::size_t i = 0; i < sums.size(); ++i)
-      sums[i] += r.col(static_cast<Eigen::Index>(i)).head(used).cast<double>().squaredNorm();
-    rows += static_cast<double>(used);
+    for (const std::size_t row : run.restarts) {
+      const auto part = r.middleRows(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(run.segment));
+      for (std::size_t i = 0; i < sums.size(); ++i)
+        sums[i] += part.col(static_cast<Eigen::Index>(i)).cast<double>().squaredNorm();
+      rows += static_cast<double>(run.segment);
+    }
   }
   for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = noise_[i] * std::sqrt(sums[i] / rows);
   return sums;
@@ -112,10 +117,10 @@ void SegmentSolver::set_scatter(const std::vector<double>& values) {
         squares[i].push_back(
             residuals[r]
                 .col(static_cast<Eigen::Index>(i))
-                .segment(static_cast<Eigen::Index>(row) + 1, static_cast<Eigen::Index>(model_.segment()) - 1)
+                .segment(static_cast<Eigen::Index>(row) + 1, static_cast<Eigen::Index>(runs_[r].segment) - 1)
                 .cast<double>()
                 .squaredNorm() /
-            static_cast<double>(model_.segment() - 1));
+            static_cast<double>(runs_[r].segment - 1));
   for (std::size_t i = 0; i < noise_.size(); ++i) {
     // Mean of the best: a few segments in which the model goes astray do not set the scale.
     std::sort(squares[i].begin(), squares[i].end());
@@ -129,60 +134,40 @@ void SegmentSolver::set_scatter(const std::vector<double>& values) {
 }
 
 void SegmentSolver::prepare_starts(const std::vector<double>& values) {
-  starts_.assign(runs_.size(), {});
+  std::vector<std::vector<Eigen::MatrixXf>> columns(runs_.size());
   in_parallel(runs_.size(), jobs_, [&](std::size_t r) {
-    const std::vector<Eigen::MatrixXf> columns = model_.start_columns({values, {}}, runs_[r], sigma_);
-    const auto rows = static_cast<Eigen::Index>((model_.segment() - 1) * model_.outputs().size());
-    for (const std::size_t row : runs_[r].restarts) {
-      Eigen::MatrixXd starts(rows, static_cast<Eigen::Index>(columns.size()));
-      for (std::size_t c = 0; c < columns.size(); ++c)
-        starts.col(static_cast<Eigen::Index>(c)) = model_.stacked(columns[c], row);
-      starts_[r].push_back(std::move(starts));
-    }
+    model_.place_starts(runs_[r], noise_, {values, {}});  // hidden states are as the model at hand has them
+    columns[r] = model_.start_columns({values, {}}, runs_[r], sigma_);
   });
+  starts_.clear();
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    starts_.emplace_back(runs_[r], std::move(columns[r]), segment_values());
 }
 
-std::vector<Eigen::MatrixXf> SegmentSolver::simulated(const std::vector<ModelChange>& changes,
-                                                      const SegmentedRun& run) const {
-  std::vector<Eigen::MatrixXf> columns(changes.size());
-  in_parallel(changes.size(), jobs_, [&](std::size_t c) { columns[c] = model_.residuals(changes[c], run, sigma_); });
-  return columns;
-}
-
-std::vector<Eigen::MatrixXf> SegmentSolver::columns(const std::vector<double>& values,
-                                                    const std::vector<std::size_t>& free, const SegmentedRun& run,
-                                                    const std::vector<Change>& changes) const {
-  std::vector<ModelChange> wanted;
+SegmentSolver::Columns SegmentSolver::columns(const std::vector<double>& values, const std::vector<std::size_t>& free,
+                                              std::size_t run, const std::vector<Change>& changes) const {
+  std::vector<Direction> directions;
   for (const std::size_t index : free) {
-    std::vector<double> moved = values;
-    moved[index] += options_.difference_tolerances * scales_[index] * nominal_[index];
-    wanted.push_back({moved, {}});
+    Direction direction{{values, {}}, options_.difference_tolerances};
+    direction.to.parameters[index] += options_.difference_tolerances * scales_[index] * nominal_[index];
+    directions.push_back(std::move(direction));
   }
-  wanted.push_back({values, {}});
   for (const Change& change : changes) {
-    wanted.push_back(change.plus);
-    wanted.push_back(change.minus);
+    directions.push_back({change.plus, 1});
+    directions.push_back({change.minus, 1});
   }
-  const std::vector<Eigen::MatrixXf> all = simulated(wanted, run);
-  std::vector<Eigen::MatrixXf> result;
-  const Eigen::MatrixXf& here = all[free.size()];
-  for (std::size_t j = 0; j < free.size(); ++j)
-    result.push_back((all[j] - here) * static_cast<float>(1 / options_.difference_tolerances));
-  result.push_back(here);
-  for (std::size_t c = 0; c < changes.size(); ++c)
-    result.push_back(all[free.size() + 2 + 2 * c] - all[free.size() + 1 + 2 * c]);
-  return result;
-}
-
-SegmentSolver::Columns SegmentSolver::whitened(const std::vector<Eigen::MatrixXf>& columns, std::size_t run) const {
-  Columns result(runs_[run].restarts.size());
-  const auto rows = static_cast<Eigen::Index>((model_.segment() - 1) * model_.outputs().size());
-  in_parallel(result.size(), jobs_, [&](std::size_t s) {
-    result[s].resize(rows, static_cast<Eigen::Index>(columns.size()));
-    for (std::size_t c = 0; c < columns.size(); ++c)
-      result[s].col(static_cast<Eigen::Index>(c)) = model_.stacked(columns[c], runs_[run].restarts[s]);
-    SegmentModel::project(starts_[run][s], result[s]);
-  });
+  const std::vector<LinearSegment> linear =
+      linearise(model_, runs_[run], starts_[run], sigma_, {values, {}}, directions, jobs_);
+  const auto n = static_cast<Eigen::Index>(free.size()), m = static_cast<Eigen::Index>(changes.size());
+  Columns result;
+  for (const LinearSegment& segment : linear) {
+    Eigen::MatrixXd all(segment.residual.size(), n + 1 + m);
+    all.leftCols(n) = segment.columns.leftCols(n);
+    all.col(n) = segment.residual;
+    for (Eigen::Index c = 0; c < m; ++c)
+      all.col(n + 1 + c) = segment.columns.col(n + 2 * c + 1) - segment.columns.col(n + 2 * c);
+    result.push_back(std::move(all));
+  }
   return result;
 }
 
@@ -191,7 +176,7 @@ void SegmentSolver::triangles(const std::vector<double>& values, const std::vect
   const auto n = static_cast<Eigen::Index>(free.size());
   result.clear();
   for (std::size_t r = 0; r < runs_.size(); ++r) {
-    Columns stacks = whitened(columns(values, derivatives ? free : std::vector<std::size_t>(), runs_[r], {}), r);
+    Columns stacks = columns(values, derivatives ? free : std::vector<std::size_t>(), r, {});
     in_parallel(stacks.size(), jobs_, [&](std::size_t s) {
       Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(n + 1, n + 1);
       if (derivatives)
@@ -213,10 +198,9 @@ void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::si
   ceres::Problem problem(problem_options);
   const int n = static_cast<int>(free.size());
   costs.triangles.assign(segments_, Eigen::MatrixXd::Zero(n + 1, n + 1));
-  const double rows = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
   for (std::size_t s = 0; s < segments_; ++s)
     problem.AddResidualBlock(new SegmentCost(costs.triangles, s, n),
-                             new ceres::HuberLoss(options_.huber_sigma * std::sqrt(rows)), costs.z.data());
+                             new ceres::HuberLoss(options_.huber_sigma * std::sqrt(segment_values())), costs.z.data());
   for (int j = 0; j < n; ++j) {
     const double scale = scales_[free[static_cast<std::size_t>(j)]];
     problem.SetParameterLowerBound(costs.z.data(), j, (options_.lowest_fraction - 1) / scale);
@@ -266,7 +250,7 @@ Eigen::MatrixXd SegmentSolver::responses(const std::vector<double>& values, cons
   const auto n = static_cast<Eigen::Index>(free.size()), m = static_cast<Eigen::Index>(changes.size());
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(n, m);
   for (std::size_t r = 0; r < runs_.size(); ++r)
-    for (const Eigen::MatrixXd& stack : whitened(columns(values, free, runs_[r], changes), r))
+    for (const Eigen::MatrixXd& stack : columns(values, free, r, changes))
       sum += weight(stack.col(n).squaredNorm()) * stack.leftCols(n).transpose() * stack.rightCols(m);
   return sum;
 }

@@ -6,7 +6,8 @@
 // (parameters + 1) rows: the same norm, the same J'J and J'r, and hours of runs fit in memory.
 #pragma once
 
-#include "faultline/fit/segment_model.h"
+#include "faultline/fit/fit_options.h"
+#include "faultline/segments/linearisation.h"
 
 namespace faultline {
 
@@ -38,13 +39,11 @@ class SegmentSolver {
                             const std::vector<Change>& changes) const;
 
  private:
-  // Whitened [J r] or other columns per segment of a run: values x columns.
+  // [J r changes...], whitened, per segment of a run: values x columns. J per scale, by forward differences.
   using Columns = std::vector<Eigen::MatrixXd>;
-  std::vector<Eigen::MatrixXf> simulated(const std::vector<ModelChange>& changes, const SegmentedRun& run) const;
-  // [J r changes...] of a run, each rows x outputs; J per scale, by forward differences.
-  std::vector<Eigen::MatrixXf> columns(const std::vector<double>& values, const std::vector<std::size_t>& free,
-                                       const SegmentedRun& run, const std::vector<Change>& changes) const;
-  Columns whitened(const std::vector<Eigen::MatrixXf>& columns, std::size_t run) const;
+  Columns columns(const std::vector<double>& values, const std::vector<std::size_t>& free, std::size_t run,
+                  const std::vector<Change>& changes) const;
+  double segment_values() const;  // readings in a whole segment
   void prepare_starts(const std::vector<double>& values);
   // Triangles of all segments, runs one after the other. Without derivatives: one row with the norm.
   void triangles(const std::vector<double>& values, const std::vector<std::size_t>& free, bool derivatives,
@@ -59,7 +58,7 @@ class SegmentSolver {
   std::vector<double> noise_, sigma_, scales_, nominal_;
   int jobs_;
   std::size_t segments_ = 0;
-  std::vector<std::vector<Eigen::MatrixXd>> starts_;  // per run and segment: values x shown states
+  std::vector<StartProjection> starts_;  // per run
 };
 
 }  // namespace faultline

@@ -66,7 +66,7 @@ std::string kind_of(const Datasheet& sheet, const std::string& port) {
   return sheet.port(port).kind == PortKind::sensor ? "sensor" : "process";
 }
 
-std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run, const GapOptions::Residuals& options) {
+std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run, const SegmentOptions& options) {
   std::vector<GapRun> parts;
   const std::size_t rows = run.recording.rows();
   const std::size_t middle = rows / 2;
@@ -75,8 +75,8 @@ std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run, const 
     part.rig = run.recording.rig;
     part.channels = run.recording.channels;
     for (std::size_t k = half ? middle : 0; k < (half ? rows : middle); ++k) part.append(run.recording.sample(k));
-    parts.push_back(prepare_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part),
-                                options.segment_samples, options));
+    parts.push_back(cut_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part),
+                            static_cast<double>(run.segment) * run.period, options));
   }
   return parts;
 }
@@ -89,14 +89,14 @@ struct Split {
 };
 
 Split split_runs(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
-                 const GapOptions::Residuals& options) {
+                 const SegmentOptions& options) {
   if (runs.empty()) throw InputError("gap: no run was given");
   Split split;
   if (runs.size() == 1 && holdout.empty()) {
-    const std::size_t least = 4 * options.segment_samples;  // two segments in each half
+    const std::size_t least = 4 * runs.front().segment;  // two segments in each half
     if (runs.front().recording.rows() < least)
       throw InputError(fmt::format("{}: too short to be cut in two; a single run needs at least {:g} s",
-                                   runs.front().name, static_cast<double>(least) * sheet.sample_period));
+                                   runs.front().name, static_cast<double>(least) * runs.front().period));
     runs = cut_in_two(sheet, runs.front(), options);
   }
   for (std::size_t i = 0; i < runs.size(); ++i) split.learn.push_back(i);
@@ -246,7 +246,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   result.rig = sheet.rig;
   for (const GapRun& run : runs) result.runs.push_back(run.name);
   for (const GapRun& run : holdout) result.holdout.push_back(run.name);
-  Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.residuals);
+  Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.segments);
 
   GapTrials work(sheet, std::move(split.runs), split.folds, split.learn, settings, progress);
   const double values = work.held_out_values();

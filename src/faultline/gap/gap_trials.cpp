@@ -87,17 +87,17 @@ std::vector<double> GapTrials::robust(const std::vector<double>& losses) const {
 double GapTrials::standard_error(const std::vector<double>& differences) const {
   double size = 0;
   for (const double d : differences) size += std::abs(d);
-  return std::sqrt(2 * options().trials.correlated_samples * size);
+  const double correlated = options().trials.correlated_fraction * static_cast<double>(model().runs().front().segment);
+  return std::sqrt(2 * std::max(1.0, correlated) * size);
 }
 
 GapTrials::GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds,
                      const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress)
     : sheet_(sheet), settings_(settings), progress_(progress), folds_(folds), learn_(learn) {
-  around_.residuals =
-      std::make_shared<ResidualModel>(sheet, std::move(runs), options().residuals.segment_samples, options());
+  around_.residuals = std::make_shared<ResidualModel>(sheet, std::move(runs), options());
   double duration = 0;
   for (const GapRun& run : model().runs())
-    duration = std::max(duration, static_cast<double>(run.recording.rows()) * sheet.sample_period);
+    duration = std::max(duration, run.duration());
   all_ = candidates(sheet, settings.without, duration, options().candidates);
   for (std::size_t i = 0; i < model().runs().size(); ++i) every_.push_back(i);
 }
@@ -394,7 +394,7 @@ double GapTrials::held_out_values() const {
   double count = 0;
   for (const Fold& fold : folds_)
     for (const std::size_t run : fold.test)
-      count += static_cast<double>(model().runs()[run].segments() * model().segment() * model().outputs().size());
+      count += static_cast<double>(model().runs()[run].segments()) * segment_values();
   return count;
 }
 

@@ -36,15 +36,14 @@ GapLevel level(const ResidualModel& model, const std::string& name, const GapMod
   result.name = name;
   const std::size_t outputs = model.outputs().size();
   for (std::size_t o = 0; o < outputs; ++o) result.channels.push_back(channel_gap(model, o));
-  const std::pair<const char*, std::size_t> horizons[] = {
-      {"1", 1}, {"10", 10}, {"100", 100}, {"segment", model.segment()}};
+  const std::pair<const char*, std::size_t> horizons[] = {{"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}};
   for (const auto& [name_of_horizon, horizon] : horizons) {
     const std::string key = name_of_horizon;
     std::vector<double> squares(outputs, 0);
     double rows = 0;
     for (std::size_t r = 0; r < model.runs().size(); ++r) {
       const Eigen::MatrixXf residuals =
-          horizon == model.segment() ? settled_residuals(model, at, r) : model.residuals(at, r, horizon);
+          horizon == 0 ? settled_residuals(model, at, r) : model.residuals(at, r, horizon);
       rows += static_cast<double>(residuals.rows());
       for (std::size_t o = 0; o < outputs; ++o)
         squares[o] += static_cast<double>(residuals.col(static_cast<Eigen::Index>(o)).squaredNorm());

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <numeric>
 
+#include "faultline/segments/time_scales.h"
+
 namespace faultline {
 
 std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second,
                                      const std::string& between, const GapOptions& options, int jobs) {
-  const std::size_t segment = options.residuals.segment_samples;
-  const double duration = options.next_runs.duration_s;
+  const double segment = segment_length(sheet);
+  const double duration = options.next_runs.duration_segments * segment;
   std::vector<NextRun> result;
   for (const Profile& profile : sheet.profiles) {
     SimulationSetup setup;
@@ -16,8 +18,8 @@ std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& fir
     setup.parameters = first.parameters;
     setup.effects = first.effects;
     Recording recording = simulate(sheet, setup, duration);
-    GapRun run = prepare_run(sheet, profile.name, std::move(recording), segment, options.residuals);
-    const ResidualModel model(sheet, {std::move(run)}, segment, options);
+    GapRun run = cut_run(sheet, profile.name, std::move(recording), segment, options.segments);
+    const ResidualModel model(sheet, {std::move(run)}, options);
     const Linearisation linear(model, second, {0}, jobs);
     const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), second.parameters);
     const double rival = projected_loss(linear, linear.products(linear.at_model()), z);

@@ -13,8 +13,8 @@
 //   estimators  `model_filter`, an unscented Kalman filter on the rig's own model (estimators/rig_model.cpp), and
 //               `responses` (estimators/fault_responses.h), whose segments are twice as long as the slowest time scale
 //               (a rig of more states than a filter takes has `channels` instead, estimators/channels.cpp)
-//   detectors   without estimators too: `model_fit` of that filter, and `frozen_CHANNEL`, `noisy_CHANNEL` for every measured channel
-//               whose noise is declared and seen; out of range and missing are told without a detector
+//   detectors   without estimators too: `model_fit` of that filter, and `frozen_CHANNEL`, `noisy_CHANNEL` for every
+//               measured channel whose noise is declared and seen; out of range and missing are told without a detector
 //   isolators   `fault` and `second_fault` on an estimator of type fault_response
 //
 // A rig without equations is left as it is.

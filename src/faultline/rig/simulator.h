@@ -29,6 +29,7 @@ struct SimulationSetup {
   std::vector<CommandTable> commands;  // for commands that no controller moves
   std::uint64_t seed = 1;              // of what differs from run to run; see below
   double substep = 0;                  // s; 0: the rig's own
+  double sample_period = 0;            // s, of a driven model's recording; 0: the datasheet's
   bool noise = true;                   // sensor noise and rounding
 };
 
@@ -61,10 +62,11 @@ class DrivenModel {
   DrivenModel(const DrivenModel&) = delete;
   DrivenModel& operator=(const DrivenModel&) = delete;
 
-  // Predicts rows first .. first + count - 1. `restarts`: rows (rising, from `first` on) at which the nominal states
-  // are set to start_states + i * (number of the datasheet's states); before the first restart the rig's own initial
-  // state runs. A restart acts after its row was predicted: the row still shows where the segment before it ended.
-  // Calls row(index, channels) with one value per channel for each of them.
+  // Predicts rows first .. first + count - 1, one sample period apart. `restarts`: rows (rising, from `first` on) at
+  // which the nominal states are set to start_states + i * (number of the datasheet's states); before the first restart
+  // the rig's own initial state runs. A restart acts after its row was predicted: the row still shows where the segment
+  // before it ended. Calls row(index, channels) with one value per channel for each of them. Effects forget what was
+  // before `first`; their time counts from the recording's first row.
   template <class Row>
   void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
            const double* start_states, Row&& row) {
@@ -80,11 +82,14 @@ class DrivenModel {
     }
   }
 
+  // The rig's states after the last row, in the datasheet's order.
+  const double* state() const;
+  std::size_t state_count() const;
+
  private:
   void begin(const Recording& recording, std::size_t row, const double* state);
   void advance(const Recording& recording, std::size_t to_row, const double* state);
   const double* predicted() const;
-  std::size_t state_count() const;
 
   struct Parts;
   std::unique_ptr<Parts> parts_;
