@@ -92,7 +92,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     }
   if (marked.empty())
     throw InputError(
-        fmt::format("{}: no parameter is marked 'identify: true'; mark those that `fit` shall estimate", sheet.file));
+        fmt::format("{}: no parameter is marked 'identify: true' or has a tolerance; mark those that `fit` shall estimate", sheet.file));
   const SegmentModel model(sheet, options.segments);
   std::vector<const Recording*> recordings;
   for (const auto& run : runs) recordings.push_back(&run.second);
