@@ -9,6 +9,7 @@
 
 #include "faultline/numerics/integrator.h"
 #include "faultline/rig/rig.h"
+#include "faultline/rig/simulator.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -62,8 +63,7 @@ class Tester {
           fmt::format("{}: this build has the datasheet of '{}' but not its equations", sheet.file, sheet.rig));
     rig_ = type_->make(sheet, sheet.nominal(), effects_);
     integrator_ = make_integrator(*rig_);
-    const double wanted = type_->model_substep > 0 ? type_->model_substep : type_->substep;
-    substeps_ = std::max(1, static_cast<int>(std::ceil(period_ / wanted - 1e-9)));
+    substeps_ = model_substeps(sheet, {});
     const std::size_t n = sheet.states.size();
     states_ = static_cast<std::size_t>(rig_->states());
     channels_.resize(sheet.channels.size());
@@ -94,12 +94,6 @@ class Tester {
   }
 
  private:
-  static std::vector<EffectSpec> nominal_effects(const Datasheet& sheet) {
-    std::vector<EffectSpec> effects;
-    for (const std::string& text : sheet.nominal_effects) effects.push_back(parse_effect(text));
-    return effects;
-  }
-
   void set_channels(double fraction) {
     for (std::size_t c = 0; c < channels_.size(); ++c) {
       const Channel& channel = sheet_.channels[c];
