@@ -20,7 +20,7 @@
 #include "cli/subcommand.h"
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/rig/effect_unit.h"
-#include "faultline/segments/time_scales.h"
+#include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -81,12 +81,17 @@ TEST(ParameterFit, RefusesWhatItCannotUse) {
   EXPECT_THROW(fit_parameters(with_marks({}), {{"a", run}}, 1), InputError);
   EXPECT_THROW(fit_parameters(servo(), {}, 1), InputError);
   EXPECT_THROW(fit_parameters(servo(), {{"a", simulate(servo(), servo_setup("prbs"), 0.2)}}, 1), InputError);
-  Recording holes = run;
-  holes.values[1000 * holes.columns() + column("velocity")] = std::nan("");
-  EXPECT_THROW(fit_parameters(servo(), {{"a", holes}}, 1), InputError);
-  Recording jump = run;
-  for (std::size_t k = 1500; k < jump.rows(); ++k) jump.time[k] += 0.5;
-  EXPECT_THROW(fit_parameters(servo(), {{"a", jump}}, 1), InputError);
+}
+
+TEST(ParameterFit, UsesWhatABrokenRunHolds) {
+  Recording run = simulate(servo(), servo_setup("prbs"), 4);
+  run.values[1000 * run.columns() + column("velocity")] = std::nan("");
+  for (std::size_t k = 1600; k < run.rows(); ++k) run.time[k] += 0.5;
+  const ParameterFit fit = fit_parameters(with_marks({"compliance"}), {{"a", run}}, 2);
+  EXPECT_EQ(fit.segments, 15u);
+  ASSERT_FALSE(fit.remarks.empty());
+  EXPECT_NE(fit.remarks[0].find("1 breaks"), std::string::npos) << fit.remarks[0];
+  EXPECT_NEAR(fit.parameters[0].estimate / fit.parameters[0].nominal, 1, 0.05);
 }
 
 TEST(InParallel, DoesEverythingOnceAndThrowsOn) {

@@ -25,7 +25,8 @@ struct Prepared {
 
 ModelChange nominal(const std::vector<EffectSpec>& effects = {}) { return {servo().nominal(), effects}; }
 
-// The middle of an effect's range at a port; a time from which it is stuck is left out.
+// The middle of an effect's range at a port. Not stuck, which has no size, nor quantisation: it rounds the model's value
+// as well, which is noise again.
 std::vector<EffectSpec> sensor_effects() {
   std::vector<EffectSpec> result;
   for (const Port& port : servo().ports) {
@@ -34,7 +35,7 @@ std::vector<EffectSpec> sensor_effects() {
       EffectSpec spec;
       spec.effect = fitting.effect;
       spec.port = port.name;
-      if (spec.effect == "stuck") continue;
+      if (spec.effect == "stuck" || spec.effect == "quantisation") continue;
       for (const EffectParameter& p : find_effect_type(spec.effect)->parameters) {
         const Bounds& b = fitting.bounds.at(p.name);
         spec.parameters.push_back(b.minimum > 0 ? std::sqrt(b.minimum * b.maximum) : 0.5 * b.maximum);

@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <string>
 
-#include "faultline/estimators/fault_hypothesis.h"
+#include "faultline/attribution/fault_hypothesis.h"
 #include "faultline/segments/segment_options.h"
 
 namespace faultline {

@@ -8,7 +8,7 @@
 #include "faultline/fit/fit_errors.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
-#include "faultline/segments/time_scales.h"
+#include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -128,7 +128,11 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   for (auto& [name, recording] : runs)
     prepared.push_back(cut_run(sheet, name, std::move(recording), segment, options.segments));
   const std::vector<double> noise = noise_of(sheet, prepared, options.segments);
-  for (SegmentedRun& run : prepared) model.place_starts(run, noise, model.nominal());
+  std::vector<std::string> remarks;
+  for (SegmentedRun& run : prepared) {
+    model.place_starts(run, noise, model.nominal());
+    if (!run.remark.empty()) remarks.push_back(run.remark);
+  }
   std::vector<double> scales;
   for (const Parameter& p : sheet.parameters) scales.push_back(scale_of(p, options));
   SegmentSolver solver(model, std::move(prepared), noise, scales, options, jobs);
@@ -158,6 +162,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     result.channels.push_back({channel.name, channel.unit, noise[i], before[i], after[i]});
   }
   result.segments = solver.segments();
+  result.remarks = remarks;
   result.segment_duration = segment;
   result.freedom = errors.freedom;
   if (!result.converged)

@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <string>
 
+#include "faultline/attribution/candidates.h"
 #include "faultline/segments/segment_options.h"
 
 namespace faultline {
@@ -49,19 +50,7 @@ struct GapOptions {
         0.5;  // gain of a step below which the fit has converged: no decision rests on so little
   } fit;
 
-  // candidates.h: coordinates and starting points of effects.
-  struct Candidates {
-    // Ratio of a range's bounds from which its coordinate is logarithmic.
-    double logarithmic_ratio = 20;
-    // Starting points of a shape (a second parameter), coordinates.
-    std::array<double, 3> shape_coordinates = {0.15, 0.5, 0.85};
-    // ... of a size over a logarithmic range, coordinates,
-    std::array<double, 5> logarithmic_coordinates = {0.1, 0.3, 0.5, 0.7, 0.9};
-    // ... and of other sizes: fractions of the range on each side of no effect. Small effects are the more frequent.
-    std::array<double, 3> size_fractions = {0.06, 0.25, 0.7};
-    // ... of the time from which a signal is stuck, evenly spread: its loss has a narrow valley.
-    std::size_t stuck_times = 12;
-  } candidates;
+  CandidateOptions candidates;
 
   // spectral_lines.h.
   struct Spectrum {

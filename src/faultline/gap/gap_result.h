@@ -17,7 +17,7 @@ struct ChannelGap {
   std::string channel;
   std::string unit;
   double noise_std = 0;                 // what the recording's own noise is
-  std::map<std::string, double> rms;    // by horizon: "1", "10", "100" samples, "segment"
+  std::map<std::string, double> rms;    // by horizon: "1", "10", "100" samples, "segment", "free"
   std::map<std::string, double> nrmse;  // rms over the channel's standard deviation
   std::map<std::string, double> fit;    // 1 - nrmse, in percent; 100 is perfect
   double excess = 0;                    // max(0, rms^2 - noise^2)/noise^2 on segments

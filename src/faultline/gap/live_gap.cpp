@@ -9,7 +9,7 @@
 
 #include "faultline/gap/gap_series.h"
 #include "faultline/gap/gap_trials.h"
-#include "faultline/segments/time_scales.h"
+#include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -9,6 +10,8 @@
 
 namespace faultline {
 namespace {
+
+constexpr std::size_t kWhole = std::numeric_limits<std::size_t>::max() / 2;  // rows: no restart but at breaks
 
 ChannelGap channel_gap(const ResidualModel& model, std::size_t output) {
   const Channel& channel = model.sheet().channels[static_cast<std::size_t>(model.outputs()[output])];
@@ -36,7 +39,7 @@ GapLevel level(const ResidualModel& model, const std::string& name, const GapMod
   result.name = name;
   const std::size_t outputs = model.outputs().size();
   for (std::size_t o = 0; o < outputs; ++o) result.channels.push_back(channel_gap(model, o));
-  const std::pair<const char*, std::size_t> horizons[] = {{"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}};
+  const std::pair<const char*, std::size_t> horizons[] = {{"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}, {"free", kWhole}};
   for (const auto& [name_of_horizon, horizon] : horizons) {
     const std::string key = name_of_horizon;
     std::vector<double> squares(outputs, 0);

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "faultline/segments/time_scales.h"
+#include "faultline/segments/segment_length.h"
 
 namespace faultline {
 namespace {

@@ -5,15 +5,18 @@
 // rig that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep. The
 // run starts from the rig's own initial state under the first row's commands.
 // Deterministic for a given seed. One seed s starts a generator for each purpose, so that none moves with another: the
-// first set point s, the second s + 15485863, measured input i (from 0) 7919 s + i + 1, sensor noise 104729 s + 17,
-// effect i a hash of s and i. The rig's own parameters are no part of a run: draw_parameters() has a seed of its own.
+// first set point s, the second s + 15485863 (command i, from 0, of an open loop s + 15485863 i), measured input i
+// (from 0) 7919 s + i + 1, sensor noise 104729 s + 17, effect i a hash of s and i. The rig's own parameters are no part
+// of a run: draw_parameters() has a seed of its own.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <vector>
 
+#include "faultline/numerics/random.h"
 #include "faultline/rig/controller.h"
 #include "faultline/rig/rig.h"
 #include "faultline/signal/sample.h"
@@ -60,11 +63,11 @@ class DrivenModel {
   DrivenModel(const DrivenModel&) = delete;
   DrivenModel& operator=(const DrivenModel&) = delete;
 
-  // Predicts rows first .. first + count - 1, one sample period apart. `restarts`: rows (rising, from `first` on) at which the nominal states
-  // are set to start_states + i * (number of the datasheet's states); before the first restart the rig's own initial
-  // state runs. A restart acts after its row was predicted: the row still shows where the segment before it ended.
-  // Calls row(index, channels) with one value per channel for each of them. Effects forget what was before `first`; their
-  // time counts from the recording's first row.
+  // Predicts rows first .. first + count - 1, one sample period apart. `restarts`: rows (rising, from `first` on) at
+  // which the nominal states are set to start_states + i * (number of the datasheet's states); before the first restart
+  // the rig's own initial state runs. A restart acts after its row was predicted: the row still shows where the segment
+  // before it ended. Calls row(index, channels) with one value per channel for each of them. Effects forget what was
+  // before `first`; their time counts from the recording's first row. Where row returns a bool, false ends the run.
   template <class Row>
   void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
            const double* start_states, Row&& row) {
@@ -76,7 +79,11 @@ class DrivenModel {
         advance(recording, k, restart ? start_states + next * state_count() : nullptr);
         next += restart;
       }
-      row(k, predicted());
+      if constexpr (std::is_same_v<decltype(row(k, predicted())), bool>) {
+        if (!row(k, predicted())) return;
+      } else {
+        row(k, predicted());
+      }
     }
   }
 
@@ -92,6 +99,15 @@ class DrivenModel {
   struct Parts;
   std::unique_ptr<Parts> parts_;
 };
+
+// The datasheet's effects of the nominal model.
+std::vector<EffectSpec> nominal_effects(const Datasheet& sheet);
+// Integration steps per sample period of the model that a recording drives, with `effects` on top.
+int model_substeps(const Datasheet& sheet, const std::vector<EffectSpec>& effects);
+
+// What a transducer shows: with its noise, rounded, within its range; and the generator of a run's noise.
+double measured_value(const Channel& channel, double value, Random& noise);
+Random sensor_noise(std::uint64_t seed);
 
 // Parameters drawn around nominal with their tolerances (normal, cut at two sigma), for a rig that is off its
 // datasheet. Several runs of one rig take the same seed here and other seeds in their setups.

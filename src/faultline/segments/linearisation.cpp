@@ -1,5 +1,6 @@
 #include "faultline/segments/linearisation.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Eigenvalues>
@@ -34,6 +35,12 @@ StartProjection::StartProjection(const SegmentedRun& run, std::vector<Eigen::Mat
     }
     shrink_.back() = eigen.eigenvectors() * factor.asDiagonal() * eigen.eigenvectors().transpose();
   }
+}
+
+bool StartProjection::fits(const SegmentedRun& run) const {
+  return length_ == static_cast<Eigen::Index>(run.segment) &&
+         std::equal(first_.begin(), first_.end(), run.restarts.begin(), run.restarts.end(),
+                    [](Eigen::Index a, std::size_t b) { return a == static_cast<Eigen::Index>(b); });
 }
 
 void StartProjection::stack(const Eigen::MatrixXf& matrix, std::size_t segment,

@@ -21,6 +21,8 @@ class StartProjection {
 
   const std::vector<Eigen::MatrixXf>& columns() const { return columns_; }
   std::size_t segments() const { return first_.size(); }
+  // Whether another run is cut in the same way, so that this may serve for it.
+  bool fits(const SegmentedRun& run) const;
   // w of a segment; the run says its shift.
   Eigen::VectorXd residual(const SegmentedRun& run, const Eigen::MatrixXf& residuals, std::size_t segment) const;
   // W of a segment.

@@ -40,7 +40,7 @@ struct SegmentOptions {
   // Deviation of a sample's distance in time from the run's period, as a fraction of it, up to which no sample is
   // missing.
   double period_error_fraction = 0.2;
-  // Readings of a segment that count, as a fraction of all, below which it is left out.
+  // Readings of a segment that count, as a fraction of all: fewer are not taken to speak for all of them.
   double least_counted_fraction = 0.25;
 };
 
