@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Reads numbers out of bags for `faultline import`, through rosbag's dynamic message types.
 
-Standard input: JSON {"files": [BAG...], "time": "auto" | "header" | "receipt", "fields": ["/topic/field"...]}.
+Standard input: one line of JSON {"files": [BAG...], "time": "auto" | "header" | "receipt", "fields": ["/topic/field"...]}.
 Standard output: records, see message_fields.py. The note before the end is JSON {"clock": {TOPIC: source}, "unused":
 [TOPIC...]}. Messages come in the order of the bags' receive times. Exit: 0, 2 for what was refused in an error record.
 """
@@ -87,7 +87,7 @@ def read(request, write):
 def main():
     out = sys.stdout.buffer
     try:
-        read(json.load(sys.stdin), out.write)
+        read(json.loads(sys.stdin.readline()), out.write)
         out.flush()
         return 0
     except BrokenPipeError:

@@ -64,25 +64,23 @@ class Importer {
   }
 
   MappedImport bags(const std::vector<std::string>& files) {
+    check_topics(mapping_);
     nlohmann::json request = {{"files", files}, {"time", mapping_.clock}, {"fields", nlohmann::json::array()}};
     for (const MappedChannel& mapped : mapping_.channels) {
-      if (mapped.from.front() != '/')
-        throw InputError(
-            fmt::format("{} comes from '{}', which is no /topic/field; bags need one", mapped.place, mapped.from));
       request["fields"].push_back(mapped.from);
       conversions_.push_back(mapped.conversion(sheet_.channels[mapped.channel], mapped.unit));
     }
-    if (!mapping_.time_column.empty() || mapping_.constant_period > 0)
-      throw InputError(
-          fmt::format("{}: 'time' is that of a table; for bags it is header, receipt or auto", mapping_.file));
     make_assembler();
     FieldReader reader("read_bag_fields.py", request.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace),
                        mapping_.channels.size());
     watch_child(reader.child());
     for (FieldRecord record; (record = reader.next(-1)).kind != FieldRecord::Kind::end;) {
       if (record.kind == FieldRecord::Kind::note) note(nlohmann::json::parse(record.text));
-      if (record.kind == FieldRecord::Kind::value)
-        push(record.field, seconds_of_stamp(record.stamp), record.value, files.front());
+      if (record.kind != FieldRecord::Kind::value) continue;
+      if (!first_stamp_) first_stamp_ = record.stamp;
+      // Intervals from whole nanoseconds: seconds since 2000 are good to 0.1 us only.
+      push(record.field, seconds_of_stamp(record.stamp), static_cast<double>(record.stamp - *first_stamp_) * 1e-9,
+           record.value, files.front());
     }
     watch_child(0);
     return finish(files.front());
@@ -115,7 +113,7 @@ class Importer {
                                        });
   }
 
-  void push(std::size_t signal, double time, double raw, const std::string& file) {
+  void push(std::size_t signal, double time, double since_first, double raw, const std::string& file) {
     const double value = std::isfinite(raw) ? conversions_[signal](raw) : std::numeric_limits<double>::quiet_NaN();
     SignalCount& count = counts_[signal];
     if (std::isnan(value)) ++count.missing;
@@ -125,7 +123,7 @@ class Importer {
           fmt::format("{}: time of {} runs backwards or stands still: {:.6f} s after {:.6f} s since 1970; sort the "
                       "messages, or say time: receipt in the mapping",
                       file, mapping_.channels[signal].from, time + kUnixZero, before + kUnixZero));
-    if (!std::isnan(value)) count.add(time);
+    if (!std::isnan(value)) count.add(since_first);
   }
 
   void note(const nlohmann::json& told) {
@@ -142,20 +140,22 @@ class Importer {
   // The column that `name` means: as it is written, or without a unit in brackets behind it.
   std::size_t column(const CsvTable& table, const std::string& name, const std::string& who) const {
     const std::vector<std::string>& names = table.names();
-    std::vector<std::string> shown;
+    std::vector<std::string> shown, near;
     std::vector<std::size_t> exact, without_unit;
     for (std::size_t c = 0; c < names.size(); ++c) {
       shown.push_back(printable(names[c]));
       if (names[c] == name) exact.push_back(c);
       const std::string bare = names[c].substr(0, names[c].find_last_of('['));
-      if (bare.size() < names[c].size() && bare.substr(0, bare.find_last_not_of(' ') + 1) == name)
-        without_unit.push_back(c);
+      if (bare.size() == names[c].size()) continue;
+      near.push_back(printable(bare.substr(0, bare.find_last_not_of(' ') + 1)));
+      if (near.back() == name) without_unit.push_back(c);
     }
     const std::vector<std::size_t>& found = exact.empty() ? without_unit : exact;
     if (found.size() > 1) table.fail(fmt::format("{}: there are {} columns '{}'; rename one", who, found.size(), name));
     if (found.size() == 1) return found.front();
+    near.insert(near.end(), shown.begin(), shown.end());
     table.fail(fmt::format("{}: there is no column '{}'; there are {}{}", who, name, some_of(shown),
-                           did_you_mean(name, shown)));
+                           did_you_mean(name, near)));
   }
 
   // Of `load[bar]`; empty: none.
@@ -256,7 +256,7 @@ class Importer {
         if (std::isnan(raw))
           ++count.missing;
         else
-          push(signal, time, raw, file);
+          push(signal, time, time, raw, file);
         continue;
       }
       double value = conversions_[signal](raw);
@@ -384,6 +384,7 @@ class Importer {
   std::unique_ptr<RowAssembler> assembler_;
   std::optional<double> last_time_;  // of a table's rows
   bool from_unix_ = false;
+  std::optional<std::int64_t> first_stamp_;  // ns
   Sample sample_;
   MappedImport result_;
 };

@@ -171,6 +171,16 @@ Mapping read_mapping(const std::string& file, const Datasheet& sheet, double res
   return mapping;
 }
 
+void check_topics(const Mapping& mapping) {
+  for (const MappedChannel& mapped : mapping.channels)
+    if (mapped.from.front() != '/')
+      throw InputError(fmt::format("{} comes from '{}', which is no /topic/field; name the topic and the field in it",
+                                   mapped.place, mapped.from));
+  if (!mapping.time_column.empty() || mapping.constant_period > 0)
+    throw InputError(
+        fmt::format("{}: 'time' is that of a table; for topics it is header, receipt or auto", mapping.file));
+}
+
 AssemblyPlan assembly_plan(const Mapping& mapping, const Datasheet& sheet, double wait) {
   AssemblyPlan plan;
   plan.period = mapping.period;

@@ -48,6 +48,9 @@ struct Mapping {
 Mapping read_mapping(const std::string& file, const Datasheet& sheet,
                      double resample = std::numeric_limits<double>::quiet_NaN());
 
+// The mapping is of topics, not of columns: else InputError.
+void check_topics(const Mapping& mapping);
+
 // Signals are the mapping's channels in their order. Rows come at the stamps of the first measured one, unless they
 // are resampled.
 AssemblyPlan assembly_plan(const Mapping& mapping, const Datasheet& sheet, double wait);

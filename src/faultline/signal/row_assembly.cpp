@@ -185,16 +185,17 @@ double RowAssembler::value(std::size_t place, double time) {
     if (!plan_.resample && std::min(time - before.time, after.time - time) > plan_.period / 2) return kMissing;
     return before.value + (after.value - before.value) * (time - before.time) / (after.time - before.time);
   }
+  // The first point lies at or before the reach, and the last one that counts has one behind it: its weight is known.
   double sum = 0, weights = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
+  for (std::size_t i = 1; i < points.size(); ++i) {
     const Point& point = points[i];
-    const double back = i > 0 ? point.time - points[i - 1].time : 0;
+    const double back = point.time - points[i - 1].time;
     if (back > gap(signal)) return kMissing;
-    const double ahead = i + 1 < points.size() ? points[i + 1].time - point.time : 0;
-    const double weight = filter_.weight(point.time - time) * (back + ahead) / 2;
+    if (point.time >= time + filter_.reach()) return sum / weights;
+    if (i + 1 == points.size()) break;
+    const double weight = filter_.weight(point.time - time) * (points[i + 1].time - points[i - 1].time) / 2;
     sum += weight * point.value;
     weights += weight;
-    if (point.time >= time + filter_.reach()) return sum / weights;
   }
   return kMissing;
 }
