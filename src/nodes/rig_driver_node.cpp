@@ -15,13 +15,15 @@ namespace faultline {
 namespace {
 
 constexpr double kSubscriberWait = 10;  // s
+// s: topics of one machine arrive within milliseconds of each other, over a network within some ten.
+constexpr double kTopicWait = 0.1;
 
-int drive_topics(const Datasheet& sheet, const std::string& file, int wait_for) {
+int drive_topics(const Datasheet& sheet, const std::string& file, double wait, int wait_for) {
   const Mapping mapping = read_mapping(file, sheet);
   check_topics(mapping);
   Datasheet described = sheet;
   described.sample_period = mapping.period;
-  TopicDriver driver(described, mapping, "rig_driver_node: topics by " + file);
+  TopicDriver driver(described, mapping, "rig_driver_node: topics by " + file, wait);
   const NodeHealth health(sheet.rig, "driver",
                           [&](diagnostic_updater::DiagnosticStatusWrapper& status) { driver.tell(status); });
   if (wait_for > 0) wait_for_subscribers(driver.samples(), wait_for, kSubscriberWait);
@@ -36,6 +38,7 @@ int drive(Parameters& parameters) {
   const std::string url = parameters.word("lcm_url", "");
   const std::string log = parameters.word("log", "");
   const std::string mapping = parameters.word("mapping", "");
+  const double wait = parameters.number("wait", kTopicWait, 0, 60);
   const double rate = parameters.number("rate", 1, 0.01, 100);
   const int wait_for = static_cast<int>(parameters.integer("wait_for", 0, 0, 100));
   parameters.check_used();
@@ -43,7 +46,7 @@ int drive(Parameters& parameters) {
   if (!mapping.empty()) {
     if (!log.empty() || !url.empty())
       throw InputError("parameters ~mapping, ~log and ~lcm_url exclude each other; give one");
-    return drive_topics(sheet, mapping, wait_for);
+    return drive_topics(sheet, mapping, wait, wait_for);
   }
 
   RigDriver driver(

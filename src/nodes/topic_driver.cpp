@@ -17,9 +17,6 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
-// s: how long a row waits for a command that may be on its way. Topics of one machine arrive within milliseconds of each
-// other, over a network within some ten.
-constexpr double kWait = 0.1;
 constexpr int kIdle = 100;   // ms without a message after which none is on its way
 constexpr double kJump = 1;  // s: stamps that go back further begin anew; disorder on the way is shorter
 constexpr double kJumpPeriods = 10;
@@ -27,11 +24,11 @@ constexpr double kBagEpoch = 946684800;  // s, 2000-01-01T00:00:00Z, the zero of
 
 }  // namespace
 
-TopicDriver::TopicDriver(const Datasheet& sheet, const Mapping& mapping, const std::string& made_by)
+TopicDriver::TopicDriver(const Datasheet& sheet, const Mapping& mapping, const std::string& made_by, double wait)
     : sheet_(sheet),
       mapping_(mapping),
       assembler_(
-          assembly_plan(mapping, sheet, kWait),
+          assembly_plan(mapping, sheet, wait),
           [this](double time, std::uint64_t row, const std::vector<double>& values) { deliver(time, row, values); }),
       monitor_(sequence_settings(sheet)) {
   for (const MappedChannel& mapped : mapping.channels)

@@ -25,8 +25,9 @@ namespace faultline {
 
 class TopicDriver {
  public:
-  // Advertises, publishes the latched description, and starts to listen.
-  TopicDriver(const Datasheet& sheet, const Mapping& mapping, const std::string& made_by);
+  // Advertises, and publishes the latched description. `wait`: s, in the stamps of the topics, that a row waits for one
+  // that is behind the others.
+  TopicDriver(const Datasheet& sheet, const Mapping& mapping, const std::string& made_by, double wait);
   ~TopicDriver();
 
   void tell(diagnostic_updater::DiagnosticStatusWrapper& status);

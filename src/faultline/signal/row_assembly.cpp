@@ -133,9 +133,13 @@ bool RowAssembler::row_time(double& time) const {
 
 bool RowAssembler::ready(double time) const {
   if (finished_) {
-    double last = -kInfinite;
+    // To where the first of them ends, those that fell silent before left out.
+    double newest = -kInfinite, last = kInfinite;
     for (std::size_t i = 0; i < signals_.size(); ++i)
-      if (!plan_.signals[i].held) last = std::max(last, signals_[i].newest - reach(signals_[i]));
+      if (!plan_.signals[i].held) newest = std::max(newest, signals_[i].newest);
+    for (std::size_t i = 0; i < signals_.size(); ++i)
+      if (!plan_.signals[i].held && newest - signals_[i].newest <= gap(signals_[i]))
+        last = std::min(last, signals_[i].newest - reach(signals_[i]));
     return time <= last;
   }
   bool any = false;
