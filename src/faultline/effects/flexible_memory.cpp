@@ -36,7 +36,7 @@ FAULTLINE_EFFECT(flexible_memory, {"flexible_memory",
                                    "flexible",
                                    "u + gain (m - u), time_constant m' = u - m",
                                    {PortKind::command, PortKind::sensor},
-                                   {{"gain", "1", 0, -2, 2}, {"time_constant", "s", kNoShape, 2e-4, 0.2}},
+                                   {{"gain", "1", 0, -2, 2}, {"time_constant", "s", kNoShape, 1e-5, 1e3}},
                                    &make_effect<FlexibleMemory>});
 
 }  // namespace faultline

@@ -95,6 +95,8 @@ struct GapOptions {
     double search_excess_variances =
         0.04;  // excess of a typical segment below which no search is made: as quiet as a healthy rig
     double promising_gain_fraction = 0.25;  // of the best screening's gain, below which a finalist is not searched
+    double closure_least_samples = 0.2;  // time constants of the closure's memory: below, an input passes unchanged ...
+    double closure_most_segments = 0.8;  // ... and above, it would not be seen within a segment
   } trials;
 
   // effect_search.h: which effects are kept.
@@ -212,6 +214,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.searches);
   FAULTLINE_OPTION(trials.search_excess_variances);
   FAULTLINE_OPTION(trials.promising_gain_fraction);
+  FAULTLINE_OPTION(trials.closure_least_samples);
+  FAULTLINE_OPTION(trials.closure_most_segments);
   FAULTLINE_OPTION(search.finalists);
   FAULTLINE_OPTION(search.followed);
   FAULTLINE_OPTION(search.followed_gain_fraction);

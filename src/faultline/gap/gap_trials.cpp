@@ -360,6 +360,12 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
     for (const EffectParameter& parameter : type.parameters) {
       candidate.bounds.push_back({parameter.minimum, parameter.maximum});
       candidate.effect.parameters.push_back(parameter.none);
+      if (parameter.unit != "s") continue;
+      // A memory that a segment can show: more than a fraction of a sample, less than its length.
+      const GapRun& run = model().runs().front();
+      candidate.bounds.back() = {
+          options().trials.closure_least_samples * run.period,
+          options().trials.closure_most_segments * run.period * static_cast<double>(run.segment)};
     }
     add(candidate);
     flexible = true;

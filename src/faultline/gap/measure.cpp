@@ -39,7 +39,8 @@ GapLevel level(const ResidualModel& model, const std::string& name, const GapMod
   result.name = name;
   const std::size_t outputs = model.outputs().size();
   for (std::size_t o = 0; o < outputs; ++o) result.channels.push_back(channel_gap(model, o));
-  const std::pair<const char*, std::size_t> horizons[] = {{"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}, {"free", kWhole}};
+  const std::pair<const char*, std::size_t> horizons[] = {
+      {"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}, {"free", kWhole}};
   for (const auto& [name_of_horizon, horizon] : horizons) {
     const std::string key = name_of_horizon;
     std::vector<double> squares(outputs, 0);
