@@ -30,6 +30,7 @@ struct Options {
 ResponseSettings settings_of(const Datasheet& sheet) {
   ResponseSettings settings = response_settings(sheet);
   settings.memory_stretches = kAllStretches;
+  settings.refresh_stretches = 1;  // every stretch counts
   settings.jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   return settings;
 }

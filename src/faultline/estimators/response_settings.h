@@ -27,6 +27,14 @@ struct ResponseSettings {
   double parameter_difference_tolerances = 0.5;  // step of the differences by a parameter
   double least_response = 1e-6;  // information about an amplitude below which nothing is said: standstill
 
+  // ---- which stretches are looked at closely
+  std::size_t refresh_stretches = 16;      // one in so many is, whatever it holds: what is learnt must not age
+  std::size_t smooth_terms = 10;           // cosines per segment and output that hold what an effect does: up to 45 Hz
+                                           // in segments of 0.1 s, where a plant that stands in it no longer follows
+  double new_fraction = 0.1;               // of the threshold: misfit of a stretch by which it says something new
+  double followed_fraction = 0.02;         // of the evidence of a fault that is known: misfit from which it is followed
+  double least_nuisance_amplitude = 0.05;  // of a nuisance effect, from which it is in the model of what is known
+
   // ---- parameters
   double relinearise_tolerances = 0.3;  // move of a parameter from which the model is made linear anew
   double farthest_tolerances = 3;       // that a parameter may be off the datasheet: three standard deviations
@@ -48,9 +56,10 @@ struct ResponseSettings {
   double refine_step_sigma = 0.2;         // ... and at least this, in standard errors of the amplitude
   double refine_reach_sigma = 3;          // move of one step, where that is more than the amplitude itself
   double refine_settled_fraction = 0.01;  // of the evidence, gained by a step, below which it is the last
-  double grown_ratio = 1.5;           // of the evidence to that at the last refinement, from which it is refined anew
-  std::size_t looked_hypotheses = 6;  // by evidence, looked at closely while a fault lasts ...
-  std::size_t kept_hypotheses = 12;   // ... beside those that explained it best when it was found
+  double grown_ratio = 1.5;             // of the evidence to that at the last refinement, from which it is refined anew
+  std::size_t looked_hypotheses = 6;    // by evidence, looked at closely while a fault lasts ...
+  std::size_t kept_hypotheses = 12;     // ... beside those that explained it best when it was found
+  double second_misfit_fraction = 0.5;  // of what a second must have, that the first must leave: a margin of two
   double second_evidence_fraction = 0.3;  // of the first fault's, that a second must have beyond the threshold
   double alternative_evidence_fraction =
       0.5;  // of the first fault's, from which a hypothesis is an alternative, not a second
@@ -74,6 +83,11 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(inflation_variances);
   FAULTLINE_OPTION(parameter_difference_tolerances);
   FAULTLINE_OPTION(least_response);
+  FAULTLINE_OPTION(refresh_stretches);
+  FAULTLINE_OPTION(smooth_terms);
+  FAULTLINE_OPTION(new_fraction);
+  FAULTLINE_OPTION(followed_fraction);
+  FAULTLINE_OPTION(least_nuisance_amplitude);
   FAULTLINE_OPTION(relinearise_tolerances);
   FAULTLINE_OPTION(farthest_tolerances);
   FAULTLINE_OPTION(parameter_moves);
@@ -94,6 +108,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(grown_ratio);
   FAULTLINE_OPTION(looked_hypotheses);
   FAULTLINE_OPTION(kept_hypotheses);
+  FAULTLINE_OPTION(second_misfit_fraction);
   FAULTLINE_OPTION(second_evidence_fraction);
   FAULTLINE_OPTION(alternative_evidence_fraction);
   FAULTLINE_OPTION(hypotheses.logarithmic_ratio);

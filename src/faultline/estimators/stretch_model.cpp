@@ -5,9 +5,24 @@
 
 #include <Eigen/Cholesky>
 
+#include "faultline/estimators/estimate.h"
 #include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr std::size_t kStartsKept = 4;  // motions to borrow the start states' part from
+
+std::vector<double> scaled(const EffectSpec& listed, double amplitude) {
+  const EffectType& type = *find_effect_type(listed.effect);
+  std::vector<double> values = listed.parameters;
+  for (std::size_t p = 0; p < values.size(); ++p)
+    if (!std::isnan(type.parameters[p].none)) values[p] = effect_size(type.parameters[p].none, values[p], amplitude);
+  return values;
+}
+
+}  // namespace
 
 ResponseSettings read_response_settings(const Settings& settings, double period) {
   ResponseSettings s;
@@ -55,6 +70,10 @@ void ResponsePrior::add(const ResponseSums& sums) {
   constant += sums.rr;
 }
 
+Eigen::VectorXd ResponsePrior::theta() const { return -Eigen::LDLT<Eigen::MatrixXd>(information).solve(pull); }
+
+double ResponsePrior::loss() const { return constant + pull.dot(theta()); }
+
 StretchModel::StretchModel(const Datasheet& sheet, const ResponseSettings& settings)
     : sheet_(sheet),
       settings_(settings),
@@ -63,6 +82,14 @@ StretchModel::StretchModel(const Datasheet& sheet, const ResponseSettings& setti
   for (std::size_t i = 0; i < sheet_.parameters.size(); ++i)
     if (sheet_.parameters[i].tolerance > 0 && sheet_.parameters[i].nominal != 0) free_.push_back(i);
   for (const std::string& text : sheet_.nuisance) nuisance_.push_back(parse_effect(text));
+  const auto rows = static_cast<Eigen::Index>(settings.segment_samples) - 1;
+  const auto terms = std::min(rows, static_cast<Eigen::Index>(settings.smooth_terms));
+  cosines_.resize(terms, rows);
+  for (Eigen::Index k = 0; k < terms; ++k)
+    for (Eigen::Index i = 0; i < rows; ++i)
+      cosines_(k, i) =
+          std::sqrt((k > 0 ? 2.0 : 1.0) / static_cast<double>(rows)) *
+          std::cos(kPi * static_cast<double>(k) * (static_cast<double>(i) + 0.5) / static_cast<double>(rows));
 }
 
 ResponseSums StretchModel::no_sums() const {
@@ -86,18 +113,56 @@ ResponsePrior StretchModel::tolerances(const ModelPoint& point) const {
   return {Eigen::MatrixXd::Identity(t, t), point.shift, point.shift.squaredNorm()};
 }
 
-std::unique_ptr<Stretch> StretchModel::respond(const Recording& recording, const ModelPoint& point) const {
-  const Eigen::Index t = point.shift.size(), d = static_cast<Eigen::Index>(hypotheses_.size());
-  auto stretch = std::make_unique<Stretch>(t, d);
+ModelPoint StretchModel::known(const ModelPoint& point, const Eigen::VectorXd& theta,
+                               const std::vector<EffectSpec>& effects) const {
+  const double farthest = settings_.farthest_tolerances;
+  ModelPoint result = at((point.shift + theta).cwiseMax(-farthest).cwiseMin(farthest));
+  for (std::size_t i = 0; i < nuisance_.size(); ++i) {
+    const double amplitude = result.shift[static_cast<Eigen::Index>(free_.size() + i)];
+    if (!(amplitude > settings_.least_nuisance_amplitude)) continue;
+    EffectSpec effect = nuisance_[i];
+    effect.parameters = scaled(effect, amplitude);
+    result.effects.push_back(std::move(effect));
+  }
+  result.effects.insert(result.effects.end(), point.effects.begin(), point.effects.end());
+  result.effects.insert(result.effects.end(), effects.begin(), effects.end());
+  return result;
+}
+
+// ---- responses
+
+std::unique_ptr<Stretch> StretchModel::prepare(const Recording& recording) const {
+  const ResponseSums sums = no_sums();
+  auto stretch = std::make_unique<Stretch>(sums.tt.rows(), sums.dd.rows());
   stretch->begin = recording.time.front();
   stretch->run = model_.prepare("", recording);
+  return stretch;
+}
+
+StretchModel::Starts StretchModel::start_columns(const ModelChange& base, const SegmentedRun& run) const {
+  const std::vector<Eigen::MatrixXf> columns = model_.start_columns(base, run, model_.noise());
+  runs_ += 2 * columns.size();
+  Starts starts;
+  for (std::size_t s = 1; s < run.restarts.size(); ++s) {
+    Eigen::MatrixXd start;
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const Eigen::VectorXd column = model_.stacked(columns[i], run.restarts[s]);
+      if (i == 0) start.resize(column.size(), static_cast<Eigen::Index>(columns.size()));
+      start.col(static_cast<Eigen::Index>(i)) = column;
+    }
+    starts.push_back(std::move(start));
+  }
+  return starts;
+}
+
+double StretchModel::weight_of(const Eigen::VectorXd& residuals) const {
+  const double mean_square = residuals.squaredNorm() / static_cast<double>(residuals.size());
+  return 1 / (settings_.inflation_variances * std::max(1.0, mean_square));
+}
+
+void StretchModel::respond(Stretch& stretch, const ModelPoint& point) const {
   const std::vector<double>& sigma = model_.noise();
   const ModelChange base{point.parameters, point.effects};
-  const auto with = [&](const EffectSpec& effect) {
-    ModelChange change = base;
-    change.effects.push_back(effect);
-    return change;
-  };
   std::vector<ModelChange> changes = {base};
   std::vector<double> steps = {1};
   for (const std::size_t i : free_) {
@@ -107,70 +172,150 @@ std::unique_ptr<Stretch> StretchModel::respond(const Recording& recording, const
     steps.push_back(settings_.parameter_difference_tolerances);
   }
   for (const EffectSpec& effect : nuisance_) {
-    changes.push_back(with(effect));
+    changes.push_back(base);
+    changes.back().effects.push_back(effect);
     steps.push_back(1);
-  }
-  for (const FaultHypothesis& h : hypotheses_) {
-    changes.push_back(with(h.at(h.probe)));
-    steps.push_back(h.probe);
   }
   std::vector<Eigen::MatrixXf> residuals(changes.size());
   in_parallel(changes.size(), settings_.jobs,
-              [&](std::size_t i) { residuals[i] = model_.residuals(changes[i], stretch->run, sigma); });
+              [&](std::size_t i) { residuals[i] = model_.residuals(changes[i], stretch.run, sigma); });
+  runs_ += changes.size();
   for (std::size_t i = 1; i < residuals.size(); ++i)
     residuals[i] = (residuals[i] - residuals[0]) * static_cast<float>(1 / steps[i]);
-  const std::vector<Eigen::MatrixXf> starts = model_.start_columns(base, stretch->run, sigma);
-  for (std::size_t s = 1; s < stretch->run.restarts.size(); ++s) {
-    const std::size_t row = stretch->run.restarts[s];
-    Eigen::MatrixXd start;
-    for (std::size_t i = 0; i < starts.size(); ++i) {
-      const Eigen::VectorXd column = model_.stacked(starts[i], row);
-      if (i == 0) start.resize(column.size(), static_cast<Eigen::Index>(starts.size()));
-      start.col(static_cast<Eigen::Index>(i)) = column;
-    }
-    Eigen::MatrixXd all;
-    for (std::size_t i = 0; i < residuals.size(); ++i) {
-      const Eigen::VectorXd column = model_.stacked(residuals[i], row);
-      if (i == 0) all.resize(column.size(), static_cast<Eigen::Index>(residuals.size()));
-      all.col(static_cast<Eigen::Index>(i)) = column;
-    }
-    SegmentModel::project(start, all);
-    const double mean_square = all.col(0).squaredNorm() / static_cast<double>(all.rows());
-    const double weight = 1 / (settings_.inflation_variances * std::max(1.0, mean_square));
-    const auto tolerances = all.middleCols(1, t), responses = all.rightCols(d);
-    const auto r = all.col(0);
-    ResponseSums& sums = stretch->sums;
-    sums.tt.noalias() += weight * tolerances.transpose() * tolerances;
-    sums.td.noalias() += weight * tolerances.transpose() * responses;
-    sums.dd.noalias() += weight * responses.transpose() * responses;
-    sums.tr.noalias() += weight * tolerances.transpose() * r;
-    sums.dr.noalias() += weight * responses.transpose() * r;
-    sums.rr += weight * r.squaredNorm();
-    stretch->starts.push_back(std::move(start));
-    stretch->tolerances.push_back(tolerances);
-    stretch->weights.push_back(weight);
+  Starts starts = start_columns(base, stretch.run);
+  stretch.sums = no_sums();
+  stretch.segments.clear();
+  for (std::size_t s = 0; s < starts.size(); ++s) {
+    const std::size_t row = stretch.run.restarts[s + 1];
+    Eigen::MatrixXd all(starts[s].rows(), static_cast<Eigen::Index>(residuals.size()));
+    for (std::size_t i = 0; i < residuals.size(); ++i)
+      all.col(static_cast<Eigen::Index>(i)) = model_.stacked(residuals[i], row);
+    SegmentModel::project(starts[s], all);
+    SegmentResponse segment;
+    segment.starts = std::move(starts[s]);
+    segment.residuals = all.col(0);
+    segment.tolerances = all.rightCols(all.cols() - 1);
+    segment.weight = weight_of(segment.residuals);
+    segment.information.noalias() = segment.weight * segment.tolerances.transpose() * segment.tolerances;
+    stretch.sums.tt += segment.information;
+    stretch.sums.tr.noalias() += segment.weight * segment.tolerances.transpose() * segment.residuals;
+    stretch.sums.rr += segment.weight * segment.residuals.squaredNorm();
+    stretch.segments.push_back(std::move(segment));
   }
-  return stretch;
+  stretch.base = std::move(residuals[0]);
+  stretch.responded = true;
+  stretch.weighed = false;
+}
+
+void StretchModel::weigh(Stretch& stretch, const ModelPoint& point) const {
+  std::vector<Eigen::MatrixXf> residuals(hypotheses_.size());
+  in_parallel(hypotheses_.size(), settings_.jobs, [&](std::size_t i) {
+    const FaultHypothesis& h = hypotheses_[i];
+    ModelChange change{point.parameters, point.effects};
+    change.effects.push_back(h.at(h.probe));
+    residuals[i] =
+        (model_.residuals(change, stretch.run, model_.noise()) - stretch.base) * static_cast<float>(1 / h.probe);
+  });
+  runs_ += hypotheses_.size();
+  for (std::size_t s = 0; s < stretch.segments.size(); ++s) {
+    const SegmentResponse& segment = stretch.segments[s];
+    Eigen::MatrixXd all(segment.residuals.size(), static_cast<Eigen::Index>(residuals.size()));
+    for (std::size_t i = 0; i < residuals.size(); ++i)
+      all.col(static_cast<Eigen::Index>(i)) = model_.stacked(residuals[i], stretch.run.restarts[s + 1]);
+    SegmentModel::project(segment.starts, all);
+    stretch.sums.td.noalias() += segment.weight * segment.tolerances.transpose() * all;
+    stretch.sums.dd.noalias() += segment.weight * all.transpose() * all;
+    stretch.sums.dr.noalias() += segment.weight * all.transpose() * segment.residuals;
+  }
+  stretch.weighed = true;
 }
 
 double StretchModel::loss(const ResponsePrior& prior, const Stretches& stretches, const ModelPoint& point,
-                          const std::vector<EffectSpec>& effects) const {
-  Eigen::MatrixXd tt = prior.information;
-  Eigen::VectorXd tr = prior.pull;
-  double rr = prior.constant;
+                          const std::vector<EffectSpec>& effects, double limit, ResponsePrior* after) const {
+  ResponsePrior sum = prior;
   ModelChange change{point.parameters, point.effects};
   change.effects.insert(change.effects.end(), effects.begin(), effects.end());
+  bool beyond = false;
   for (const Stretch* stretch : stretches) {
-    const Eigen::MatrixXf residuals = model_.residuals(change, stretch->run, model_.noise());
-    for (std::size_t s = 0; s < stretch->starts.size(); ++s) {
-      Eigen::MatrixXd r = model_.stacked(residuals, stretch->run.restarts[s + 1]);
-      SegmentModel::project(stretch->starts[s], r);
-      tr.noalias() += stretch->weights[s] * stretch->tolerances[s].transpose() * r.col(0);
-      rr += stretch->weights[s] * r.squaredNorm();
-    }
-    tt += stretch->sums.tt;
+    std::size_t next = 0;
+    model_.residuals(change, stretch->run, model_.noise(), [&](std::size_t row, const Eigen::MatrixXf& residuals) {
+      if (row + 1 < stretch->run.restarts[next + 1] + model_.segment()) return false;
+      const SegmentResponse& segment = stretch->segments[next];
+      Eigen::MatrixXd r = model_.stacked(residuals, stretch->run.restarts[next + 1]);
+      SegmentModel::project(segment.starts, r);
+      sum.pull.noalias() += segment.weight * segment.tolerances.transpose() * r.col(0);
+      sum.constant += segment.weight * r.squaredNorm();
+      sum.information += segment.information;
+      beyond = sum.constant > limit && sum.loss() > limit;
+      return beyond || ++next == stretch->segments.size();
+    });
+    ++runs_;
+    if (beyond) return kInfinity;
   }
-  return rr - tr.dot(Eigen::LDLT<Eigen::MatrixXd>(tt).solve(tr));
+  const double result = sum.loss();
+  if (after != nullptr) *after = std::move(sum);
+  return result > limit ? kInfinity : result;
+}
+
+double StretchModel::loss(const ResponsePrior& prior, const Stretches& stretches) {
+  ResponsePrior sum = prior;
+  for (const Stretch* stretch : stretches) sum.add(stretch->sums);
+  return sum.loss();
+}
+
+// ---- misfit
+
+double StretchModel::noise_misfit() const {
+  return static_cast<double>(settings_.segments * model_.outputs().size()) * static_cast<double>(cosines_.rows()) /
+         settings_.inflation_variances;
+}
+
+double StretchModel::smooth_square(const Eigen::VectorXd& residuals) const {
+  const auto outputs = static_cast<Eigen::Index>(model_.outputs().size());
+  const Eigen::Map<const Eigen::MatrixXd> by_output(residuals.data(), cosines_.cols(), outputs);
+  return (cosines_ * by_output).squaredNorm();
+}
+
+double StretchModel::misfit(const std::vector<Eigen::VectorXd>& residuals, const Starts& starts) const {
+  double sum = 0;
+  for (std::size_t s = 0; s < residuals.size(); ++s) {
+    Eigen::MatrixXd r = residuals[s];
+    SegmentModel::project(starts[s], r);
+    const Eigen::VectorXd left = r.col(0);
+    sum += weight_of(left) * smooth_square(left);
+  }
+  return sum;
+}
+
+double StretchModel::misfit(const Stretch& stretch, const ModelPoint& known, double enough) {
+  const ModelChange change{known.parameters, known.effects};
+  const Eigen::MatrixXf whole = model_.residuals(change, stretch.run, model_.noise());
+  ++runs_;
+  std::vector<Eigen::VectorXd> residuals;
+  for (std::size_t s = 1; s < stretch.run.restarts.size(); ++s)
+    residuals.push_back(model_.stacked(whole, stretch.run.restarts[s]));
+  for (const Starts& starts : lately_) {
+    const double borrowed = misfit(residuals, starts);
+    if (borrowed <= enough) return borrowed;
+  }
+  Starts own;
+  if (stretch.responded)
+    for (const SegmentResponse& segment : stretch.segments) own.push_back(segment.starts);
+  else
+    own = start_columns(change, stretch.run);
+  const double result = misfit(residuals, own);
+  lately_.push_front(std::move(own));
+  if (lately_.size() > kStartsKept) lately_.pop_back();
+  return result;
+}
+
+double StretchModel::misfit(const Stretch& stretch, const Eigen::VectorXd& theta) const {
+  double sum = 0;
+  for (const SegmentResponse& segment : stretch.segments) {
+    const Eigen::VectorXd left = segment.residuals + segment.tolerances * theta;
+    sum += weight_of(left) * smooth_square(left);
+  }
+  return sum;
 }
 
 }  // namespace faultline

@@ -153,7 +153,8 @@ std::vector<double> SegmentModel::noise(const std::vector<SegmentedRun>& runs) c
 }
 
 Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const SegmentedRun& run,
-                                       const std::vector<double>& starts, const std::vector<double>& sigma) const {
+                                       const std::vector<double>& starts, const std::vector<double>& sigma,
+                                       const Enough& enough) const {
   SimulationSetup setup;
   setup.parameters = change.parameters;
   setup.effects = change.effects;
@@ -172,6 +173,7 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
       result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) =
           static_cast<float>(std::clamp(r, -largest, largest));
     }
+    return !enough || !enough(k, result);
   });
   return result;
 }
@@ -179,6 +181,11 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
 Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
                                         const std::vector<double>& sigma) const {
   return simulate(change, run, run.starts, sigma);
+}
+
+Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
+                                        const std::vector<double>& sigma, const Enough& enough) const {
+  return simulate(change, run, run.starts, sigma, enough);
 }
 
 std::vector<Eigen::MatrixXf> SegmentModel::start_columns(const ModelChange& change, const SegmentedRun& run,

@@ -7,6 +7,7 @@
 // Channels that are ground truth are not used; commands that are ground truth count as 0.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,10 @@ class SegmentModel {
   // Residuals of a run, rows x outputs, each over `sigma` of its output. Rows after the last whole segment do not
   // count.
   Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma) const;
+  // The same until `enough(row, residuals)`, asked after every row, is true; what is not run is not written.
+  using Enough = std::function<bool(std::size_t, const Eigen::MatrixXf&)>;
+  Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma,
+                            const Enough& enough) const;
   // d residuals / d start per standard error, one matrix per state that a channel shows.
   std::vector<Eigen::MatrixXf> start_columns(const ModelChange& change, const SegmentedRun& run,
                                              const std::vector<double>& sigma) const;
@@ -61,7 +66,7 @@ class SegmentModel {
 
  private:
   Eigen::MatrixXf simulate(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& starts,
-                           const std::vector<double>& sigma) const;
+                           const std::vector<double>& sigma, const Enough& enough = {}) const;
 
   Datasheet sheet_;
   std::size_t segment_;
