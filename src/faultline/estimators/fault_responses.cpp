@@ -475,9 +475,13 @@ void FaultResponses::judge(const Recording& recording) {
   ++stretches_;
   const bool growing = event_ && window_.stretches < settings_.recent_stretches;
   const unsigned age = event_ ? age_ + 1 : stretches_;
-  const bool due = growing || power_of_two(age) || age % settings_.refresh_stretches == 0 ||
-                   (!event_ && stretches_ <= settings_.early_stretches);
-  if (!due && says_nothing_new()) {
+  const bool early = !event_ && stretches_ <= settings_.early_stretches;
+  const bool due = early || power_of_two(age) || age % settings_.refresh_stretches == 0;
+  if (!growing && (event_ || !due) && says_nothing_new()) {
+    if (event_ && due) {
+      respond_all();
+      follow();
+    }
     pass_over();
     return;
   }
