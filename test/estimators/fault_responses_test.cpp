@@ -21,7 +21,7 @@ const FaultHypothesis& hypothesis(const std::string& name) {
 ResponseSettings shipped() {
   for (const StageSpec& stage : servo().estimators) {
     if (stage.type != "fault_response") continue;
-    ResponseSettings settings = read_response_settings(stage.settings, servo().sample_period);
+    ResponseSettings settings = read_response_settings(stage.settings, servo());
     settings.jobs = 2;
     return settings;
   }
