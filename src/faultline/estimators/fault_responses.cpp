@@ -462,6 +462,19 @@ bool FaultResponses::follow() {
   return true;
 }
 
+// With what lies beside it.
+void FaultResponses::follow_all() {
+  respond_all();
+  if (!follow() || second_.empty()) return;
+  const std::vector<RankedFault> before = std::move(second_);
+  second_.clear();
+  const Scene now = scene();
+  know_fault(now);
+  look_beside(now.prior);
+  if (second_.empty()) second_ = before;  // this motion shows it less, but nothing speaks against it
+  know_fault(now);
+}
+
 void FaultResponses::end_event() {
   event_ = false;
   age_ = 0;
@@ -477,13 +490,15 @@ void FaultResponses::judge(const Recording& recording) {
   const unsigned age = event_ ? age_ + 1 : stretches_;
   const bool early = !event_ && stretches_ <= settings_.early_stretches;
   const bool due = early || power_of_two(age) || age % settings_.refresh_stretches == 0;
-  if (!growing && (event_ || !due) && says_nothing_new()) {
-    if (event_ && due) {
-      respond_all();
-      follow();
+  if (!growing && !early && says_nothing_new()) {
+    if (event_ && due) follow_all();
+    if (event_ || !due) {
+      pass_over();
+      return;
     }
-    pass_over();
-    return;
+    // What was not looked at so far said nothing either.
+    recent_.erase(std::remove_if(recent_.begin(), recent_.end() - 1, [](const auto& s) { return !s->responded; }),
+                  recent_.end() - 1);
   }
   if (recent_.size() > settings_.recent_stretches && !recent_.front()->responded) forget_oldest();
   respond_all();

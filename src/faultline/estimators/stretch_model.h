@@ -124,7 +124,9 @@ class StretchModel {
 
  private:
   using Starts = std::vector<Eigen::MatrixXd>;  // per counted segment
+  Starts by_segment(const std::vector<Eigen::MatrixXf>& columns, const SegmentedRun& run) const;
   Starts start_columns(const ModelChange& base, const SegmentedRun& run) const;
+  Starts rough_start_columns(const ModelChange& base, const SegmentedRun& run) const;
   double misfit(const std::vector<Eigen::VectorXd>& residuals, const Starts& starts) const;
   double smooth_square(const Eigen::VectorXd& residuals) const;
   double weight_of(const Eigen::VectorXd& residuals) const;

@@ -432,7 +432,9 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
     }
   }
   const std::size_t confirm = options_.confirm_samples;
-  const bool turn = age_ % options_.every_samples == 0;
+  // The window of an event that has filled it changes slowly.
+  const bool filled = static_cast<double>(age_) * period_ > options_.window_s;
+  const bool turn = age_ % (filled ? options_.every_samples * options_.settled_ratio : options_.every_samples) == 0;
   const bool due = finding.active ? turn : age_ == confirm || (age_ > confirm && turn);
   if (beyond && (due || (!finding.active && age_ > confirm && estimate.time == raised_from_)))
     evaluate(estimate.time, doubted, finding);
