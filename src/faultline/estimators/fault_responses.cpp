@@ -462,19 +462,6 @@ bool FaultResponses::follow() {
   return true;
 }
 
-// With what lies beside it.
-void FaultResponses::follow_all() {
-  respond_all();
-  if (!follow() || second_.empty()) return;
-  const std::vector<RankedFault> before = std::move(second_);
-  second_.clear();
-  const Scene now = scene();
-  know_fault(now);
-  look_beside(now.prior);
-  if (second_.empty()) second_ = before;  // this motion shows it less, but nothing speaks against it
-  know_fault(now);
-}
-
 void FaultResponses::end_event() {
   event_ = false;
   age_ = 0;
@@ -491,9 +478,15 @@ void FaultResponses::judge(const Recording& recording) {
   const bool early = !event_ && stretches_ <= settings_.early_stretches;
   const bool due = early || power_of_two(age) || age % settings_.refresh_stretches == 0;
   if (!growing && !early && says_nothing_new()) {
-    if (event_ && due) follow_all();
     if (event_ || !due) {
+      if (event_ && due) respond_all();
+      const bool followed = event_ && due && follow();
       pass_over();
+      // How two faults share what is seen is worth another look where the motion shows them.
+      if (followed && !second_.empty()) {
+        weigh_all();
+        find_healthy_or_fault();
+      }
       return;
     }
     // What was not looked at so far said nothing either.

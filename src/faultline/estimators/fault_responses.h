@@ -107,7 +107,6 @@ class FaultResponses {
                                    std::map<std::size_t, double>* closely = nullptr) const;
   void find_healthy_or_fault();
   bool follow();  // the fault that is there; false: all causes must be weighed anew
-  void follow_all();
   void look_beside(const ResponsePrior& before);
   void end_event();
   std::vector<EffectSpec> found_effects() const;
