@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """./faultline bench: the times of docs/benchmarks.md as tables. Runs faultline_bench (the core, and its numerics
 beside what libraries do, on one core of the processor), diagnoses recordings of ten minutes from one end to the
-other, then measures the latency over ROS with test/bench/latency.py on samples of `faultline simulate`. With arguments of Google Benchmark (--benchmark_...) only
-faultline_bench runs, and prints what it prints."""
+other, then measures the latency over ROS with test/bench/latency.py on samples of `faultline simulate`. With
+arguments of Google Benchmark (--benchmark_...) only faultline_bench runs, and prints what it prints."""
 import argparse
 import json
 import os
