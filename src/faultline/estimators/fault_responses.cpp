@@ -152,10 +152,7 @@ bool FaultResponses::says_nothing_new() {
 
 // The latest stretch is what was known already.
 void FaultResponses::pass_over() {
-  if (event_) {
-    ++age_;
-    window_.stretches = std::min(window_.stretches + 1, settings_.recent_stretches);
-  }
+  if (event_) ++age_;
   forget_oldest();
 }
 
@@ -463,19 +460,6 @@ bool FaultResponses::follow() {
   return true;
 }
 
-// With what lies beside it.
-void FaultResponses::follow_all() {
-  respond_all();
-  if (!follow() || second_.empty()) return;
-  const std::vector<RankedFault> before = std::move(second_);
-  second_.clear();
-  const Scene now = scene();
-  know_fault(now);
-  look_beside(now.prior);
-  if (second_.empty()) second_ = before;  // this motion shows it less, but nothing speaks against it
-  know_fault(now);
-}
-
 void FaultResponses::end_event() {
   event_ = false;
   age_ = 0;
@@ -492,9 +476,14 @@ void FaultResponses::judge(const Recording& recording) {
   const bool early = !event_ && stretches_ <= settings_.early_stretches;
   const bool due = early || power_of_two(age) || age % settings_.refresh_stretches == 0;
   if (!growing && !early && says_nothing_new()) {
-    if (event_ && due) follow_all();
     if (event_ || !due) {
       pass_over();
+      if (!event_ || !due) return;
+      respond_all();
+      // How two faults share what is seen is worth another look where the motion shows them.
+      if (!follow() || second_.empty()) return;
+      weigh_all();
+      find_healthy_or_fault();
       return;
     }
     // What was not looked at so far said nothing either.

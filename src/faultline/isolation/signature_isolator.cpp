@@ -151,10 +151,12 @@ bool SignatureIsolator::watch(const std::vector<bool>& doubted) {
   model_->residuals(features_.data(), reference_.data(), -1, 0, residual_.data());
   bool beyond = false;
   double most = 0;
+  const bool any_doubted = std::find(doubted.begin(), doubted.end(), true) != doubted.end();
   for (std::size_t i = 0; i < tests_.size(); ++i) {
     masked_[i] = useless_[i];
-    for (const int channel : residual_channels_[i])
-      masked_[i] = masked_[i] || doubted[static_cast<std::size_t>(channel)];
+    if (any_doubted)
+      for (const int channel : residual_channels_[i])
+        masked_[i] = masked_[i] || doubted[static_cast<std::size_t>(channel)];
     if (masked_[i]) {
       tests_[i].reset();
       continue;
