@@ -1,7 +1,7 @@
 // A rig's model over stretches of samples, made linear: the sums from which fault_responses.h judges.
 //
-// A stretch is cut into segments with smoothed start states (segments/segment_model.h). r: whitened residuals of the model
-// at a point, T: their derivative by each parameter (per tolerance) and each nuisance effect of the datasheet (as
+// A stretch is cut into segments with smoothed start states (segments/segment_model.h). r: whitened residuals of the
+// model at a point, T: their derivative by each parameter (per tolerance) and each nuisance effect of the datasheet (as
 // listed), D: by each fault (per amplitude). A segment counts by one over its mean square where that is above 1, and
 // all squares are divided by `inflation_variances`. With theta, the deviation of parameters and nuisance effects from
 // the point, known beforehand to one tolerance,
