@@ -117,6 +117,7 @@ struct GapOptions {
     // ... and the fraction of it that does not fall with the recording's noise.
     double quiet_noisy_fraction = 0.2;
     double unexplained_quiet_ratio = 3;  // times the quiet excess from which an unexplained gap is told as unknown
+    double chance_standard_errors = 2;   // ... beside what chance makes of it: short runs scatter
     double miscalibrated_excess_variances =
         0.05;  // that the refit must remove to speak of miscalibration: the quiet excess
     double left_excess_fraction =
@@ -223,6 +224,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.quiet_excess_variances);
   FAULTLINE_OPTION(verdict.quiet_noisy_fraction);
   FAULTLINE_OPTION(verdict.unexplained_quiet_ratio);
+  FAULTLINE_OPTION(verdict.chance_standard_errors);
   FAULTLINE_OPTION(verdict.miscalibrated_excess_variances);
   FAULTLINE_OPTION(verdict.left_excess_fraction);
   FAULTLINE_OPTION(verdict.strain_squared_tolerances);
