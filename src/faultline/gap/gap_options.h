@@ -132,6 +132,7 @@ struct GapOptions {
     double rival_standard_errors = 2;     // within which a rival cannot be told apart: 95 %
     double rival_gain_fraction = 0.02;    // ... or within this fraction of the gain
     double interval_ratio = 4;  // of an interval to what the fit's covariance says: it ignores what the model lacks
+    double few_segments = 16;   // to learn from, below which the answer says so
     double place_probability = 0.15;  // of a second place, from which it is told as inseparable
     // Distance from an end of a parameter's range, in its coordinate, up to which its value is told to be at the bound.
     double bound_coordinate = 1e-3;
@@ -237,6 +238,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.rival_standard_errors);
   FAULTLINE_OPTION(verdict.rival_gain_fraction);
   FAULTLINE_OPTION(verdict.interval_ratio);
+  FAULTLINE_OPTION(verdict.few_segments);
   FAULTLINE_OPTION(verdict.place_probability);
   FAULTLINE_OPTION(verdict.bound_coordinate);
   FAULTLINE_OPTION(verdict.bootstraps);
