@@ -151,10 +151,7 @@ bool FaultResponses::says_nothing_new() {
 
 // The latest stretch is what was known already.
 void FaultResponses::pass_over() {
-  if (event_) {
-    ++age_;
-    window_.stretches = std::min(window_.stretches + 1, settings_.recent_stretches);
-  }
+  if (event_) ++age_;
   forget_oldest();
 }
 
@@ -479,14 +476,13 @@ void FaultResponses::judge(const Recording& recording) {
   const bool due = early || power_of_two(age) || age % settings_.refresh_stretches == 0;
   if (!growing && !early && says_nothing_new()) {
     if (event_ || !due) {
-      if (event_ && due) respond_all();
-      const bool followed = event_ && due && follow();
       pass_over();
+      if (!event_ || !due) return;
+      respond_all();
       // How two faults share what is seen is worth another look where the motion shows them.
-      if (followed && !second_.empty()) {
-        weigh_all();
-        find_healthy_or_fault();
-      }
+      if (!follow() || second_.empty()) return;
+      weigh_all();
+      find_healthy_or_fault();
       return;
     }
     // What was not looked at so far said nothing either.
