@@ -1,15 +1,15 @@
 """import with a mapping: bags with standard messages, tables of any layout, the common grid, and what is refused."""
 
 import math
+import os
 import pathlib
-import subprocess
+import re
 import sys
+import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import stand_bag  # noqa: E402
 from program import ROOT, ProgramTest  # noqa: E402
-
-import unittest  # noqa: E402
 
 TANKS = ROOT.parent / "shared/data/cascaded_tanks/tanque.csv"
 TANKS_SHEET = """
@@ -233,8 +233,6 @@ class Bags(MappingTest):
         self.complains(self.arguments(bag), "/load/wrench/force/z has one value only")
 
     def test_python_that_fails_is_one_line(self):
-        import os
-
         done = self.run_program(
             *self.arguments(self.bag()), check=2, env={**os.environ, "FAULTLINE_PYTHON": "/bin/false"}
         )
@@ -375,6 +373,36 @@ class Tables(MappingTest):
         self.write("map.yaml", self.MAP + "time: {period: 0.01}\n")
         self.write("second.csv", good)
         self.complains(self.arguments(["log.csv", "second.csv"]), "second.csv", "without a column of time")
+
+
+class Documentation(MappingTest):
+    def test_every_command_of_the_page_runs(self):
+        page = (ROOT / "docs/import.md").read_text()
+        for name, text in re.findall(r"```yaml\n# (\S+)\n(.*?)```", page, re.S):
+            self.write(name, text)
+        self.bag("run.bag")
+        lines = ["a logger", "of a stand", "Zeit;Spannung;Weg [mm];Kraft;Druck", "-;V;mm;kN;mA"]
+        lines += [f"01.03.2024 12:00:0{k // 100},{k % 100:02d};1,5;{k};0,25;12,0" for k in range(300)]
+        self.write("log.csv", "\r\n".join(lines) + "\r\n")
+        self.write("values.csv", "uEst,yEst,fEst,pEst\n" + "1.5,0.2,3,5e6\n" * 20)
+        commands = re.findall(r"^    faultline (.*)$", page, re.M)
+        self.assertEqual(len(commands), 4)
+        for command in commands:
+            with self.subTest(command=command):
+                self.run_program(*command.split())
+                if "table.yaml" in command:
+                    self.run_program("export", "mine.bag", "--config", "stand.yaml", "-o", "log_back.csv")
+                    table = self.table("log_back.csv")
+                    self.assertEqual((table["voltage"][7], table["load"][7]), (1.5, 250.0))
+                    self.assertAlmostEqual(table["stroke"][7], 0.007)
+                    self.assertAlmostEqual(table["supply"][7], 50e5)
+
+    def test_every_key_is_told(self):
+        page = (ROOT / "docs/import.md").read_text()
+        source = (ROOT / "src/faultline/rig/mapping.cpp").read_text()
+        keys = {key for group in re.findall(r"allow\((.*?)\);", source) for key in re.findall(r'"(\w+)"', group)}
+        self.assertGreater(len(keys), 10)
+        self.assertEqual([key for key in sorted(keys) if not re.search(rf"[`{{ ]{key}[:`]", page)], [])
 
 
 if __name__ == "__main__":

@@ -60,9 +60,9 @@ rospy.Subscriber(f"/{rig}/sample", Sample, take, queue_size=None, tcp_nodelay=Tr
 rospy.Subscriber("/diagnostics", DiagnosticArray, hear)
 messages = list(rosbag.Bag(bag).read_messages(topics=topics))
 publishers = {
-    topic: rospy.Publisher(topic, type(message), queue_size=None, tcp_nodelay=True) for topic, message, _ in messages
+    topic: rospy.Publisher(topic, type(message), queue_size=100, tcp_nodelay=True) for topic, message, _ in messages
 }
-clock = rospy.Publisher("/clock", Clock, queue_size=None, tcp_nodelay=True)
+clock = rospy.Publisher("/clock", Clock, queue_size=100, tcp_nodelay=True)
 wait(lambda: all(p.get_num_connections() > 0 for p in publishers.values()), "the driver does not subscribe")
 start = messages[0][2]
 while received[0] == 0:  # until simulated time has begun at the driver, which tells of it once a second
