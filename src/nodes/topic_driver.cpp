@@ -87,7 +87,7 @@ void TopicDriver::take(std::size_t signal, double time, double raw) {
   const double value = std::isfinite(raw) ? conversions_[signal](raw) : std::numeric_limits<double>::quiet_NaN();
   const double jump = std::max(kJump, kJumpPeriods * mapping_.period);
   if (time < assembler_.newest(signal) - jump) {
-    assembler_.restart();
+    assembler_.restart(time + jump);
     ++restarts_;
   }
   switch (assembler_.push(signal, time, value)) {

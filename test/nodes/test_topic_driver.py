@@ -4,6 +4,7 @@ them."""
 import json
 import math
 import pathlib
+import re
 import subprocess
 import sys
 import time
@@ -85,12 +86,15 @@ class TopicDriver(unittest.TestCase):
             rows = [[row[0], float(k), *row[1:]] for k, row in enumerate(rows)]
         return rows
 
-    def live(self, bag, last, ahead):
+    def live(self, bag, last, ahead, topics=TOPICS, rounds=1):
         self.graph.set("/use_sim_time", True)
         driver = self.driver(wait_for=1, wait=1.0)
         heard = self.graph.path / "samples"
         player = self.graph.start(
-            ["python3", str(HERE / "play_stand.py"), str(bag), "stand", TOPICS, repr(last), str(ahead), str(heard)]
+            [
+                *("python3", str(HERE / "play_stand.py"), str(bag), "stand"),
+                *(topics, repr(last), str(ahead), str(rounds), str(heard)),
+            ]
         )
         code, said = self.graph.wait(player, 90)
         self.assertEqual(code, 0, said + self.graph.said(driver))
@@ -123,6 +127,17 @@ class TopicDriver(unittest.TestCase):
             1.1, lambda made: [e for e in with_command(made) if e[0] != "/load" or e[2] not in gone]
         )
         self.assertAlmostEqual(sum(math.isnan(row[5]) for row in rows), 113, delta=2)
+
+    def test_stamps_that_jump_back_begin_anew(self):
+        self.map.write_text(re.sub(r"  stroke_wanted.*\n", "", MAPPING))
+        bag = self.graph.path / "stand.bag"
+        stand_bag.write(bag, with_command)
+        offline = self.offline(bag)
+        samples = self.live(bag, offline[-1][0] + 946684800, 1.02, TOPICS.split(",", 1)[1], rounds=2)
+        self.assertEqual(len(samples), 2 * len(offline))
+        self.assertEqual([sample["sequence"] for sample in samples], list(range(len(samples))))
+        for first, second in zip(samples, samples[len(offline) :]):
+            self.assertEqual((first["stamp"], first["values"]), (second["stamp"], second["values"]))
 
     def wait_for_status(self, *says):
         heard = self.graph.path / "status"
