@@ -138,6 +138,19 @@ class Bags(MappingTest):
             self.assertAlmostEqual(missing, 99, delta=2)
             self.assertIn("rows without a value: load", done.stderr)
 
+    def test_numbers_that_are_none_are_missing(self):
+        def change(made):
+            for topic, message, received in made:
+                if topic == "/load" and received // 10**7 % 100 == 50:  # one a second
+                    message.wrench.force.z = math.nan
+            return made
+
+        done, rows = self.bring_in(self.bag(change=change))
+        self.assertEqual(sum(math.isnan(value) for value in rows["load"]), 4)
+        self.assertIn("rows without a value: load 4", done.stderr)
+        _, rows = self.bring_in("stand.bag", "--resample", "rig")  # one is bridged on the grid
+        self.assertEqual(sum(math.isnan(value) for value in rows["load"]), 0)
+
     def test_any_message_even_one_nobody_installed(self):
         """rosbag's types come from the bag: a type of a package that is nowhere."""
         from genpy.dynamic import generate_dynamic

@@ -142,7 +142,7 @@ class TopicDriver(unittest.TestCase):
     def wait_for_status(self, *says):
         heard = self.graph.path / "status"
         self.graph.start(["python3", str(HERE / "listen.py"), "stand", "60", str(heard), "diagnostics"])
-        limit = time.monotonic() + 20
+        limit = time.monotonic() + 40
         while time.monotonic() < limit:
             text = heard.read_text() if heard.exists() else ""
             if all(word in text for word in says):
@@ -157,6 +157,16 @@ class TopicDriver(unittest.TestCase):
         self.driver()
         self.publish("/supply", "sensor_msgs/FluidPressure")
         self.wait_for_status("nobody publishes", "/load/wrench/force/z", "no sample yet")
+
+    def test_a_stand_at_another_rate_is_told(self):
+        self.map.write_text(MAPPING.replace("resample: true\n", "").replace("/command/point/x", "/volts/data"))
+        self.driver()
+        self.publish("/joints", "sensor_msgs/JointState", "{name: [lift], position: [1.0]}")
+        self.publish("/load", "geometry_msgs/WrenchStamped")
+        self.publish("/supply", "sensor_msgs/FluidPressure")
+        self.publish("/volts", "std_msgs/Float64")
+        self.publish("/motor/voltage", "std_msgs/Float64")
+        self.wait_for_status("samples come every 0.05", "resample: true")
 
     def test_the_launch_files_start_the_driver_in_the_simulators_place(self):
         for file, *more in (("graph.launch", "rig:=servo_actuator", "estimators:=kalman"), ("servo_actuator.launch",)):
