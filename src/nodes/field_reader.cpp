@@ -9,47 +9,24 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <system_error>
 
 #include <fmt/format.h>
 
 #include "faultline/signal/error.h"
 #include "faultline/signal/text.h"
+#include "nodes/python_script.h"
 
 extern char** environ;
 
 namespace faultline {
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr std::int64_t kEpoch = 946684800'000'000'000;  // ns, 2000-01-01T00:00:00Z after 1970
 constexpr std::size_t kRecord = 24;                     // bytes
 constexpr std::size_t kBlock = 1 << 18;                 // bytes
 constexpr std::int64_t kLongestText = 1 << 20;          // bytes
 constexpr std::int64_t kError = -1, kEnd = -2, kNote = -3;
-
-// Beside the program in an install space; in a devel space where share/faultline/source_folder says.
-std::string find_script(const std::string& name) {
-  std::error_code error;
-  const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
-  if (fs::is_regular_file(folder / name, error)) return (folder / name).string();
-  std::ifstream file(folder.parent_path().parent_path() / "share" / "faultline" / "source_folder");
-  std::string source;
-  std::getline(file, source);
-  const fs::path in_tree = fs::path(source) / "scripts" / name;
-  if (fs::is_regular_file(in_tree, error)) return in_tree.string();
-  throw InputError(fmt::format("{}: the script is not there; install faultline again", (folder / name).string()));
-}
-
-std::string interpreter() {
-  if (const char* given = std::getenv("FAULTLINE_PYTHON"); given != nullptr && *given != '\0') return given;
-  return ::access("/usr/bin/python3", X_OK) == 0 ? "/usr/bin/python3" : "python3";
-}
 
 std::int64_t whole_number(const char* bytes) {
   std::int64_t number = 0;
@@ -73,7 +50,7 @@ FieldReader::FieldReader(const std::string& script, const std::string& request, 
   }
   in_ = in[0];
   out_ = out[0];
-  std::vector<std::string> words = {interpreter(), script_};
+  std::vector<std::string> words = {python_interpreter(), script_};
   std::vector<char*> pointers;
   for (std::string& word : words) pointers.push_back(word.data());
   pointers.push_back(nullptr);
@@ -126,7 +103,7 @@ bool FieldReader::fill(int patience) {
   buffer_.resize(before + static_cast<std::size_t>(n > 0 ? n : 0));
   if (n <= 0)
     throw InputError(fmt::format("{} ended without an answer; run it by hand to see why: {} {} < /dev/null", script_,
-                                 interpreter(), script_));
+                                 python_interpreter(), script_));
   return true;
 }
 

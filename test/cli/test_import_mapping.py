@@ -1,15 +1,15 @@
 """import with a mapping: bags with standard messages, tables of any layout, the common grid, and what is refused."""
 
 import math
+import os
 import pathlib
-import subprocess
+import re
 import sys
+import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import stand_bag  # noqa: E402
 from program import ROOT, ProgramTest  # noqa: E402
-
-import unittest  # noqa: E402
 
 TANKS = ROOT.parent / "shared/data/cascaded_tanks/tanque.csv"
 TANKS_SHEET = """
@@ -138,6 +138,19 @@ class Bags(MappingTest):
             self.assertAlmostEqual(missing, 99, delta=2)
             self.assertIn("rows without a value: load", done.stderr)
 
+    def test_numbers_that_are_none_are_missing(self):
+        def change(made):
+            for topic, message, received in made:
+                if topic == "/load" and received // 10**7 % 100 == 50:  # one a second
+                    message.wrench.force.z = math.nan
+            return made
+
+        done, rows = self.bring_in(self.bag(change=change))
+        self.assertEqual(sum(math.isnan(value) for value in rows["load"]), 4)
+        self.assertIn("rows without a value: load 4", done.stderr)
+        _, rows = self.bring_in("stand.bag", "--resample", "rig")  # one is bridged on the grid
+        self.assertEqual(sum(math.isnan(value) for value in rows["load"]), 0)
+
     def test_any_message_even_one_nobody_installed(self):
         """rosbag's types come from the bag: a type of a package that is nowhere."""
         from genpy.dynamic import generate_dynamic
@@ -229,12 +242,11 @@ class Bags(MappingTest):
     def test_a_signal_without_a_value_is_refused(self):
         bag = self.bag(change=lambda made: [entry for entry in made if entry[0] != "/motor/voltage"])
         self.complains(self.arguments(bag), "/motor/voltage/data", "no such topic")
-        bag = self.bag(change=lambda made: [e for e in made if e[0] != "/load" or e[2] < stand_bag.START * 10**9 + 10**6])
+        first = stand_bag.START * 10**9 + 10**6
+        bag = self.bag(change=lambda made: [entry for entry in made if entry[0] != "/load" or entry[2] < first])
         self.complains(self.arguments(bag), "/load/wrench/force/z has one value only")
 
     def test_python_that_fails_is_one_line(self):
-        import os
-
         done = self.run_program(
             *self.arguments(self.bag()), check=2, env={**os.environ, "FAULTLINE_PYTHON": "/bin/false"}
         )
@@ -337,7 +349,8 @@ class Tables(MappingTest):
                 self.assertEqual(table["t"][:3], [0, 4, 8])
                 self.assertEqual(table["pump"][:3], [row[u] for row in rows])
                 self.assertEqual(table["level"][:3], [row[y] for row in rows])
-                self.assertIn("columns not used: u" + ("Val, yVal" if run == "Est" else "Est, yEst") + ", Ts", done.stderr)
+                other = "Val" if run == "Est" else "Est"
+                self.assertIn(f"columns not used: u{other}, y{other}, Ts", done.stderr)
 
     def test_what_is_wrong_is_one_line(self):
         good = self.german()
@@ -348,7 +361,7 @@ class Tables(MappingTest):
             (good, self.MAP.replace("Kraft", "Krafd") + time, "did you mean 'Kraft'?"),
             (good, self.MAP.replace("Kraft, unit: kN", "Bemerkung") + time, "'gut' is not a number"),
             (good, self.MAP.replace("unit: kN", "unit: bar") + time, "cannot be converted"),
-            (good.replace("Druck [bar]", "Druck [schwer]"), self.MAP.replace("bar", "schwer") + time, "'schwer' is not known"),
+            (good.replace("Druck [bar", "Druck [ell"), self.MAP.replace("bar", "ell") + time, "'ell' is not known"),
             (good.replace("Bemerkung", "Kraft"), self.MAP + time, "there are 2 columns 'Kraft'"),
             (good.replace("0,02;", "0,01;"), self.MAP + time, "log.csv:4: time runs backwards or stands still"),
             (good.replace("0,02;", ";"), self.MAP + time, "log.csv:4: column 'Zeit [s]': '' is no time"),
@@ -375,6 +388,36 @@ class Tables(MappingTest):
         self.write("map.yaml", self.MAP + "time: {period: 0.01}\n")
         self.write("second.csv", good)
         self.complains(self.arguments(["log.csv", "second.csv"]), "second.csv", "without a column of time")
+
+
+class Documentation(MappingTest):
+    def test_every_command_of_the_page_runs(self):
+        page = (ROOT / "docs/import.md").read_text()
+        for name, text in re.findall(r"```yaml\n# (\S+)\n(.*?)```", page, re.S):
+            self.write(name, text)
+        self.bag("run.bag")
+        lines = ["a logger", "of a stand", "Zeit;Spannung;Weg [mm];Kraft;Druck", "-;V;mm;kN;mA"]
+        lines += [f"01.03.2024 12:00:0{k // 100},{k % 100:02d};1,5;{k};0,25;12,0" for k in range(300)]
+        self.write("log.csv", "\r\n".join(lines) + "\r\n")
+        self.write("values.csv", "uEst,yEst,fEst,pEst\n" + "1.5,0.2,3,5e6\n" * 20)
+        commands = re.findall(r"^    faultline (.*)$", page, re.M)
+        self.assertEqual(len(commands), 4)
+        for command in commands:
+            with self.subTest(command=command):
+                self.run_program(*command.split())
+                if "table.yaml" in command:
+                    self.run_program("export", "mine.bag", "--config", "stand.yaml", "-o", "log_back.csv")
+                    table = self.table("log_back.csv")
+                    self.assertEqual((table["voltage"][7], table["load"][7]), (1.5, 250.0))
+                    self.assertAlmostEqual(table["stroke"][7], 0.007)
+                    self.assertAlmostEqual(table["supply"][7], 50e5)
+
+    def test_every_key_is_told(self):
+        page = (ROOT / "docs/import.md").read_text()
+        source = (ROOT / "src/faultline/rig/mapping.cpp").read_text()
+        keys = {key for group in re.findall(r"allow\((.*?)\);", source) for key in re.findall(r'"(\w+)"', group)}
+        self.assertGreater(len(keys), 10)
+        self.assertEqual([key for key in sorted(keys) if not re.search(rf"[`{{ ]{key}[:`]", page)], [])
 
 
 if __name__ == "__main__":
