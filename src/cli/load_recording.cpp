@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -11,6 +12,7 @@
 #include "faultline/signal/csv.h"
 #include "faultline/signal/error.h"
 #include "faultline/signal/text.h"
+#include "nodes/rig_packages.h"
 
 namespace faultline {
 namespace {
@@ -92,8 +94,11 @@ void remark_ranges(const std::string& file, LoadedRecording& loaded) {
 }  // namespace
 
 Datasheet load_datasheet(const std::string& rig, const std::string& config) {
-  if (config.empty()) return find_datasheet(share_folder() + "/config", rig);
-  Datasheet sheet = read_datasheet(config);
+  if (config.empty()) {
+    note_left_out(rig);
+    return find_datasheet(share_folder() + "/config", outside_rigs(), rig);
+  }
+  Datasheet sheet = read_datasheet(config, outside_rigs());
   if (!rig.empty() && sheet.rig != rig)
     throw InputError(fmt::format("{}: the datasheet is of the rig '{}', the recording of '{}'; give the right one",
                                  config, sheet.rig, rig));
@@ -131,6 +136,13 @@ LoadedRecording load_recording(const std::string& file, const std::string& rig, 
     loaded.remarks.push_back(file + ": " + line);
   remark_ranges(file, loaded);
   return loaded;
+}
+
+void note_left_out(const std::string& asked_for) {
+  static bool told = false;
+  if (!std::exchange(told, true))
+    for (const std::string& line : left_out(asked_for))
+      std::fprintf(stderr, "faultline: note: %s\n", printable(line).c_str());
 }
 
 void print_remarks(const std::string& subcommand, const std::vector<std::string>& remarks) {

@@ -23,12 +23,15 @@ struct LoadedRecording {
   std::string made_by;               // from the bag's description
 };
 
-// The datasheet of `rig` from the shared config folder, or that of the file `config` (whose rig must be `rig`, if that
+// The datasheet of `rig` from the shared config folder or from a package outside this tree, or that of the file `config` (whose rig must be `rig`, if that
 // is given).
 Datasheet load_datasheet(const std::string& rig, const std::string& config);
 
 // `rig` may be empty for a bag, which says itself; a CSV file needs it or `config`.
 LoadedRecording load_recording(const std::string& file, const std::string& rig, const std::string& config);
+
+// Once: what is wrong with rigs outside this tree other than the one that is asked for, on stderr.
+void note_left_out(const std::string& asked_for);
 
 void print_remarks(const std::string& subcommand, const std::vector<std::string>& remarks);  // on stderr
 

@@ -102,7 +102,7 @@ class BuildWays(unittest.TestCase):
             self.assertTrue((prefix / "include/faultline/Sample.h").exists())
             self.assertTrue((prefix / "share/faultline/package.xml").exists())
             for name in repository_files():
-                if name.parts[0] in ("launch", "config", "bags"):
+                if name.parts[0] in ("launch", "config", "bags", "examples"):
                     self.assertTrue((prefix / "share/faultline" / name).exists(), name)
                 if re.fullmatch(r"src/nodes/\w+_node\.cpp", str(name)):
                     self.assertTrue(os.access(prefix / "lib/faultline" / name.stem, os.X_OK), name)
