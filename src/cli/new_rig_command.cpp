@@ -138,7 +138,8 @@ void run(const Options& options) {
   fmt::print("{}: a package for the rig {}\n", folder, options.name);
   for (const fs::path& file : files) fmt::print("    {}\n", with_name(file.string(), options.name));
   fmt::print(
-      "It is a tank that works as it is. Edit config/ and src/, then build and test it (docs/your_own_stand.md):\n"
+      "It is a tank that works as it is. Edit config/ and src/ (docs/your_own_stand.md); build and test it where "
+      "faultline's setup.bash is sourced:\n"
       "    cmake -S {0} -B {0}/build && cmake --build {0}/build && ctest --test-dir {0}/build\n"
       "    export FAULTLINE_RIG_PATH={0}\n",
       folder);

@@ -6,6 +6,8 @@ import unittest
 
 from packages import OutsideTest, ROOT, build, environment, plain_environment, run
 
+from graph import BUILD  # packages makes it known
+
 
 class NewRig(OutsideTest):
     env = plain_environment()
@@ -51,6 +53,19 @@ class NewRig(OutsideTest):
         run("cmake", "--build", folder / "build", env=environment())
         broken = run("ctest", "--test-dir", folder / "build", env=plain_environment(), code=None)
         self.assertNotEqual(broken.returncode, 0)
+
+    def test_it_builds_against_an_install_space(self):
+        prefix = self.folder / "space"
+        run("cmake", "--install", BUILD, "--prefix", prefix)
+        installed = [prefix / "lib/faultline/faultline"]
+        run(*installed, "new-rig", "pump_stand", cwd=self.folder, env=self.env)
+        env = plain_environment(CMAKE_PREFIX_PATH=str(prefix), PYTHONPATH=str(prefix / "lib/python3/dist-packages"))
+        folder = self.folder / "pump_stand"
+        build(folder, env=env)
+        run("ctest", "--test-dir", folder / "build", "--output-on-failure", env=env)
+        run("cmake", "--install", folder / "build", "--prefix", prefix)
+        said = run(*installed, "rigs", "pump_stand", env=plain_environment(FAULTLINE_RIG_PATH=str(prefix))).stdout
+        self.assertIn("restriction.outlet", said)
 
     def test_nothing_is_overwritten(self):
         (self.folder / "there").mkdir()
