@@ -23,8 +23,8 @@ struct LoadedRecording {
   std::string made_by;               // from the bag's description
 };
 
-// The datasheet of `rig` from the shared config folder or from a package outside this tree, or that of the file `config` (whose rig must be `rig`, if that
-// is given).
+// The datasheet of `rig` from the shared config folder or from a package outside this tree, or that of the file
+// `config` (whose rig must be `rig`, if that is given).
 Datasheet load_datasheet(const std::string& rig, const std::string& config);
 
 // `rig` may be empty for a bag, which says itself; a CSV file needs it or `config`.

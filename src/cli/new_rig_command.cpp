@@ -119,8 +119,9 @@ class PartFolder {
 
 void run(const Options& options) {
   check_name(options.name);
-  const std::string folder = resolved(options.folder.empty() ? options.name : options.folder);
   std::error_code error;
+  std::string folder = fs::absolute(options.folder.empty() ? options.name : options.folder, error).lexically_normal();
+  while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
   if (fs::exists(fs::symlink_status(folder, error)))
     throw InputError(
         fmt::format("{}: this is there already; nothing is overwritten: choose another folder with -o", folder));

@@ -11,7 +11,8 @@ class Effects(ProgramTest):
     def test_every_effect_is_listed_whole(self):
         told = json.loads(self.run_program("effects", "--json", "-").stdout)["effects"]
         self.assertEqual(
-            [effect["effect"] for effect in told], sorted(file.stem for file in ROOT.glob("src/faultline/effects/*.cpp"))
+            [effect["effect"] for effect in told],
+            sorted(file.stem for file in ROOT.glob("src/faultline/effects/*.cpp")),
         )
         for effect in told:
             with self.subTest(effect=effect["effect"]):

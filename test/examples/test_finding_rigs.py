@@ -75,7 +75,8 @@ class Finding(OutsideTest):
         self.knows(env)
         env["FAULTLINE_RIG_PATH"] = str(package / "build/devel")  # by both ways it is still one
         self.knows(env)
-        sourced = run("bash", "-c", f"source {package}/build/devel/setup.bash && {program()} rigs {RIG}", env=environment())
+        script = f"source {package}/build/devel/setup.bash && {program()} rigs {RIG}"
+        sourced = run("bash", "-c", script, env=environment())
         self.assertIn("restriction.lower_outlet", sourced.stdout)
 
     def test_effects_of_a_package_are_listed(self):
@@ -184,8 +185,8 @@ class Broken(OutsideTest):
         source.write_text(
             text.replace(
                 "FAULTLINE_RIG(my_rig",
-                'struct Clog : Effect {};\nFAULTLINE_EFFECT(clogging, {"clogging", "f", "u fraction", {PortKind::flow}, '
-                '{{"fraction", "1", 0, 0, 1}}, &make_effect<Clog>});\nFAULTLINE_RIG(my_rig',
+                'struct Clog : Effect {};\nFAULTLINE_EFFECT(clogging, {"clogging", "f", "u fraction", '
+                '{PortKind::flow}, {{"fraction", "1", 0, 0, 1}}, &make_effect<Clog>});\nFAULTLINE_RIG(my_rig',
             )
         )
         build(folder)

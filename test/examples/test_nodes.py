@@ -1,5 +1,5 @@
-"""The node graph on a rig outside the tree: the package's launch file, the driver's description, and what a node says of
-a rig that it cannot load."""
+"""The node graph on a rig outside the tree: the package's launch file, and what a node says of a rig that it cannot
+load."""
 
 import json
 import unittest

@@ -10,7 +10,7 @@
 
 #include <fmt/format.h>
 
-#include "faultline/interface.h"
+#include <faultline/interface.h>  // made by the build
 #include "faultline/rig/rig.h"
 #include "faultline/rig/yaml_reader.h"
 #include "faultline/signal/error.h"

@@ -1,6 +1,7 @@
 // Types of one kind by name: effects, rigs, controllers, models, estimators, detectors, isolators. Each adds itself
-// from its own file before main starts, or when a library that holds it is loaded, so that a new one needs no other file. A kind is a plain struct with `name`,
-// what makes one, and `static constexpr const char* kKind`, the word for it in messages.
+// from its own file before main starts, or when a library that holds it is loaded, so that a new one needs no other
+// file. A kind is a plain struct with `name`, what makes one, and `static constexpr const char* kKind`, the word for it
+// in messages.
 //
 // One list per kind in the whole process, shared libraries included; two of one name end the program before main, or
 // make the library useless that is loaded later (rig/rig_library.h). References stay good whatever is added; but what
@@ -79,7 +80,7 @@ Registry<Type>& registry() {
 
 }  // namespace faultline
 
-// At namespace scope of the type's own file: registers it before main starts, or when its library is loaded. `id`: unique among those of its kind in
-// that file.
+// At namespace scope of the type's own file: registers it before main starts, or when its library is loaded. `id`:
+// unique among those of its kind in that file.
 #define FAULTLINE_REGISTER(Type, id, ...) \
   const bool registered_##Type##_##id = ::faultline::registry<::faultline::Type>().add(::faultline::Type __VA_ARGS__)
