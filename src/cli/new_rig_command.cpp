@@ -127,8 +127,10 @@ void run(const Options& options) {
         fmt::format("{}: this is there already; nothing is overwritten: choose another folder with -o", folder));
   const fs::path source = fs::path(share_folder()) / "examples" / kTemplate;
   std::vector<fs::path> files;
-  for (fs::recursive_directory_iterator entry(source, error), end; !error && entry != end; entry.increment(error))
+  for (fs::recursive_directory_iterator entry(source, error), end; !error && entry != end; entry.increment(error)) {
+    if (entry->path().filename() == "build") entry.disable_recursion_pending();  // of somebody who tried it in place
     if (entry->is_regular_file()) files.push_back(fs::relative(entry->path(), source));
+  }
   if (error || files.empty())
     throw InputError(fmt::format("{}: the template is not there; install faultline again", source.string()));
   std::sort(files.begin(), files.end());
