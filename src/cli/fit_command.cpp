@@ -87,6 +87,9 @@ void run(const Options& options) {
     print_remarks("fit", loaded.remarks);
     runs.emplace_back(file, std::move(loaded.recording));
   }
+  if (sheet.defaulted.count("identify") > 0)
+    print_remarks("fit",
+                  {sheet.file + ": no parameter is marked 'identify: true'; those with a tolerance are estimated"});
   const int jobs = options.jobs > 0 ? options.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   const bool tell = isatty(fileno(stderr)) != 0;
   const ParameterFit fit = fit_parameters(sheet, std::move(runs), jobs, [tell](const std::string& text) {

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cli/json_text.h"
 #include "cli/load_recording.h"
@@ -13,6 +14,7 @@
 #include "cli/output_file.h"
 #include "cli/share_folder.h"
 #include "cli/subcommand.h"
+#include "faultline/rig/default_sheet.h"
 #include "faultline/rig/effect.h"
 #include "faultline/rig/effect_unit.h"
 #include "faultline/rig/rig.h"
@@ -94,8 +96,10 @@ Json rig_json(const Datasheet& sheet) {
     rig["ports"].push_back(port);
   }
   for (const Profile& p : sheet.profiles)
-    rig["profiles"].push_back(
-        {{"name", p.name}, {"controller", p.controller}, {"duration", p.duration}, {"meaning", p.meaning}});
+    rig["profiles"].push_back({{"name", p.name},
+                               {"controller", p.controller.empty() ? "open loop" : p.controller},
+                               {"duration", p.duration},
+                               {"meaning", p.meaning}});
   for (const Fault& f : sheet.faults)
     rig["faults"].push_back({{"name", f.name}, {"effects", f.effects}, {"profile", f.profile}, {"meaning", f.meaning}});
   return rig;
@@ -145,9 +149,13 @@ void print_rig(const Datasheet& sheet) {
   }
   fmt::print("\nprofiles:");
   for (const Profile& p : sheet.profiles) fmt::print(" {}", p.name);
+  if (sheet.defaulted.count("profiles") > 0) fmt::print("  (filled in)");
   fmt::print("\nfaults:");
   for (const Fault& f : sheet.faults) fmt::print(" {}", f.name);
   fmt::print("\n");
+  if (!sheet.defaulted.empty())
+    fmt::print("The datasheet leaves out {}, which {} filled in: faultline rigs {} --defaults shows what\n",
+               fmt::join(sheet.defaulted, ", "), sheet.defaulted.size() > 1 ? "are" : "is", sheet.rig);
 }
 
 std::vector<Datasheet> all_datasheets() {
@@ -167,14 +175,21 @@ std::vector<Datasheet> all_datasheets() {
 
 struct Options {
   std::string rig, config, json;
+  bool defaults = false;
 };
 
 void run(const Options& options) {
   std::vector<Datasheet> sheets;
+  if (options.defaults && options.rig.empty() && options.config.empty())
+    throw InputError("--defaults: name one rig, or a datasheet with --config");
   if (!options.rig.empty() || !options.config.empty())
     sheets.push_back(load_datasheet(options.rig, options.config));
   else
     sheets = all_datasheets();
+  if (options.defaults) {
+    fmt::print("{}", defaulted_text(sheets.front()));
+    return;
+  }
   if (!options.json.empty()) {
     Json all = Json::array();
     for (const Datasheet& sheet : sheets) all.push_back(rig_json(sheet));
@@ -191,6 +206,7 @@ std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   app.add_option("RIG", options->rig, "show this rig only, in full");
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
+  app.add_flag("--defaults", options->defaults, "print what the datasheet leaves out and is filled in, as YAML");
   add_text_output(app, "--json", options->json, "write everything as JSON to this file; - is standard output");
   return [options] { run(*options); };
 }

@@ -14,6 +14,7 @@
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
 #include "faultline/estimators/process_model.h"
+#include "faultline/rig/default_sheet.h"
 #include "faultline/signal/error.h"
 #include "faultline/tuning/noise_tuning.h"
 #include "faultline/tuning/threshold_tuning.h"
@@ -23,14 +24,16 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kAfterOnset = 30;                                     // s of a faulty run after the fault begins
+constexpr double kAfterOnset = 3e4;  // sample periods of a faulty run after the fault begins
+// Blocks without --block: ten seconds, fewer of a rig above 1 kHz (sample periods), longer of a slow one.
+constexpr double kBlock = 10, kMostPerBlock = 1e4, kLeastPerBlock = 100;
 const std::vector<double> kFactors = {0.01, 0.1, 0.3, 1, 3, 10, 100};  // on the entry of Q
 const std::vector<double> kRates = {1, 0.1, 0.01};                     // false alarms per hour, besides the wanted one
 
 struct Options {
   std::string rig, config, json, patch, stage, fault, detector, profile;
   std::vector<std::string> healthy;
-  double rate = 0.01, block = 10;
+  double rate = 0.01, block = 0;
   int faulty_runs = 3;
   bool keep_noise = false;
 };
@@ -78,7 +81,7 @@ std::vector<FaultyRun> faulty_runs(const Datasheet& sheet, const Fault& fault, c
     for (const std::string& text : sheet.nuisance) setup.effects.push_back(parse_effect(text));
     for (const std::string& text : fault.effects) setup.effects.push_back(parse_effect(text));
     setup.commands = fault.commands;
-    runs.push_back({simulate(sheet, setup, onset + kAfterOnset), onset});
+    runs.push_back({simulate(sheet, setup, onset + kAfterOnset * sheet.sample_period), onset});
   }
   return runs;
 }
@@ -155,8 +158,13 @@ void print_answer(const StageSpec& stage, const Options& options, const Answer& 
   }
 }
 
-void write_patch(const Datasheet& sheet, const StageSpec& stage, const Options& options, const Answer& a) {
-  std::string text = datasheet_text(sheet);
+void write_patch(Datasheet sheet, const StageSpec& stage, const Options& options, const Answer& a) {
+  if (!options.keep_noise && sheet.defaulted.count("estimators") > 0) {
+    Settings& settings = sheet.estimators[sheet.estimator(stage.name)].settings;
+    settings.set("process_noise", a.noise.process_noise);
+    settings.set("measurement_noise", a.noise.measurement_noise);
+  }
+  std::string text = datasheet_text(sheet) + "\n" + defaulted_stages(sheet);
   if (!options.keep_noise) {
     set_stage_setting(sheet, text, stage.name, "process_noise", list_text(a.noise.process_noise));
     set_stage_setting(sheet, text, stage.name, "measurement_noise", list_text(a.noise.measurement_noise));
@@ -178,8 +186,11 @@ void write_patch(const Datasheet& sheet, const StageSpec& stage, const Options& 
   write_datasheet(text, options.patch);
 }
 
-void run(const Options& options) {
+void run(Options options) {
   const Datasheet sheet = load_datasheet(options.rig, options.config);
+  if (options.block <= 0)
+    options.block =
+        std::max(std::min(kBlock, kMostPerBlock * sheet.sample_period), kLeastPerBlock * sheet.sample_period);
   StageSpec stage = stage_of(sheet, options.stage);
   std::vector<Recording> healthy;
   for (const std::string& file : options.healthy) {
@@ -225,7 +236,7 @@ std::function<void()> add(CLI::App& app) {
   app.add_option("--rate", options->rate, "false alarms per hour that each threshold is chosen for [0.01]")
       ->check(number_between(1e-6, 1e3));
   app.add_option("--block", options->block,
-                 "s, of the blocks whose maxima are taken [10]: longer than a detector's memory")
+                 "s, of the blocks whose maxima are taken [10; 100 to 10000 samples]: longer than a detector's memory")
       ->check(number_between(1e-3, 1e6));
   app.add_option("--fault", options->fault, "a fault of the datasheet: simulated, to show delay against false alarms");
   app.add_option("--detector", options->detector, "whose delay; the first of kind fault without it");

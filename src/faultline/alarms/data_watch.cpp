@@ -7,8 +7,10 @@
 namespace faultline {
 
 DataWatch::DataWatch(const Datasheet& sheet, const AlarmOptions& options)
-    : hold_(options.data_hold_s),
-      stale_after_(std::max(options.shortest_stale_s, options.stale_periods * sheet.sample_period)) {
+    : hold_(std::max(options.data_hold_s, options.data_hold_periods * sheet.sample_period)),
+      stale_after_(std::max(options.shortest_stale_s,
+                            std::min(options.stale_periods * sheet.sample_period,
+                                     options.few_stale_periods * sheet.sample_period + options.person_stale_s))) {
   for (const Channel& channel : sheet.channels) {
     Watched w;
     w.name = channel.name;

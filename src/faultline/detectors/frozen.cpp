@@ -1,7 +1,9 @@
 // Frozen: a noisy transducer that gives the very same number `count` times on end. Where noise is well above the
 // resolution two equal numbers in a row are rare (probability p) and n of them p^(n-1).   Settings: quantity, count,
-// release_time, armed_by, armed_above (arming.h). No size. Blind where the signal is rounded coarser than its noise, or
-// rests at the end of its range.
+// release_time, armed_by, armed_above (arming.h); low, high: ends of the transducer's range, at which readings do not
+// count. No size. Blind where the signal is rounded coarser than its noise.
+#include <limits>
+
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/persistence.h"
 
@@ -13,6 +15,8 @@ class Frozen : public Detector {
   explicit Frozen(const Settings& s)
       : quantity_(s.word("quantity")),
         arming_(s),
+        low_(s.number_or("low", -std::numeric_limits<double>::infinity(), -1e300, 1e300)),
+        high_(s.number_or("high", std::numeric_limits<double>::infinity(), -1e300, 1e300)),
         count_(static_cast<int>(s.number("count", 2, 1e6))),
         persistence_(0, s.number("release_time", 0, 1e4)) {}
 
@@ -30,7 +34,7 @@ class Frozen : public Detector {
       persistence_.reset();
     }
     const double value = estimate.quantities[at_].value;
-    if (same_ == 0 || value != last_ || !arming_.armed(estimate)) {
+    if (same_ == 0 || value != last_ || value <= low_ || value >= high_ || !arming_.armed(estimate)) {
       same_ = 0;
       since_ = estimate.time;
     }
@@ -48,6 +52,7 @@ class Frozen : public Detector {
  private:
   std::string quantity_;
   Arming arming_;
+  double low_, high_;
   int count_;
   Persistence persistence_;
   bool started_ = false;

@@ -10,6 +10,9 @@
 namespace faultline {
 namespace {
 
+// Without a setting: what the alarms take for silence (alarms/alarm_options.h), beyond any jitter.
+constexpr double kGapPeriods = 100, kLeastGap = 0.1;  // s
+
 // What an estimator refuses it may say without knowing where its settings stand.
 std::unique_ptr<Estimator> make_estimator(const Datasheet& sheet, const StageSpec& spec) {
   const EstimatorType& type = estimator_type(spec);
@@ -27,8 +30,9 @@ std::unique_ptr<Estimator> make_estimator(const Datasheet& sheet, const StageSpe
 
 EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
     : name_(spec.name), channels_(sheet.channels), period_(sheet.sample_period) {
-  gap_ = spec.settings.number_or("gap", 0.1, period_, 1e6);
-  jump_ = spec.settings.number_or("jump", 0.1, 0, 1e6);
+  const double usual = std::max(kLeastGap, kGapPeriods * period_);
+  gap_ = spec.settings.number_or("gap", usual, period_, 1e6);
+  jump_ = spec.settings.number_or("jump", usual, 0, 1e6);
   estimator_ = make_estimator(sheet, spec);
   spec.settings.check_used();
   held_.assign(channels_.size(), 0);

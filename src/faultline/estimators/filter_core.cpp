@@ -36,7 +36,7 @@ class FilterCore : public Estimator {
     model_->measurement(channels, y.data());
     observed_ = 0;
     for (std::size_t i = 0; i < measured_.size(); ++i) {
-      use[i] = status[measured_[i]] == ChannelStatus::good;
+      use[i] = status[measured_[i]] == ChannelStatus::good && std::isfinite(y[i]);  // NaN: it says nothing
       observed_ += use[i];
     }
     if (model_->inputs_at_end()) model_->take_inputs(channels);

@@ -32,7 +32,8 @@ class ProcessModel {
   virtual void take_inputs(const double* channels) = 0;  // held for the next predict
   // Whether a step rests on the inputs at its end (states that settle within a step) rather than at its beginning.
   virtual bool inputs_at_end() const { return false; }
-  virtual void measurement(const double* channels, double* y) const = 0;         // scaled
+  // Scaled; NaN where a reading says nothing (at the end of a transducer's range): that row is then left out.
+  virtual void measurement(const double* channels, double* y) const = 0;
   virtual void predict(const double* state, double dt, double* next) const = 0;  // dt in s
   virtual void observe(const double* state, double* y) const = 0;
   // Where y is plainly some of the states: which, one per row of y. Empty: filters ask observe(). Saves them most of a

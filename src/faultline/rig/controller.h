@@ -1,5 +1,6 @@
 // A controller runs once per sample on the measured channels and writes the set points and commands of the same row,
-// which are held until the next. Controllers register themselves as rig/name.
+// which are held until the next. Controllers register themselves as rig/name. A profile without one is run in an open
+// loop: each of its commands follows an excitation.
 #pragma once
 
 #include <memory>

@@ -53,6 +53,9 @@ class Settings {
   const std::string& where() const { return where_; }  // file and key path, for messages
   void set(const std::string& key, double value);      // overrides one number (tuning, command line)
   void set(const std::string& key, const std::vector<double>& values);
+  void set(const std::string& key, const std::string& word);
+  // Every entry as a datasheet has it, `key: value`, by key.
+  std::vector<std::string> texts() const;
 
  private:
   std::string where_;
@@ -62,12 +65,21 @@ class Settings {
   mutable std::map<std::string, bool> used_;
 };
 
-// What a controller is asked for during a run. `controller` names an entry of Datasheet::controllers; `shape` one of
-// the excitation shapes of rig/excitation.h; `settings` are that shape's.
+// A command that follows an excitation by itself, in the channel's unit.
+struct DrivenCommand {
+  std::string channel;
+  std::string shape;  // of rig/excitation.h
+  Settings settings;  // that shape's
+};
+
+// What a rig is asked for during a run. With a controller: `controller` names an entry of Datasheet::controllers;
+// `shape` one of the excitation shapes of rig/excitation.h; `settings` are that shape's. Open loop: no controller, and
+// `commands` are driven.
 struct Profile {
   std::string name;
   std::string controller;
   std::string shape;
+  std::vector<DrivenCommand> commands;
   double duration = 0;  // s, when the command line gives none
   std::string meaning;
   Settings settings;
@@ -139,6 +151,8 @@ struct Datasheet {
   std::vector<StageSpec> isolators;
   std::map<std::string, double> normal_gap;  // channel -> largest excess that is normal on this rig
   std::vector<std::string> notes;
+  // Keys at the top that were filled in because the datasheet leaves them out (default_sheet.h).
+  std::set<std::string> defaulted;
 
   // Where an entry stands, as FILE:LINE: 'path': "ports.force.piston", or a section, "ports". Empty in a sheet that was
   // not read.

@@ -11,6 +11,7 @@
 
 #include "faultline/rig/datasheet_check.h"
 #include "faultline/rig/datasheet_sections.h"
+#include "faultline/rig/default_sheet.h"
 #include "faultline/rig/effect.h"
 #include "faultline/rig/nearest_name.h"
 #include "faultline/signal/error.h"
@@ -375,6 +376,8 @@ Datasheet read_datasheet(const std::string& path) {
   read_excitation(root, sheet);
   read_faults(root, sheet);
   read_diagnosis(root, sheet);
+  Names given;
+  for (const YamlValue& entry : root.entries()) given.insert(entry.key());
   const std::filesystem::path stages = file.parent_path() / kStagesFile;
   if (file.filename() == kRigFile && std::filesystem::exists(stages)) {
     for (const char* key : kStageKeys)
@@ -384,8 +387,10 @@ Datasheet read_datasheet(const std::string& path) {
     second.set_branches(sheet.branches);
     sheet.stages_file = stages.string();
     read_diagnosis(second, sheet);
+    for (const YamlValue& entry : second.entries()) given.insert(entry.key());
   }
   check_datasheet(sheet);
+  complete_datasheet(sheet, given);
   return sheet;
 }
 

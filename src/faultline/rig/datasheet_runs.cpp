@@ -4,6 +4,7 @@
 // are checked by whoever makes them.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "faultline/rig/datasheet_sections.h"
@@ -133,6 +134,37 @@ std::vector<StageSpec> read_stages(const YamlValue& root, const std::string& key
   return stages;
 }
 
+// What a controller follows.
+void read_set_points(const YamlValue& entry, const std::vector<std::string>& controllers, Profile& profile) {
+  profile.controller = entry.at("controller").name();
+  if (std::find(controllers.begin(), controllers.end(), profile.controller) == controllers.end())
+    entry.at("controller")
+        .fail(fmt::format("is '{}'; controllers are {}{}", profile.controller, joined(controllers),
+                          did_you_mean(profile.controller, controllers)));
+  profile.shape = entry.at("shape").name();
+  profile.settings = read_settings(entry, {"name", "controller", "shape", "duration", "meaning", "second", "inputs"});
+  make_excitation(profile.shape, profile.settings, 1);  // refuses what the shape does not know
+  if (!entry.has("second")) return;
+  const YamlValue second = entry.at("second");
+  if (!second.has("shape")) second.fail("lacks the key 'shape'");
+  profile.second_shape = second.at("shape").name();
+  profile.second_settings = read_settings(second, {"shape"});
+  make_excitation(profile.second_shape, profile.second_settings, 1);
+}
+
+// What drives the commands in an open loop.
+void read_driven(const YamlValue& entry, const Datasheet& sheet, Profile& profile) {
+  entry.allow({"name", "duration", "meaning", "commands"}, {"inputs"});
+  for (const YamlValue& command : entry.at("commands").entries()) {
+    if (channel_named(sheet, command, command.key()).role != Role::command)
+      command.fail("is not a channel of role command");
+    if (!command.has("shape")) command.fail("lacks the key 'shape'");
+    profile.commands.push_back({command.key(), command.at("shape").name(), read_settings(command, {"shape"})});
+    make_excitation(profile.commands.back().shape, profile.commands.back().settings, 1);
+  }
+  if (profile.commands.empty()) entry.at("commands").fail("must drive at least one command");
+}
+
 }  // namespace
 
 void read_excitation(const YamlValue& root, Datasheet& sheet) {
@@ -161,27 +193,22 @@ void read_excitation(const YamlValue& root, Datasheet& sheet) {
     sheet.controllers[entry.key()] = read_settings(entry, {"meaning"});
   }
   for (const YamlValue& entry : list_at(root, "profiles")) {
-    for (const char* key : {"name", "controller", "shape", "duration", "meaning"})
+    const bool open_loop = entry.has("commands");
+    for (const char* key : {"name", "duration", "meaning"})
       if (!entry.has(key)) entry.fail(fmt::format("lacks the key '{}'", key));
+    for (const char* key : {"controller", "shape"})
+      if (entry.has(key) == open_loop)
+        entry.fail(open_loop
+                       ? fmt::format("has 'commands', which are driven without a controller: '{}' is too much", key)
+                       : fmt::format("lacks the key '{}', or 'commands' that are driven without a controller", key));
     Profile profile;
     profile.name = entry.at("name").name();
-    profile.controller = entry.at("controller").name();
-    if (controllers.count(profile.controller) == 0)
-      entry.at("controller")
-          .fail(fmt::format("is '{}'; controllers are {}{}", profile.controller, joined(list_of(controllers)),
-                            did_you_mean(profile.controller, list_of(controllers))));
-    profile.shape = entry.at("shape").name();
     profile.duration = entry.at("duration").number(1e-3);
     profile.meaning = entry.at("meaning").text();
-    profile.settings = read_settings(entry, {"name", "controller", "shape", "duration", "meaning", "second", "inputs"});
-    make_excitation(profile.shape, profile.settings, 1);  // refuses what the shape does not know
-    if (entry.has("second")) {
-      const YamlValue second = entry.at("second");
-      if (!second.has("shape")) second.fail("lacks the key 'shape'");
-      profile.second_shape = second.at("shape").name();
-      profile.second_settings = read_settings(second, {"shape"});
-      make_excitation(profile.second_shape, profile.second_settings, 1);
-    }
+    if (open_loop)
+      read_driven(entry, sheet, profile);
+    else
+      read_set_points(entry, list_of(controllers), profile);
     for (const YamlValue& input : mapping_at(entry, "inputs")) {
       const Channel& channel = channel_named(sheet, input, input.key());
       if (channel.role != Role::input) input.fail("is not a channel of role input");

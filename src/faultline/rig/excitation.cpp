@@ -101,6 +101,7 @@ class Multisine : public Excitation {
     const int count = static_cast<int>(s.number("count", 1, 1000));
     const double lowest = s.number("lowest", 1e-6, kHuge);
     const double highest = s.number("highest", lowest, kHuge);
+    const double corner = s.number_or("corner", 1, 1e-9, kHuge);
     const double amplitude = s.number("amplitude", 0, kHuge);
     Random random(seed);
     // Geometric spacing; amplitudes fall with frequency, so that the speed stays within what the rig can do. Every
@@ -110,7 +111,7 @@ class Multisine : public Excitation {
     for (int k = 0; k < count; ++k) {
       const double share = count > 1 ? static_cast<double>(k) / (count - 1) : 0;
       const double f = base * std::round(lowest * std::pow(highest / lowest, share) / base);
-      sines_.push_back({f, std::sqrt(lowest / f) / (1 + f), random.uniform(0, 2 * kPi)});
+      sines_.push_back({f, std::sqrt(lowest / f) / (1 + f / corner), random.uniform(0, 2 * kPi)});
     }
     const int points = static_cast<int>(std::min(1e6, kPointsPerCycle * highest / base));
     for (int i = 0; i < points; ++i) peak = std::max(peak, std::abs(sum_of(sines_, i / (base * points))));

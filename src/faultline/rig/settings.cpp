@@ -18,6 +18,14 @@ void check_range(const std::string& where, const std::string& key, double value,
                                  minimum, maximum));
 }
 
+// With a point and a sign in front of an exponent, so that readers of YAML 1.1 take it for a number too.
+std::string yaml_number(double value) {
+  std::string text = fmt::format("{:.9g}", value);
+  const auto exponent = text.find('e');
+  if (exponent != std::string::npos && text.find('.') == std::string::npos) text.insert(exponent, ".0");
+  return text;
+}
+
 }  // namespace
 
 Settings::Settings(std::string where, std::map<std::string, double> numbers,
@@ -94,6 +102,25 @@ void Settings::set(const std::string& key, const std::vector<double>& values) {
   numbers_.erase(key);
   words_.erase(key);
   lists_[key] = values;
+}
+
+void Settings::set(const std::string& key, const std::string& word) {
+  numbers_.erase(key);
+  lists_.erase(key);
+  words_[key] = word;
+}
+
+std::vector<std::string> Settings::texts() const {
+  std::vector<std::string> result;
+  for (const auto& [key, word] : words_) result.push_back(fmt::format("{}: \"{}\"", key, word));
+  for (const auto& [key, number] : numbers_) result.push_back(key + ": " + yaml_number(number));
+  for (const auto& [key, list] : lists_) {
+    std::string numbers;
+    for (const double number : list) numbers += (numbers.empty() ? "" : ", ") + yaml_number(number);
+    result.push_back(fmt::format("{}: [{}]", key, numbers));
+  }
+  std::sort(result.begin(), result.end());
+  return result;
 }
 
 }  // namespace faultline

@@ -16,20 +16,32 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr int kWanderTones = 12;  // sines that make up the wander of a measured input
 
 std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<EffectSpec>& extra) {
-  std::vector<EffectSpec> specs;
-  for (const std::string& text : sheet.nominal_effects) specs.push_back(parse_effect(text));
+  std::vector<EffectSpec> specs = nominal_effects(sheet);
   specs.insert(specs.end(), extra.begin(), extra.end());
   return specs;
 }
 
 enum class Use { simulator, model };  // a rig's stand-in, or the model that a recording drives: which substep
 
+int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
+  const RigType* type = find_rig_type(sheet.rig);
+  double wanted = type ? type->substep : sheet.sample_period;
+  const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
+  const bool faster = std::any_of(effects.begin(), effects.end(), [](const EffectSpec& effect) {
+    const PortKind kind = port_kind(effect.port);
+    return kind == PortKind::line || kind == PortKind::transmission;
+  });
+  if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
+  if (setup.substep > 0) wanted = setup.substep;
+  return std::max(1, static_cast<int>(std::ceil(sheet.sample_period / wanted - 1e-9)));
+}
+
 // A rig with its effects, and the effects on its signals by channel: what driven and closed-loop simulation share.
 class Plant {
  public:
   Plant(const Datasheet& sheet, const SimulationSetup& setup, Use use)
       : sheet_(sheet),
-        substeps_(substeps(sheet, setup, use)),
+        substeps_(substeps_of(sheet, setup, use)),
         substep_(sheet.sample_period / substeps_),
         effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
     const RigType* type = find_rig_type(sheet.rig);
@@ -125,19 +137,6 @@ class Plant {
     rig_->set_modes(state);
   }
 
-  static int substeps(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
-    const RigType* type = find_rig_type(sheet.rig);
-    double wanted = type ? type->substep : sheet.sample_period;
-    const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
-    const bool faster = std::any_of(effects.begin(), effects.end(), [](const EffectSpec& effect) {
-      const PortKind kind = port_kind(effect.port);
-      return kind == PortKind::line || kind == PortKind::transmission;
-    });
-    if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
-    if (setup.substep > 0) wanted = setup.substep;
-    return std::max(1, static_cast<int>(std::ceil(sheet.sample_period / wanted - 1e-9)));
-  }
-
   // Outputs as they are, then as sensors with effects show them. Sensors without effects only need the last substep,
   // but the outputs are cheap.
   void observe(double time) {
@@ -191,6 +190,26 @@ double table_value(const CommandTable& table, double time) {
 
 }  // namespace
 
+std::vector<EffectSpec> nominal_effects(const Datasheet& sheet) {
+  std::vector<EffectSpec> specs;
+  for (const std::string& text : sheet.nominal_effects) specs.push_back(parse_effect(text));
+  return specs;
+}
+
+int model_substeps(const Datasheet& sheet, const std::vector<EffectSpec>& effects) {
+  SimulationSetup setup;
+  setup.effects = effects;
+  return substeps_of(sheet, setup, Use::model);
+}
+
+Random sensor_noise(std::uint64_t seed) { return Random(seed * 104729 + 17); }
+
+double measured_value(const Channel& channel, double value, Random& noise) {
+  if (channel.noise_std > 0) value += channel.noise_std * noise.normal();
+  if (channel.resolution > 0) value = std::round(value / channel.resolution) * channel.resolution;
+  return std::clamp(value, channel.minimum, channel.maximum) + 0.0;  // no negative zero
+}
+
 struct Simulator::Parts {
   Parts(const Datasheet& datasheet, const SimulationSetup& given)
       : sheet(datasheet), setup(given), plant(sheet, setup, Use::simulator) {
@@ -230,7 +249,7 @@ struct Simulator::Parts {
   }
 
   void begin() {
-    noise = Random(setup.seed * 104729 + 17);
+    noise = sensor_noise(setup.seed);
     controller->reset();
     row = 0;
     fill_inputs(0, driving.data());
@@ -244,11 +263,7 @@ struct Simulator::Parts {
   }
 
   double measured(std::size_t channel, double value) {
-    const Channel& c = sheet.channels[channel];
-    if (!setup.noise) return value;
-    if (c.noise_std > 0) value += c.noise_std * noise.normal();
-    if (c.resolution > 0) value = std::round(value / c.resolution) * c.resolution;
-    return std::clamp(value, c.minimum, c.maximum) + 0.0;  // no negative zero
+    return setup.noise ? measured_value(sheet.channels[channel], value, noise) : value;
   }
 
   const Sample& step() {

@@ -5,7 +5,7 @@
 // rig that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep. The
 // run starts from the rig's own initial state under the first row's commands.
 // Deterministic for a given seed. One seed s starts a generator for each purpose, so that none moves with another: the
-// first set point s, the second s + 15485863, measured input i (from 0) 7919 s + i + 1, sensor noise 104729 s + 17,
+// first set point s, the second s + 15485863 (command i, from 0, of an open loop s + 15485863 i), measured input i (from 0) 7919 s + i + 1, sensor noise 104729 s + 17,
 // effect i a hash of s and i. The rig's own parameters are no part of a run: draw_parameters() has a seed of its own.
 #pragma once
 
@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "faultline/numerics/random.h"
 #include "faultline/rig/controller.h"
 #include "faultline/rig/rig.h"
 #include "faultline/signal/sample.h"
@@ -87,6 +88,15 @@ class DrivenModel {
   struct Parts;
   std::unique_ptr<Parts> parts_;
 };
+
+// The datasheet's effects of the nominal model.
+std::vector<EffectSpec> nominal_effects(const Datasheet& sheet);
+// Integration steps per sample period of the model that a recording drives, with `effects` on top.
+int model_substeps(const Datasheet& sheet, const std::vector<EffectSpec>& effects);
+
+// What a transducer shows: with its noise, rounded, within its range; and the generator of a run's noise.
+double measured_value(const Channel& channel, double value, Random& noise);
+Random sensor_noise(std::uint64_t seed);
 
 // Parameters drawn around nominal with their tolerances (normal, cut at two sigma), for a rig that is off its
 // datasheet. Several runs of one rig take the same seed here and other seeds in their setups.

@@ -15,6 +15,7 @@ constexpr double kSettleFraction = 0.05;  // of each recording, in which the fir
 constexpr double kFirstLogStep = 2.3;     // of the logarithm: a factor of ten
 constexpr double kLastLogStep = 0.2;
 constexpr double kWorthwhileLogLikelihood = 1e-4;  // gain in mean log-likelihood
+constexpr const char* kOwnNoise = "rig_model";     // it works them out where they are not given
 constexpr double kLargestVariance = 1e12, kSmallestVariance = 1e-30;
 
 struct Innovations {
@@ -90,12 +91,19 @@ std::vector<bool> random_walks(const Datasheet& sheet, const StageSpec& stage) {
 }
 
 NoiseTuning tune_noise(const Datasheet& sheet, const StageSpec& stage, const std::vector<Recording>& healthy) {
-  if (!stage.settings.has("process_noise") || !stage.settings.has("measurement_noise"))
+  const bool given = stage.settings.has("process_noise") && stage.settings.has("measurement_noise");
+  if (!given && stage.settings.word_or("model", "") != kOwnNoise)
     throw InputError(fmt::format("{}: stage '{}' has no process_noise and measurement_noise to choose",
                                  stage.settings.where(), stage.name));
   NoiseTuning result;
-  result.process_noise = stage.settings.list("process_noise", 0, 0, kLargestVariance);
-  result.measurement_noise = stage.settings.list("measurement_noise", 0, 0, kLargestVariance);
+  if (given) {
+    result.process_noise = stage.settings.list("process_noise", 0, 0, kLargestVariance);
+    result.measurement_noise = stage.settings.list("measurement_noise", 0, 0, kLargestVariance);
+  } else {
+    const auto model = make_process_model(kOwnNoise, sheet, stage.settings);
+    result.process_noise = model->process_noise();
+    result.measurement_noise = model->measurement_noise();
+  }
   result.walks = random_walks(sheet, stage);
 
   std::vector<double*> entries;
