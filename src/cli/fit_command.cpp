@@ -30,8 +30,10 @@ struct Options {
 };
 
 Json result_json(const Datasheet& sheet, const std::vector<std::string>& runs, const ParameterFit& fit) {
-  Json json = {
-      {"rig", sheet.rig}, {"runs", runs}, {"segments", fit.segments}, {"segment_duration", fit.segment_duration}};
+  Json json = {{"rig", sheet.rig},           {"runs", runs},
+               {"segments", fit.segments},   {"segment_duration", fit.segment_duration},
+               {"converged", fit.converged}, {"freedom", fit.freedom},
+               {"remarks", fit.remarks}};
   json["parameters"] = Json::array();
   for (const FittedParameter& p : fit.parameters)
     json["parameters"].push_back({{"name", p.name},
@@ -39,6 +41,7 @@ Json result_json(const Datasheet& sheet, const std::vector<std::string>& runs, c
                                   {"nominal", p.nominal},
                                   {"tolerance", p.tolerance},
                                   {"determined", p.determined},
+                                  {"at_bound", p.at_bound},
                                   {"estimate", p.estimate},
                                   {"low", p.low},
                                   {"high", p.high},
@@ -61,17 +64,20 @@ void print_result(const Datasheet& sheet, const ParameterFit& fit) {
                p.low, p.high, p.unit, 100 * (p.estimate / p.nominal - 1));
   }
   for (const FittedParameter& p : fit.parameters)
-    if (!p.determined) fmt::print("{:<26} {:>11.4g} not determined: {}\n", p.name, p.nominal, p.reason);
+    if (!p.determined)
+      fmt::print("{:<26} {:>11.4g} {:>11.4g} not determined: {}\n", p.name, p.nominal, p.estimate, p.reason);
   fmt::print("\n{:<26} {:>11} {:>11} {:>11}  {}\n", "residual, rms", "noise", "before", "after", "unit");
   for (const ChannelMisfit& c : fit.channels)
     fmt::print("{:<26} {:>11.3g} {:>11.3g} {:>11.3g}  {}\n", c.channel, c.noise, c.before, c.after, c.unit);
+  if (!fit.remarks.empty()) fmt::print("\n");
+  for (const std::string& remark : fit.remarks) fmt::print("{}\n", remark);
 }
 
 // The datasheet with what was found as nominal values and tolerances.
 void write_patch(const Datasheet& sheet, const ParameterFit& fit, const std::string& file) {
   std::string text = datasheet_text(sheet);
   for (const FittedParameter& p : fit.parameters) {
-    if (!p.determined) continue;
+    // Those of a combination belong together, so all are written.
     set_parameter(sheet, text, p.name, "nominal", p.estimate);
     set_parameter(sheet, text, p.name, "tolerance",
                   0.5 * (p.high - p.low) / kNinetyPercentSigmas / std::abs(p.estimate));
@@ -95,6 +101,7 @@ void run(const Options& options) {
   const ParameterFit fit = fit_parameters(sheet, std::move(runs), jobs, [tell](const std::string& text) {
     if (tell) std::fputs(fmt::format("fit: {}\n", text).c_str(), stderr);
   });
+  print_remarks("fit", fit.remarks);
   if (!options.patch.empty()) write_patch(sheet, fit, options.patch);
   if (!options.json.empty()) write_text(options.json, json_text(result_json(sheet, options.runs, fit)));
   if (options.json != "-") print_result(sheet, fit);

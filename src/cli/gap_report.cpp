@@ -16,8 +16,8 @@
 
 #include "cli/interrupt.h"
 #include "cli/output_file.h"
-#include "cli/share_folder.h"
 #include "faultline/signal/error.h"
+#include "nodes/python_script.h"
 
 extern char** environ;
 
@@ -56,24 +56,9 @@ class TemporaryFolder {
   std::vector<std::unique_ptr<Unfinished>> unfinished_;
 };
 
-std::string script() {
-  const fs::path in_tree = fs::path(share_folder()) / "scripts" / "gap_report.py";
-  std::error_code error;
-  if (fs::is_regular_file(in_tree, error)) return in_tree.string();
-  const fs::path beside = fs::read_symlink("/proc/self/exe", error).parent_path() / "gap_report.py";
-  if (fs::is_regular_file(beside, error)) return beside.string();
-  throw InputError(
-      fmt::format("--report: {} is not there; install faultline again, or do without --report", in_tree.string()));
-}
-
-std::string interpreter() {
-  if (const char* given = std::getenv("FAULTLINE_PYTHON"); given != nullptr && *given != '\0') return given;
-  return ::access("/usr/bin/python3", X_OK) == 0 ? "/usr/bin/python3" : "python3";
-}
-
 // Runs the script without a shell; what it says goes to `said`.
 void run_script(const std::vector<std::string>& arguments, const std::string& said) {
-  std::vector<std::string> words = {interpreter(), script()};
+  std::vector<std::string> words = {python_interpreter(), find_script("gap_report.py")};
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<char*> pointers;
   for (std::string& word : words) pointers.push_back(word.data());

@@ -1,7 +1,5 @@
 // The HTML report of a gap diagnosis. A Python script draws it from the answer and the series, which are handed over as
-// files in a folder of their own that vanishes afterwards. The script lies in the share folder's scripts/ (source tree)
-// or beside the program (install space). The interpreter is $FAULTLINE_PYTHON, else the system's /usr/bin/python3, else
-// the python3 on PATH.
+// files in a folder of their own that vanishes afterwards. Script and interpreter: nodes/python_script.h.
 #pragma once
 
 #include <string>

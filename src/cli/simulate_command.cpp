@@ -1,6 +1,6 @@
-// `faultline simulate`: a seeded run of a rig, with effects, into a bag or a CSV file; or, with --drive, the rig's model
-// under the commands and inputs of a recording, row by row at its times, from the states that its first row shows. The
-// same options and seed give the same bytes.
+// `faultline simulate`: a seeded run of a rig, with effects, into a bag or a CSV file; or, with --drive, the rig's
+// model under the commands and inputs of a recording, row by row at its times, from the states that its first row
+// shows. The same options and seed give the same bytes.
 #include <unistd.h>
 
 #include <cmath>

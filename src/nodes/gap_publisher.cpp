@@ -25,13 +25,6 @@ using diagnostic_msgs::DiagnosticStatus;
 constexpr double kError = 3;   // times the normal limit, from which leaving it is an error and not a warning
 constexpr int kNiceness = 10;  // of the worker: the diagnosis beside it comes first
 
-LiveGapSettings settings_of(const Datasheet& sheet) {
-  LiveGapSettings settings;
-  // A segment of missing time is a restart; at 10 Hz that is longer than at 1 kHz.
-  settings.jump_s = static_cast<double>(settings.segment_samples) * sheet.sample_period;
-  return settings;
-}
-
 double thread_seconds() {
   timespec time{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
@@ -76,7 +69,7 @@ faultline_msgs::Gap to_message(const LiveGapState& state, const std::string& rig
 
 GapPublisher::GapPublisher(const Datasheet& sheet)
     : sheet_(sheet),
-      gap_(sheet, settings_of(sheet)),
+      gap_(sheet, LiveGapSettings()),
       input_(sheet, [this](const Sample& sample) { take(sample); }),
       health_(sheet.rig, "input", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }),
       gap_health_(sheet.rig, "gap", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell_gap(status); }) {

@@ -31,7 +31,7 @@ void linger();
 // Seconds on a clock that no one sets.
 double steady_seconds();
 
-// Messages that a queue holds: 10 s at 1 kHz.
-constexpr unsigned kQueue = 10000;
+// Messages that a queue holds: 10 s at 10 kHz.
+constexpr unsigned kQueue = 100000;
 
 }  // namespace faultline

@@ -1,6 +1,7 @@
 """fit and tune: their answers as JSON, the datasheets they write, and what they refuse."""
 import json
 import pathlib
+import re
 import sys
 import unittest
 
@@ -28,11 +29,21 @@ class Fit(ProgramTest):
         self.assertAlmostEqual(values["coulomb_friction"] / found["coulomb_friction"]["estimate"], 1, places=5)
         self.assertEqual(values["ram_area"], 6.33e-4)
 
+    def test_without_a_mark_those_with_a_tolerance_count(self):
+        run = self.simulate("a.bag", "--profile", "prbs", duration=3)
+        text = CONFIG.read_text().replace("identify: true, ", "")
+        text = re.sub(r"tolerance: [0-9.]+", "tolerance: 0", text)
+        text = re.sub(r"(name: coulomb_friction.*?)tolerance: 0", r"\1tolerance: 0.06", text)
+        (self.folder / "unmarked.yaml").write_text(text)
+        done = self.run_program("fit", "servo_actuator", run, "--config", "unmarked.yaml", "--json", "-")
+        self.assertEqual([p["name"] for p in json.loads(done.stdout)["parameters"]], ["coulomb_friction"])
+        self.assertIn("those with a tolerance are estimated", done.stderr)
+
     def test_refusals(self):
         run = self.simulate("a.bag", duration=1)
-        text = CONFIG.read_text().replace("identify: true, ", "")
-        (self.folder / "unmarked.yaml").write_text(text)
-        self.complains(["fit", "servo_actuator", run, "--config", "unmarked.yaml"], "unmarked.yaml", "identify: true")
+        text = re.sub("tolerance: [0-9.]+", "tolerance: 0", CONFIG.read_text().replace("identify: true, ", ""))
+        (self.folder / "exact.yaml").write_text(text)
+        self.complains(["fit", "servo_actuator", run, "--config", "exact.yaml"], "exact.yaml", "identify: true")
         self.complains(["fit", "servo_actuator", "none.bag"], "none.bag")
         short = self.simulate("b.bag", duration=0.2)
         self.complains(["fit", "servo_actuator", short], "b.bag", "too few")

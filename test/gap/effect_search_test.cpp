@@ -11,7 +11,7 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kSegment = 250;
+constexpr double kSegment = 0.25;  // s
 
 std::vector<GapRun> runs_with(const std::vector<std::string>& effects) {
   std::vector<GapRun> runs;
@@ -20,7 +20,7 @@ std::vector<GapRun> runs_with(const std::vector<std::string>& effects) {
     SimulationSetup setup = servo_setup(profile, seed++);
     setup.parameters = draw_parameters(servo(), 11);
     for (const std::string& effect : effects) setup.effects.push_back(parse_effect(effect));
-    runs.push_back(prepare_run(servo(), profile, simulate(servo(), setup, 6), kSegment));
+    runs.push_back(cut_run(servo(), profile, simulate(servo(), setup, 6), kSegment));
   }
   return runs;
 }

@@ -21,10 +21,10 @@ GapModel nominal() {
   return model;
 }
 
-ResidualModel model_of(const SimulationSetup& setup, double duration, std::size_t segment) {
+ResidualModel model_of(const SimulationSetup& setup, double duration, double segment) {
   std::vector<GapRun> runs;
-  runs.push_back(prepare_run(servo(), "run", simulate(servo(), setup, duration), segment));
-  return ResidualModel(servo(), std::move(runs), segment);
+  runs.push_back(cut_run(servo(), "run", simulate(servo(), setup, duration), segment));
+  return ResidualModel(servo(), std::move(runs));
 }
 
 std::size_t parameter(const std::string& name) { return static_cast<std::size_t>(servo().parameter(name)); }
@@ -88,7 +88,7 @@ TEST(Candidates, StartingPointsLieWithinTheirBounds) {
 
 TEST(Linearisation, SegmentLossIsTheMarginalLikelihoodOverTheStart) {
   constexpr std::size_t kTiny = 40;
-  const ResidualModel residuals = model_of(servo_setup("prbs"), 0.12, kTiny);
+  const ResidualModel residuals = model_of(servo_setup("prbs"), 0.12, 1e-3 * static_cast<double>(kTiny));
   const Linearisation linear(residuals, nominal(), {0}, 1);
   const std::vector<Eigen::MatrixXf> r = residuals_of(residuals, nominal());
   const std::vector<double> losses = linear.segment_losses(r);
@@ -114,7 +114,7 @@ TEST(Linearisation, SegmentLossIsTheMarginalLikelihoodOverTheStart) {
 TEST(Linearisation, GradientAgreesWithDifferences) {
   SimulationSetup setup = servo_setup("multisine");
   setup.parameters = draw_parameters(servo(), 4);
-  const ResidualModel residuals = model_of(setup, 3, 500);
+  const ResidualModel residuals = model_of(setup, 3, 0.5);
   const Linearisation linear(residuals, nominal(), {0}, 2);
   const std::vector<Eigen::MatrixXf> r = residuals_of(residuals, nominal());
   const SegmentProducts products = linear.products(r);
@@ -124,9 +124,16 @@ TEST(Linearisation, GradientAgreesWithDifferences) {
     EXPECT_NEAR(products.squares[g], 2 * losses[g], 1e-4 * (1 + losses[g]));
 
   // Of the loss along the columns: exact, the loss being quadratic in the residuals.
+  const auto column_of = [&](std::size_t index) {
+    const Parameter& p = servo().parameters[index];
+    const double step = residuals.options().linearisation.difference_tolerances;
+    GapModel moved = nominal();
+    moved.parameters[index] += step * p.tolerance * p.nominal;
+    return Eigen::MatrixXf((residuals.residuals(moved, 0) - r[0]) / static_cast<float>(step));
+  };
   for (std::size_t j = 0; j < linear.free_parameters().size(); ++j) {
     const auto at = static_cast<Eigen::Index>(j);
-    const Eigen::MatrixXf& column = linear.parameter_columns()[j][0];
+    const Eigen::MatrixXf column = column_of(linear.free_parameters()[j]);
     for (std::size_t g = 0; g < losses.size(); ++g) {
       const double size = std::max(1e-3, std::sqrt(linear.parameter_grams()[g](at, at)));
       const auto h = static_cast<float>(10 / size);
@@ -146,9 +153,7 @@ TEST(Linearisation, GradientAgreesWithDifferences) {
     plus.parameters[parameter(name)] *= 1 + 0.03 * p.tolerance;
     minus.parameters[parameter(name)] *= 1 - 0.03 * p.tolerance;
     const Eigen::MatrixXf direct = (residuals.residuals(plus, 0) - residuals.residuals(minus, 0)) / 0.06f;
-    const auto& free = linear.free_parameters();
-    const auto j = static_cast<std::size_t>(std::find(free.begin(), free.end(), parameter(name)) - free.begin());
-    const Eigen::MatrixXf& column = linear.parameter_columns()[j][0];
+    const Eigen::MatrixXf column = column_of(parameter(name));
     EXPECT_GT(direct.cwiseProduct(column).sum() / direct.norm() / column.norm(), 0.99f) << name;
     EXPECT_NEAR(column.norm() / direct.norm(), 1, 0.05) << name;
   }
@@ -157,7 +162,7 @@ TEST(Linearisation, GradientAgreesWithDifferences) {
 TEST(Linearisation, ProjectedLossIsNoMoreThanTheLoss) {
   SimulationSetup setup = servo_setup("multisine");
   setup.parameters = draw_parameters(servo(), 9);
-  const ResidualModel residuals = model_of(setup, 3, 500);
+  const ResidualModel residuals = model_of(setup, 3, 0.5);
   const Linearisation linear(residuals, nominal(), {0}, 2);
   const std::vector<Eigen::MatrixXf> r = residuals_of(residuals, nominal());
   const Eigen::VectorXd z = deviations(servo(), linear.free_parameters(), nominal().parameters);
@@ -173,7 +178,7 @@ TEST(Linearisation, ProjectedParametersStayWithinTheirBound) {
   SimulationSetup setup = servo_setup("multisine");
   setup.parameters = servo().nominal();
   setup.parameters[parameter("viscous_damping")] *= 3;  // many tolerances
-  const ResidualModel residuals = model_of(setup, 3, 500);
+  const ResidualModel residuals = model_of(setup, 3, 0.5);
   const Linearisation linear(residuals, nominal(), {0}, 2);
   const Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(linear.free_parameters().size()));
   const SegmentProducts products = linear.products(residuals_of(residuals, nominal()));
@@ -221,7 +226,7 @@ TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
   setup.parameters = servo().nominal();
   setup.parameters[parameter("viscous_damping")] *= 1.2;
   setup.parameters[parameter("compliance")] *= 0.7;
-  ResidualModel residuals = model_of(setup, 6, 500);
+  ResidualModel residuals = model_of(setup, 6, 0.5);
   FitResult fit;
   fit.model = nominal();
   for (int round = 0; round < 9; ++round) {  // the damping lies in a flat valley of 6 s of random voltage
@@ -241,7 +246,7 @@ TEST(FitGap, RecoversParametersThatAreOffByTwoTolerances) {
 TEST(FitGap, FindsTheSizeOfAnEffect) {
   SimulationSetup setup = servo_setup("multisine");
   setup.effects.push_back(parse_effect("scale@sensor.velocity:factor=1.12"));
-  const ResidualModel residuals = model_of(setup, 4, 500);
+  const ResidualModel residuals = model_of(setup, 4, 0.5);
   std::vector<Candidate> effect;
   for (const Candidate& candidate : candidates(servo(), {}))
     if (candidate.effect.effect == "scale" && candidate.effect.port == "sensor.velocity") effect.push_back(candidate);

@@ -75,17 +75,17 @@ TEST(Options, OfTheFaultResponsesAreTheDatasheets) {
 
 TEST(Options, ReachTheirStages) {
   GapOptions options;
-  options.residuals.start_prior_sigma = 5;
+  options.segments.start_prior_sigma = 5;
   options.linearisation.parameter_bound_tolerances = 0.25;
   options.candidates.stuck_times = 7;
   SimulationSetup setup = servo_setup("prbs");
   setup.parameters = servo().nominal();
   setup.parameters[static_cast<std::size_t>(servo().parameter("viscous_damping"))] *= 1.3;
-  const auto prepared = [&] { return prepare_run(servo(), "run", simulate(servo(), setup, 1), 250); };
+  const auto prepared = [&] { return cut_run(servo(), "run", simulate(servo(), setup, 1), 0.25); };
   GapModel nominal;
   nominal.parameters = servo().nominal();
-  const ResidualModel residuals(servo(), {prepared()}, 250, options), usual(servo(), {prepared()}, 250);
-  EXPECT_DOUBLE_EQ(residuals.runs()[0].start_std[0], 2.5 * usual.runs()[0].start_std[0]);
+  const ResidualModel residuals(servo(), {prepared()}, options), usual(servo(), {prepared()});
+  EXPECT_NEAR((residuals.runs()[0].start_roots[0] - 2.5 * usual.runs()[0].start_roots[0]).norm(), 0, 1e-9);
   const Linearisation linear(residuals, nominal, {0}, 1);
   const FitResult fit = fit_gap(residuals, nominal, {}, linear, 4);
   EXPECT_NEAR(deviations(servo(), linear.free_parameters(), fit.model.parameters).cwiseAbs().maxCoeff(), 0.25, 1e-9);

@@ -1,60 +1,25 @@
-// Residuals of a gap: the noise they are measured in, what a run must be like, and the course that is written for
-// plots.
+// Residuals of a gap, rounding that is found in recordings, and the course that is written for plots.
 #include "faultline/gap/residual_model.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "faultline/gap/gap_series.h"
 #include "faultline/gap/grid_step.h"
 #include "faultline/numerics/random.h"
-#include "faultline/signal/error.h"
 #include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
 namespace {
 
-constexpr std::size_t kSegment = 500;
+constexpr double kSegment = 0.5;  // s
 
 GapModel nominal() {
   GapModel model;
   model.parameters = servo().nominal();
   return model;
-}
-
-std::string complaint(Recording recording, std::size_t segment = kSegment) {
-  try {
-    prepare_run(servo(), "a.bag", std::move(recording), segment);
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "";
-}
-
-TEST(NoiseFloor, FindsWhiteNoiseUnderAMovingSignal) {
-  Recording recording;
-  recording.channels.resize(2);
-  Random random(5);
-  for (int k = 0; k < 20000; ++k) {
-    Sample sample;
-    sample.time = 1e-3 * k;
-    const double moving = 0.3 * std::sin(2 * 3.14159265358979 * 2 * sample.time);
-    sample.values = {moving + 0.01 * random.normal(), moving};
-    recording.append(sample);
-  }
-  EXPECT_NEAR(noise_floor(recording, 0), 0.01, 0.0004);
-  EXPECT_LT(noise_floor(recording, 1), 1e-6);
-}
-
-TEST(NoiseFloor, OfASimulatedRunIsWhatTheDatasheetSays) {
-  const Recording run = simulate(servo(), servo_setup("multisine"), 10);
-  for (const char* channel : {"velocity", "load_pressure", "chamber_a_pressure"}) {
-    const double says = servo().channels[column(channel)].noise_std;
-    EXPECT_NEAR(noise_floor(run, column(channel)), says, 0.08 * says) << channel;
-  }
 }
 
 // A stuck transducer's value is read from the recording, and the state behind it goes on: otherwise each segment
@@ -63,7 +28,7 @@ TEST(Residuals, OfAStuckTransducerAreNoiseOnceItIsInTheModel) {
   SimulationSetup setup = servo_setup("multisine");
   const std::string stuck = "stuck@sensor.position:from=2.1";
   setup.effects = {parse_effect(stuck)};
-  const ResidualModel residuals(servo(), {prepare_run(servo(), "a.bag", simulate(servo(), setup, 6), 250)}, 250);
+  const ResidualModel residuals(servo(), {cut_run(servo(), "a.bag", simulate(servo(), setup, 6), 0.25)});
   const auto position =
       std::find(residuals.outputs().begin(), residuals.outputs().end(), static_cast<int>(column("position"))) -
       residuals.outputs().begin();
@@ -77,69 +42,39 @@ TEST(Residuals, OfAStuckTransducerAreNoiseOnceItIsInTheModel) {
   EXPECT_LT(mean_square(model), 1.2);
 }
 
-TEST(PrepareRun, RefusesWhatCannotBeUsed) {
-  const Recording good = simulate(servo(), servo_setup("multisine"), 2);
-  EXPECT_EQ(complaint(good), "");
-
-  const std::string brief = complaint(simulate(servo(), servo_setup("multisine"), 0.5));
-  EXPECT_NE(brief.find("a.bag"), std::string::npos) << brief;
-  EXPECT_NE(brief.find("too few"), std::string::npos) << brief;
-
-  Recording uneven = good;
-  for (std::size_t k = 700; k < uneven.rows(); ++k) uneven.time[k] += 0.004;
-  const std::string says = complaint(uneven);
-  EXPECT_NE(says.find("0.005 s between the samples at 0.704 s"), std::string::npos) << says;
-
-  Recording missing = good;
-  missing.values[1200 * missing.columns() + column("velocity")] = std::numeric_limits<double>::quiet_NaN();
-  const std::string names = complaint(missing);
-  EXPECT_NE(names.find("velocity"), std::string::npos) << names;
-  EXPECT_NE(names.find("1.200 s"), std::string::npos) << names;
-}
-
-TEST(PrepareRun, HidesGroundTruthAndCutsSegments) {
-  SimulationSetup setup = servo_setup("multisine");
-  open_bypass(setup, 0.5, 3);
-  Recording recording = simulate(servo(), setup, 2);
-  ASSERT_GT(recording.at(1500, column("leak_valve_command")), 2.9);
-  // A number that is missing where nobody looks does no harm.
-  recording.values[100 * recording.columns() + column("leak_flow")] = std::numeric_limits<double>::quiet_NaN();
-  const GapRun run = prepare_run(servo(), "a.bag", std::move(recording), kSegment);
-  EXPECT_EQ(run.recording.at(1500, column("leak_valve_command")), 0);
-  EXPECT_EQ(run.recording.at(100, column("leak_flow")), 0);
-  EXPECT_EQ(run.segments(), 4u);
-  EXPECT_EQ(run.restarts[3], 1500u);
-}
-
 TEST(ResidualModel, IsNoiseWhereTheModelIsRightAndMoreWhereItIsNot) {
   SimulationSetup other = servo_setup("prbs", 2);
   other.effects.push_back(parse_effect("viscous_friction@force.piston:coefficient=800"));
   std::vector<GapRun> runs;
-  runs.push_back(prepare_run(servo(), "right", simulate(servo(), servo_setup("multisine"), 3), kSegment));
-  runs.push_back(prepare_run(servo(), "wrong", simulate(servo(), other, 3), kSegment));
-  const ResidualModel model(servo(), std::move(runs), kSegment);
+  runs.push_back(cut_run(servo(), "right", simulate(servo(), servo_setup("multisine"), 3), kSegment));
+  runs.push_back(cut_run(servo(), "wrong", simulate(servo(), other, 3), kSegment));
+  const ResidualModel model(servo(), std::move(runs));
   ASSERT_EQ(model.outputs().size(), 6u);
   const auto mean_square = [&](std::size_t run, std::size_t horizon) {
     const Eigen::MatrixXf r =
-        horizon == kSegment ? settled_residuals(model, nominal(), run) : model.residuals(nominal(), run, horizon);
+        horizon == 0 ? settled_residuals(model, nominal(), run) : model.residuals(nominal(), run, horizon);
     return static_cast<double>(r.squaredNorm()) / static_cast<double>(r.size());
   };
   // The noise in the samples from which a segment starts is not taken for a gap.
-  EXPECT_NEAR(mean_square(0, kSegment), 1, 0.1);
-  EXPECT_GT(mean_square(1, kSegment), 20);
-  EXPECT_LT(mean_square(1, 1), mean_square(1, kSegment));
+  EXPECT_NEAR(mean_square(0, 0), 1, 0.1);
+  EXPECT_GT(mean_square(1, 0), 20);
+  EXPECT_LT(mean_square(1, 1), mean_square(1, 0));
   EXPECT_EQ(model.start_sensitivity(nominal(), 0).size(), 5u);  // position, velocity, both chambers, spool
 }
 
 TEST(ResidualModel, StartStatesSettleWhereTheyFitBest) {
   // A start that is put off by five deviations comes back, and the loss with it.
-  ResidualModel model(servo(), {prepare_run(servo(), "a", simulate(servo(), servo_setup("prbs"), 3), kSegment)},
-                      kSegment);
+  ResidualModel model(servo(), {cut_run(servo(), "a", simulate(servo(), servo_setup("prbs"), 3), kSegment)});
+  const auto shifted = [&] {
+    double sum = 0;
+    for (const Eigen::VectorXd& shift : model.runs()[0].start_shift) sum += shift.squaredNorm();
+    return sum;
+  };
   const auto loss = [&] {
     return 0.5 * static_cast<double>(model.residuals(nominal(), 0).squaredNorm()) +
-           0.5 * model.start_shift(0).squaredNorm();
+           0.5 * shifted();
   };
-  EXPECT_EQ(model.start_shift(0).squaredNorm(), 0);
+  EXPECT_EQ(shifted(), 0);
   const double before = loss();
   model.settle_starts(nominal(), 0);
   const double once = loss();
@@ -149,35 +84,7 @@ TEST(ResidualModel, StartStatesSettleWhereTheyFitBest) {
   EXPECT_LE(twice, once);
   // About one squared unit of noise per value is left: the model is right.
   EXPECT_NEAR(2 * twice / (3000 * 6), 1, 0.06);
-  EXPECT_GT(model.start_shift(0).squaredNorm(), 1);
-}
-
-TEST(SmoothInputs, TakesNoiseAwayAndLeavesTheSignal) {
-  Recording recording = simulate(servo(), servo_setup("multisine"), 4);
-  const std::size_t supply = column("supply_pressure");
-  Random random(3);
-  std::vector<double> truth;
-  for (std::size_t k = 0; k < recording.rows(); ++k) {
-    const double value = 6.9e6 + 2e5 * std::sin(2 * 3.14159265358979 * 5 * recording.time[k]);
-    truth.push_back(value);
-    recording.values[k * recording.columns() + supply] = value + 1e4 * random.normal();
-  }
-  const std::vector<double> position_before = {recording.at(700, column("position"))};
-  smooth_inputs(servo(), recording);
-  double square = 0;
-  for (std::size_t k = 20; k + 20 < recording.rows(); ++k) square += std::pow(recording.at(k, supply) - truth[k], 2);
-  EXPECT_LT(std::sqrt(square / static_cast<double>(recording.rows() - 40)), 0.45e4);
-  EXPECT_EQ(recording.at(700, column("position")), position_before.front());  // outputs are not touched
-}
-
-TEST(SmoothInputs, LeavesWhatMovesTooFast) {
-  Recording recording = simulate(servo(), servo_setup("multisine"), 4);
-  const std::size_t supply = column("supply_pressure");
-  for (std::size_t k = 0; k < recording.rows(); ++k)
-    recording.values[k * recording.columns() + supply] = k / 40 % 2 ? 6e6 : 7e6;  // steps, without noise
-  const Recording before = recording;
-  smooth_inputs(servo(), recording);
-  for (std::size_t k = 0; k < recording.rows(); ++k) ASSERT_EQ(recording.at(k, supply), before.at(k, supply)) << k;
+  EXPECT_GT(shifted(), 1);
 }
 
 TEST(GridStep, OfARoundedSignalAndOfOneThatIsNot) {
@@ -205,7 +112,7 @@ TEST(GridStep, NamesTheChannelThatIsRounded) {
   for (const std::uint64_t seed : {1, 2}) {
     SimulationSetup setup = servo_setup("multisine");
     setup.seed = seed;
-    runs.push_back(prepare_run(servo(), "a", simulate(servo(), setup, 5), kSegment));
+    runs.push_back(cut_run(servo(), "a", simulate(servo(), setup, 5), kSegment));
   }
   EXPECT_TRUE(rounded_channels(servo(), runs, {}).empty());
   const auto round_run = [&](GapRun& run) {
@@ -232,10 +139,10 @@ TEST(GapSeries, HoldsTheRecordingAndThreeCourses) {
   std::vector<GapRun> runs;
   for (const char* name : {"a", "b"}) {
     setup.seed += 1;
-    runs.push_back(prepare_run(servo(), name, simulate(servo(), setup, 6), kSegment));
+    runs.push_back(cut_run(servo(), name, simulate(servo(), setup, 6), kSegment));
     for (double& time : runs.back().recording.time) time += 100;
   }
-  const ResidualModel model(servo(), std::move(runs), kSegment);
+  const ResidualModel model(servo(), std::move(runs));
   GapModel wrong = nominal();
   wrong.parameters[static_cast<std::size_t>(servo().parameter("viscous_damping"))] *= 1.5;
   wrong.parameters[static_cast<std::size_t>(servo().parameter("flow_coefficient"))] *= 0.8;

@@ -159,6 +159,30 @@ TEST(Excitation, KnownValues) {
   EXPECT_NEAR(table->value(9), -1, 1e-12);
 }
 
+// A rig that is a thousand times as slow gets the same motion, stretched.
+TEST(Excitation, AMultisineScalesWithItsCorner) {
+  const auto multisine = [](double slow) {
+    return make_excitation("multisine",
+                           Settings("t",
+                                    {{"count", 12},
+                                     {"lowest", 0.2 / slow},
+                                     {"highest", 5 / slow},
+                                     {"amplitude", 2},
+                                     {"corner", 1 / slow},
+                                     {"fade", slow}},
+                                    {}, {}),
+                           4);
+  };
+  const auto fast = multisine(1), slow = multisine(1000);
+  const auto plain = make_excitation(
+      "multisine", Settings("t", {{"count", 12}, {"lowest", 0.2}, {"highest", 5}, {"amplitude", 2}}, {}, {}), 4);
+  for (double t = 0; t < 20; t += 0.17) {
+    const double value = fast->value(t);
+    EXPECT_NEAR(slow->value(1000 * t), value, 1e-6) << t;
+    EXPECT_EQ(plain->value(t), value) << t;  // a corner of 1 Hz and a second of fading in, where none is given
+  }
+}
+
 TEST(Excitation, BinaryHoldsWholeClocks) {
   const auto values = run(*make_excitation("prbs", settings_of(cases()[6]), 2));
   std::size_t begin = 0;

@@ -148,7 +148,7 @@ Json gap_answer(const GapCase& asked, const std::vector<Recording>& recordings, 
   settings.without.insert(settings.without.end(), asked.without.begin(), asked.without.end());
   std::vector<GapRun> runs;
   for (const Recording& recording : recordings)
-    runs.push_back(prepare_run(small_servo(), "run", recording, options.residuals.segment_samples, options.residuals));
+    runs.push_back(cut_run(small_servo(), "run", recording, small_servo().segment, options.segments));
   const GapResult result = diagnose_gap(small_servo(), std::move(runs), {}, settings, {});
   Json answer = empty_answer();
   answer["words"].push_back(result.verdict);

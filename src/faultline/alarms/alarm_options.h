@@ -14,8 +14,8 @@ struct AlarmOptions {
 
   // A rig that gave no sample for max(shortest_stale_s, the lesser of stale_periods and of few_stale_periods +
   // person_stale_s) is silent. A hundred periods are far beyond the jitter of a DAQ; operating system and network may
-  // hold samples of a fast rig back for 0.1 s without anything being wrong. Of a slow rig three samples say enough, once
-  // a person would have noticed.
+  // hold samples of a fast rig back for 0.1 s without anything being wrong. Of a slow rig three samples say enough,
+  // once a person would have noticed.
   double stale_periods = 100;
   double few_stale_periods = 3;
   double person_stale_s = 1;

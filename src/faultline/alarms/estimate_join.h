@@ -22,7 +22,7 @@ namespace faultline {
 
 class EstimateJoin {
  public:
-  static constexpr std::size_t kMostWaiting = 10000;  // ten seconds at 1 kHz
+  static constexpr std::size_t kMostWaiting = 100000;  // ten seconds at 10 kHz
 
   explicit EstimateJoin(std::size_t stages) : EstimateJoin(std::vector<bool>(stages, false)) {}
   // One flag per stage: it speaks only now and then. At least one does not.

@@ -18,8 +18,8 @@ class Band : public Detector {
       : quantity_(s.word("quantity")),
         low_(s.number("low", -1e12, 1e12)),
         high_(s.number("high", low_, 1e12)),
-        average_time_(s.number("average", 1e-3, 1e4)),
-        persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {}
+        average_time_(s.number("average", kShortest, kLongest)),
+        persistence_(s.number("minimum_time", 0, kLongest), s.number("release_time", 0, kLongest)) {}
 
   void reset() override {
     started_ = false;

@@ -15,9 +15,9 @@ class Consistency : public Detector {
  public:
   explicit Consistency(const Settings& s)
       : limit_(s.number("limit", 1e-9, 1e9)),
-        average_time_(s.number("average", 1e-3, 1e4)),
-        settle_(s.number("settle", 0, 1e4)),
-        persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {}
+        average_time_(s.number("average", kShortest, kLongest)),
+        settle_(s.number("settle", 0, kLongest)),
+        persistence_(s.number("minimum_time", 0, kLongest), s.number("release_time", 0, kLongest)) {}
 
   void reset() override {
     started_ = false;

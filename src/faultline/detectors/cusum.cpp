@@ -30,9 +30,9 @@ class Cusum : public Detector {
         arming_(s),
         relative_(s.has("relative_change")),
         change_(s.number(relative_ ? "relative_change" : "change", 1e-300, 1e12)),
-        learn_(s.has("reference") ? 0 : s.number("learn", 1e-3, 1e4)),
+        learn_(s.has("reference") ? 0 : s.number("learn", kShortest, kLongest)),
         given_(learn_ > 0 ? 0 : s.number("reference", -1e12, 1e12)),
-        persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {
+        persistence_(s.number("minimum_time", 0, kLongest), s.number("release_time", 0, kLongest)) {
     if (s.has("threshold_changes")) {
       threshold_changes_ = s.number("threshold_changes", 1e-6, 1e9);
     } else {

@@ -21,6 +21,10 @@
 
 namespace faultline {
 
+// s, of times that a datasheet may set: of rigs sampled every 0.1 ms to every 100 s, which may take a million samples to
+// settle.
+constexpr double kShortest = 1e-6, kLongest = 1e8;
+
 struct Detection {
   bool active = false;
   double since = 0;  // s, when the condition began

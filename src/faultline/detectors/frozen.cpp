@@ -18,7 +18,7 @@ class Frozen : public Detector {
         low_(s.number_or("low", -std::numeric_limits<double>::infinity(), -1e300, 1e300)),
         high_(s.number_or("high", std::numeric_limits<double>::infinity(), -1e300, 1e300)),
         count_(static_cast<int>(s.number("count", 2, 1e6))),
-        persistence_(0, s.number("release_time", 0, 1e4)) {}
+        persistence_(0, s.number("release_time", 0, kLongest)) {}
 
   void reset() override {
     started_ = false;

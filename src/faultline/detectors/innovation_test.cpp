@@ -27,7 +27,7 @@ class InnovationTest : public Detector {
         arming_(s),
         window_(s.number("window", 2, 1e7)),
         weight_(1 / std::pow(s.number("noise", 1e-12, 1e12), 2)),
-        persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {
+        persistence_(s.number("minimum_time", 0, kLongest), s.number("release_time", 0, kLongest)) {
     const double tests = kHour / s.number("period", 1e-6, 1e3);
     const double freedom = 2 * window_ - 1;
     limit_ = chi_squared_quantile_above(freedom, std::min(0.5, s.number("false_alarms_per_hour", 1e-9, 1e6) / tests)) /

@@ -27,13 +27,13 @@ class Leak : public Detector {
         minimum_drive_(s.number("minimum_drive", 0, 1e6)),
         threshold_(s.number("threshold", 0, 1)),
         release_threshold_(s.number("release_threshold", 0, threshold_)),
-        average_(s.number("average", 1e-3, 1e4)),
-        drive_average_(s.number("drive_average", 1e-3, 1e4)),
-        settle_(s.number("settle", 0, 1e4)),
+        average_(s.number("average", kShortest, kLongest)),
+        drive_average_(s.number("drive_average", kShortest, kLongest)),
+        settle_(s.number("settle", 0, kLongest)),
         known_std_(s.number("known_std", 1e-30, 1)),
         model_error_(s.number("model_error", 0, 10)),
         model_floor_(s.number("model_floor", 0, 1)),
-        persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {}
+        persistence_(s.number("minimum_time", 0, kLongest), s.number("release_time", 0, kLongest)) {}
 
   void reset() override {
     started_ = false;

@@ -24,7 +24,7 @@ class Noisy : public Detector {
         variance_(std::pow(s.number("noise", 1e-300, 1e12), 2)),
         limit_(std::pow(s.number("limit", 1, 1e6), 2) * variance_),
         window_(s.number("window", 2, 1e6)),
-        persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {}
+        persistence_(s.number("minimum_time", 0, kLongest), s.number("release_time", 0, kLongest)) {}
 
   void reset() override {
     started_ = false;

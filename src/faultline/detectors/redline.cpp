@@ -23,9 +23,9 @@ class Redline : public Detector {
         arming_(s),
         relative_(s.has("relative_margin")),
         margin_(s.number(relative_ ? "relative_margin" : "margin", 1e-300, 1e12)),
-        learn_(s.has("expected") ? 0 : s.number("learn", 1e-3, 1e4)),
+        learn_(s.has("expected") ? 0 : s.number("learn", kShortest, kLongest)),
         given_(learn_ > 0 ? 0 : s.number("expected", -1e12, 1e12)),
-        persistence_(s.number("minimum_time", 0, 1e4), s.number("release_time", 0, 1e4)) {}
+        persistence_(s.number("minimum_time", 0, kLongest), s.number("release_time", 0, kLongest)) {}
 
   void reset() override {
     started_ = false;

@@ -21,9 +21,9 @@ class Ripple : public Detector {
         arming_(s),
         limit_(s.number("limit", 1e-300, 1e12)),
         swings_(s.number("swings", 2, 1e6)),
-        average_(s.number("average", 1e-3, 1e4)),
+        average_(s.number("average", kShortest, kLongest)),
         noise_(s.number("noise", 0, 1e12)),
-        persistence_(0, s.number("release_time", 0, 1e4)) {}
+        persistence_(0, s.number("release_time", 0, kLongest)) {}
 
   void reset() override {
     started_ = false;

@@ -4,6 +4,8 @@
 // overlap of a valve's lands. Continuous, with kinks; linear in `width` where it responds. Limit: symmetric about zero;
 // a shifted zone is an offset before it.
 
+#include <cmath>
+
 #include "faultline/rig/effect.h"
 
 namespace faultline {
@@ -13,6 +15,9 @@ class Deadband : public Effect {
  public:
   double signal(double value, double /*time*/) override { return zone(value); }
   double opening(double value) const override { return zone(value); }
+  double undo_signal(double value, double /*time*/) override {  // 0 is all of the zone
+    return value == 0 && parameter(0) > 0 ? std::nan("") : value + std::copysign(0.5 * parameter(0), value);
+  }
 
  private:
   double zone(double value) const {

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "faultline/rig/effect.h"
 
@@ -19,6 +20,17 @@ class FlexibleCurve : public Effect {
  public:
   double signal(double value, double /*time*/) override { return bent(value); }
   double opening(double opening) const override { return bent(opening); }
+  // The innermost of the lines on which the value lies; not a number where it lies on none.
+  double undo_signal(double value, double /*time*/) override {
+    const double range = context().range;
+    for (const std::size_t i : {1u, 0u, 2u}) {
+      const double left = bent(range * kKnots[i]), right = bent(range * kKnots[i + 1]);
+      const double share = (value - left) / (right - left);
+      if (!std::isfinite(share) || (i > 0 && share < 0) || (i < 2 && share > 1)) continue;
+      return range * (kKnots[i] + share * (kKnots[i + 1] - kKnots[i]));
+    }
+    return std::nan("");
+  }
 
  private:
   double bent(double value) const {

@@ -1,7 +1,8 @@
 // Gain curve: y = u (1 + curvature (|u|/range - 1)): exact at 0 and at full scale, bent between.
 //
 // curvature [1]: positive is weaker at small signals. Monotone for |curvature| < 1. range is the port's full scale.
-// Smooth but for the second derivative at 0; linear in `curvature`. Limit: odd; beyond range it keeps its parabola.
+// Smooth but for the second derivative at 0; linear in `curvature`; can be undone up to where a negative curvature turns
+// the parabola. Limit: odd; beyond range it keeps its parabola.
 
 #include <cmath>
 
@@ -14,6 +15,12 @@ class GainCurve : public Effect {
  public:
   double signal(double value, double /*time*/) override {
     return value * (1 + parameter(0) * (std::fabs(value) * inverse_range_ - 1));
+  }
+  // The root of curvature/range u^2 + (1 - curvature) u = |y| that is 0 with it; none beyond the curve's turn.
+  double undo_signal(double value, double /*time*/) override {
+    const double slope = 1 - parameter(0);
+    const double square = slope * slope + 4 * parameter(0) * inverse_range_ * std::fabs(value);
+    return square < 0 ? std::nan("") : 2 * value / (slope + std::sqrt(square));
   }
 
  private:

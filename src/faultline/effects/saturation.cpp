@@ -1,9 +1,11 @@
 // Saturation: y = min(max(u, -limit), limit).
 //
-// limit [of what passes]; infinite: none. Continuous, with kinks; reaches no effect as 1/size. Without memory.
+// limit [of what passes]; infinite: none. Continuous, with kinks; reaches no effect as 1/size. Without memory; what it
+// shows at the limit is a bound, from which nothing is undone.
 // Limit: symmetric about zero.
 
 #include <algorithm>
+#include <cmath>
 
 #include "faultline/rig/effect.h"
 
@@ -14,6 +16,9 @@ class Saturation : public Effect {
  public:
   double signal(double value, double /*time*/) override {
     return std::min(std::max(value, -parameter(0)), parameter(0));
+  }
+  double undo_signal(double value, double /*time*/) override {
+    return std::fabs(value) < parameter(0) ? value : std::nan("");
   }
 };
 

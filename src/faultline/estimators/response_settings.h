@@ -8,9 +8,10 @@
 
 #include <array>
 #include <cstddef>
+#include <string>
 
-#include "faultline/estimators/fault_hypothesis.h"
-#include "faultline/fit/fit_options.h"
+#include "faultline/attribution/fault_hypothesis.h"
+#include "faultline/segments/segment_options.h"
 
 namespace faultline {
 
@@ -64,6 +65,9 @@ struct ResponseSettings {
 
 template <class Visit>
 void for_each_option(ResponseSettings& options, Visit&& visit) {
+  for_each_option(options.segment, [&](const char* name, auto& value) {
+    visit((std::string("segment.") + name).c_str(), value);
+  });
 #define FAULTLINE_OPTION(member) visit(#member, options.member)
   FAULTLINE_OPTION(segment_samples);
   FAULTLINE_OPTION(segments);
@@ -100,11 +104,6 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(hypotheses.small_amplitude);
   FAULTLINE_OPTION(hypotheses.least_amplitude_ratio);
   FAULTLINE_OPTION(hypotheses.open_ratio);
-  FAULTLINE_OPTION(segment.start_half_width_samples);
-  FAULTLINE_OPTION(segment.start_misfit_variances);
-  FAULTLINE_OPTION(segment.largest_residual_sigma);
-  FAULTLINE_OPTION(segment.least_noise_fraction);
-  FAULTLINE_OPTION(segment.period_error_fraction);
 #undef FAULTLINE_OPTION
 }
 

@@ -1,25 +1,25 @@
 // rig_model: any rig's own equations as filters see them (rig/step_model.h), so that a rig without an observer of its
 // own has a state estimator.
 //
-//   x      the datasheet's states;  u  commands and measured inputs;  y  output channels that are no ground truth (at most
-//          kMaximumOutputs: those that measure a state first)
+//   x      the datasheet's states;  u  commands and measured inputs;  y  output channels that are no ground truth (at
+//          most kMaximumOutputs: those that measure a state first)
 //   x+     = the rig over one sample period, commands held, measured inputs linear;  y = outputs before their sensors
 //   R      noise_std^2 + resolution^2/12 of each channel, at least (1e-5 of its range)^2
 //   x_0    a measured state is what its channel says, with R; another one the rig's own start under the first sample's
 //          commands, with the variance of what it moved through in a step test (uniform: (highest - lowest)^2/12)
-//   Q      the parameters' tolerances: the mean square, over the points of a step test (rig/time_scales.h), of the change
-//          of x+ in one period by a tolerance of each parameter, all added; and by the noise of measured inputs. A
-//          parameter that is off makes an error b in every step, which a filter of gain K lets grow to b/K; K follows
-//          root(Q/R), so that at Q = b^2 this is as large as the rest of the innovation, and at most doubles its variance.
-//          At least (1e-3 of what the state moves through)^2 T/tau: no equations are exact.
+//   Q      the parameters' tolerances: the mean square, over the points of a step test (rig/time_scales.h), of the
+//          change of x+ in one period by a tolerance of each parameter, all added; and by the noise of measured inputs.
+//          A parameter that is off makes an error b in every step, which a filter of gain K lets grow to b/K; K follows
+//          root(Q/R), so that at Q = b^2 this is as large as the rest of the innovation, and at most doubles its
+//          variance. At least (1e-3 of what the state moves through)^2 T/tau: no equations are exact.
 // A reading at the end of its range says only that the value is there or beyond: it is left out.
 //
 // Jacobians by central differences of 1e-4 of what a state moves through. Quantities: every channel as measured, every
 // state (with `_estimate`, and its standard deviation), and per output the innovation over its standard deviation
 // (`CHANNEL_innovation`).
 // Settings: process_noise, measurement_noise, initial_variance (lists; as above without them).
-// InputError for more than kMaximumStates states, and for a rig without outputs. Fails where states that nothing shows do
-// not settle: they keep their prior.
+// InputError for more than kMaximumStates states, and for a rig without outputs. Fails where states that nothing shows
+// do not settle: they keep their prior.
 #include <algorithm>
 #include <cmath>
 #include <memory>

@@ -5,7 +5,6 @@
 
 #include <Eigen/Cholesky>
 
-#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 
@@ -58,7 +57,8 @@ void ResponsePrior::add(const ResponseSums& sums) {
 StretchModel::StretchModel(const Datasheet& sheet, const ResponseSettings& settings)
     : sheet_(sheet),
       settings_(settings),
-      model_(sheet, settings.segment_samples, settings.segment),
+      model_(sheet, settings.segment),
+      sigma_(noise_of(sheet, settings.segment)),
       hypotheses_(fault_hypotheses(sheet, settings.hypotheses)) {
   for (std::size_t i = 0; i < sheet_.parameters.size(); ++i)
     if (sheet_.parameters[i].tolerance > 0 && sheet_.parameters[i].nominal != 0) free_.push_back(i);
@@ -90,55 +90,31 @@ std::unique_ptr<Stretch> StretchModel::respond(const Recording& recording, const
   const Eigen::Index t = point.shift.size(), d = static_cast<Eigen::Index>(hypotheses_.size());
   auto stretch = std::make_unique<Stretch>(t, d);
   stretch->begin = recording.time.front();
-  stretch->run = model_.prepare("", recording);
-  const std::vector<double>& sigma = model_.noise();
+  stretch->run = cut_run(sheet_, "", recording,
+                         static_cast<double>(settings_.segment_samples) * sheet_.sample_period, settings_.segment);
   const ModelChange base{point.parameters, point.effects};
+  model_.place_starts(stretch->run, sigma_, base);
   const auto with = [&](const EffectSpec& effect) {
     ModelChange change = base;
     change.effects.push_back(effect);
     return change;
   };
-  std::vector<ModelChange> changes = {base};
-  std::vector<double> steps = {1};
+  std::vector<Direction> directions;
   for (const std::size_t i : free_) {
-    changes.push_back(base);
-    changes.back().parameters[i] +=
+    directions.push_back({base, settings_.parameter_difference_tolerances});
+    directions.back().to.parameters[i] +=
         settings_.parameter_difference_tolerances * sheet_.parameters[i].tolerance * sheet_.parameters[i].nominal;
-    steps.push_back(settings_.parameter_difference_tolerances);
   }
-  for (const EffectSpec& effect : nuisance_) {
-    changes.push_back(with(effect));
-    steps.push_back(1);
-  }
-  for (const FaultHypothesis& h : hypotheses_) {
-    changes.push_back(with(h.at(h.probe)));
-    steps.push_back(h.probe);
-  }
-  std::vector<Eigen::MatrixXf> residuals(changes.size());
-  in_parallel(changes.size(), settings_.jobs,
-              [&](std::size_t i) { residuals[i] = model_.residuals(changes[i], stretch->run, sigma); });
-  for (std::size_t i = 1; i < residuals.size(); ++i)
-    residuals[i] = (residuals[i] - residuals[0]) * static_cast<float>(1 / steps[i]);
-  const std::vector<Eigen::MatrixXf> starts = model_.start_columns(base, stretch->run, sigma);
-  for (std::size_t s = 1; s < stretch->run.restarts.size(); ++s) {
-    const std::size_t row = stretch->run.restarts[s];
-    Eigen::MatrixXd start;
-    for (std::size_t i = 0; i < starts.size(); ++i) {
-      const Eigen::VectorXd column = model_.stacked(starts[i], row);
-      if (i == 0) start.resize(column.size(), static_cast<Eigen::Index>(starts.size()));
-      start.col(static_cast<Eigen::Index>(i)) = column;
-    }
-    Eigen::MatrixXd all;
-    for (std::size_t i = 0; i < residuals.size(); ++i) {
-      const Eigen::VectorXd column = model_.stacked(residuals[i], row);
-      if (i == 0) all.resize(column.size(), static_cast<Eigen::Index>(residuals.size()));
-      all.col(static_cast<Eigen::Index>(i)) = column;
-    }
-    SegmentModel::project(start, all);
-    const double mean_square = all.col(0).squaredNorm() / static_cast<double>(all.rows());
-    const double weight = 1 / (settings_.inflation_variances * std::max(1.0, mean_square));
-    const auto tolerances = all.middleCols(1, t), responses = all.rightCols(d);
-    const auto r = all.col(0);
+  for (const EffectSpec& effect : nuisance_) directions.push_back({with(effect), 1});
+  for (const FaultHypothesis& h : hypotheses_) directions.push_back({with(h.at(h.probe)), h.probe});
+  const double values = static_cast<double>(stretch->run.segment * model_.outputs().size());
+  stretch->starts = std::make_unique<StartProjection>(stretch->run, model_.start_columns(base, stretch->run, sigma_), values);
+  const std::vector<LinearSegment> linear =
+      linearise(model_, stretch->run, *stretch->starts, sigma_, base, directions, settings_.jobs);
+  for (std::size_t s = 1; s < linear.size(); ++s) {
+    const Eigen::VectorXd& r = linear[s].residual;
+    const double weight = 1 / (settings_.inflation_variances * std::max(1.0, r.squaredNorm() / values));
+    const auto tolerances = linear[s].columns.leftCols(t), responses = linear[s].columns.rightCols(d);
     ResponseSums& sums = stretch->sums;
     sums.tt.noalias() += weight * tolerances.transpose() * tolerances;
     sums.td.noalias() += weight * tolerances.transpose() * responses;
@@ -146,7 +122,6 @@ std::unique_ptr<Stretch> StretchModel::respond(const Recording& recording, const
     sums.tr.noalias() += weight * tolerances.transpose() * r;
     sums.dr.noalias() += weight * responses.transpose() * r;
     sums.rr += weight * r.squaredNorm();
-    stretch->starts.push_back(std::move(start));
     stretch->tolerances.push_back(tolerances);
     stretch->weights.push_back(weight);
   }
@@ -161,11 +136,10 @@ double StretchModel::loss(const ResponsePrior& prior, const Stretches& stretches
   ModelChange change{point.parameters, point.effects};
   change.effects.insert(change.effects.end(), effects.begin(), effects.end());
   for (const Stretch* stretch : stretches) {
-    const Eigen::MatrixXf residuals = model_.residuals(change, stretch->run, model_.noise());
-    for (std::size_t s = 0; s < stretch->starts.size(); ++s) {
-      Eigen::MatrixXd r = model_.stacked(residuals, stretch->run.restarts[s + 1]);
-      SegmentModel::project(stretch->starts[s], r);
-      tr.noalias() += stretch->weights[s] * stretch->tolerances[s].transpose() * r.col(0);
+    const Eigen::MatrixXf residuals = model_.residuals(change, stretch->run, sigma_);
+    for (std::size_t s = 0; s < stretch->weights.size(); ++s) {
+      const Eigen::VectorXd r = stretch->starts->residual(stretch->run, residuals, s + 1);
+      tr.noalias() += stretch->weights[s] * stretch->tolerances[s].transpose() * r;
       rr += stretch->weights[s] * r.squaredNorm();
     }
     tt += stretch->sums.tt;

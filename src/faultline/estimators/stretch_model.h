@@ -1,6 +1,6 @@
 // A rig's model over stretches of samples, made linear: the sums from which fault_responses.h judges.
 //
-// A stretch is cut into segments with smoothed start states (fit/segment_model.h). r: whitened residuals of the model
+// A stretch is cut into segments with smoothed start states (segments/segment_model.h). r: whitened residuals of the model
 // at a point, T: their derivative by each parameter (per tolerance) and each nuisance effect of the datasheet (as
 // listed), D: by each fault (per amplitude). A segment counts by one over its mean square where that is above 1, and
 // all squares are divided by `inflation_variances`. With theta, the deviation of parameters and nuisance effects from
@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "faultline/estimators/response_settings.h"
-#include "faultline/fit/segment_model.h"
+#include "faultline/segments/linearisation.h"
 
 namespace faultline {
 
@@ -34,8 +34,8 @@ struct Stretch {
   Stretch(Eigen::Index t, Eigen::Index d) : sums(t, d) {}
   SegmentedRun run;
   double begin = 0;                     // s
-  std::vector<Eigen::MatrixXd> starts;  // per counted segment
-  std::vector<Eigen::MatrixXd> tolerances;
+  std::unique_ptr<StartProjection> starts;
+  std::vector<Eigen::MatrixXd> tolerances;  // per counted segment
   std::vector<double> weights;  // of squares, inflation in it
   ResponseSums sums;
 };
@@ -79,6 +79,7 @@ class StretchModel {
   Datasheet sheet_;
   ResponseSettings settings_;
   SegmentModel model_;
+  std::vector<double> sigma_;  // of each output
   std::vector<FaultHypothesis> hypotheses_;
   std::vector<std::size_t> free_;  // parameters with a tolerance
   std::vector<EffectSpec> nuisance_;

@@ -1,80 +1,65 @@
-// Every constant of the parameter fit and of the segments that it shares with the fault responses on which an answer
-// depends: what it means, its unit (in the name), why it has this value. docs/options.md has how much the answers
-// change when each is halved and doubled. Units as in gap/gap_options.h.
+// Every constant of the parameter fit on which an answer depends: what it means, its unit (in the name), why it has
+// this value. docs/options.md has how much the answers change when each is halved and doubled. Units as in
+// gap/gap_options.h.
 #pragma once
 
 #include <cstddef>
+#include <string>
+
+#include "faultline/segments/segment_options.h"
 
 namespace faultline {
 
-// segment_model.h: a model over a recording in segments.
-struct SegmentOptions {
-  // Samples on each side of the quadratic that smooths a start state: an average of 13, short against the motion at 1
-  // kHz.
-  std::size_t start_half_width_samples = 6;
-  // Mean squared misfit up to which that quadratic describes the signal; what is above is an error of the start.
-  double start_misfit_variances = 2;
-  // Residuals are cut at this many sigmas: finite where a model diverges, beyond anything a sensor shows.
-  double largest_residual_sigma = 1e4;
-  // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit.
-  double least_noise_fraction = 0.3;
-  // Deviation of a sample's distance in time from the sample period, as a fraction of it, up to which a run is evenly
-  // sampled.
-  double period_error_fraction = 0.2;
-};
-
-// parameter_fit.h, segment_solver.h.
+// parameter_fit.h, fit_errors.h, segment_solver.h.
 struct FitOptions {
-  std::size_t segment_samples = 250;         // from one restart of the states to the next: as in the gap
-  std::size_t first_iterations = 10;         // of the trust region in the first round, at most
-  std::size_t next_iterations = 3;           // ... and where only the scatter changed, or one parameter went
+  std::size_t first_iterations = 10;    // of the trust region in the first round and from another start, at most
+  std::size_t next_iterations = 3;      // ... and where only the scatter changed
+  std::size_t rounds = 20;              // scatter and parameters in turn, at most; else the fit has not converged
+  double settled_tolerances = 0.02;     // move of every parameter in a round below which it has
+  std::size_t other_starts = 2;         // beside the datasheet's values
+  double other_start_tolerances = 1.5;  // standard deviation of those: well outside what one rig differs from another
+  double better_cost_fraction = 1e-3;   // by which another start must end lower: above what the stopping rule leaves
   double unmarked_tolerance_fraction = 0.1;  // of a parameter to be identified whose tolerance the datasheet gives as 0
   double seen_error_tolerances = 0.5;  // error with all others known, below which the run does respond to a parameter
-  double named_correlation = 0.8;      // of two estimates, from which the reason names the other
+  double named_exponent = 0.05;        // change in percent, per percent, from which the reason names another parameter
+  double valley_ratio = 2;  // of the rise of the cost to the Hessian's, or its inverse, that doubts the latter
   double difference_tolerances = 0.1;  // step of the differences by a parameter
   double huber_sigma = 1.5;            // root mean square of a segment in scatters beyond which it counts less
-  double lowest_fraction = 0.1;        // of the datasheet's value: bounds of a parameter ...
+  double lowest_ratio = 0.1;           // to the datasheet's value: bounds of a parameter ...
   double highest_ratio = 10;           // ... which no wrong model may carry further off
   std::size_t block_segments = 4;  // whose gradients are summed before their scatter is taken: what neighbours share
   double scatter_fraction = 0.9;   // of the segments, the best, that set the scatter: a few may go astray
+  double wrong_model_ratio = 3;    // of what is left to the noise, from which the model is said to lack something
   double cost_tolerance_fraction = 1e-4;  // change of the cost at which the trust region stops: far below the scatter
   double step_tolerance_fraction = 1e-3;  // step of the parameters at which it stops
   SegmentOptions segments;
 };
 
 template <class Visit>
-void for_each_option(SegmentOptions& options, Visit&& visit) {
-#define FAULTLINE_OPTION(member) visit(#member, options.member)
-  FAULTLINE_OPTION(start_half_width_samples);
-  FAULTLINE_OPTION(start_misfit_variances);
-  FAULTLINE_OPTION(largest_residual_sigma);
-  FAULTLINE_OPTION(least_noise_fraction);
-  FAULTLINE_OPTION(period_error_fraction);
-#undef FAULTLINE_OPTION
-}
-
-template <class Visit>
 void for_each_option(FitOptions& options, Visit&& visit) {
+  for_each_option(options.segments,
+                  [&](const char* name, auto& value) { visit((std::string("segments.") + name).c_str(), value); });
 #define FAULTLINE_OPTION(member) visit(#member, options.member)
-  FAULTLINE_OPTION(segment_samples);
   FAULTLINE_OPTION(first_iterations);
   FAULTLINE_OPTION(next_iterations);
+  FAULTLINE_OPTION(rounds);
+  FAULTLINE_OPTION(settled_tolerances);
+  FAULTLINE_OPTION(other_starts);
+  FAULTLINE_OPTION(other_start_tolerances);
+  FAULTLINE_OPTION(better_cost_fraction);
   FAULTLINE_OPTION(unmarked_tolerance_fraction);
   FAULTLINE_OPTION(seen_error_tolerances);
-  FAULTLINE_OPTION(named_correlation);
+  FAULTLINE_OPTION(named_exponent);
+  FAULTLINE_OPTION(valley_ratio);
   FAULTLINE_OPTION(difference_tolerances);
   FAULTLINE_OPTION(huber_sigma);
-  FAULTLINE_OPTION(lowest_fraction);
+  FAULTLINE_OPTION(lowest_ratio);
   FAULTLINE_OPTION(highest_ratio);
   FAULTLINE_OPTION(block_segments);
   FAULTLINE_OPTION(scatter_fraction);
+  FAULTLINE_OPTION(wrong_model_ratio);
   FAULTLINE_OPTION(cost_tolerance_fraction);
   FAULTLINE_OPTION(step_tolerance_fraction);
-  FAULTLINE_OPTION(segments.start_half_width_samples);
-  FAULTLINE_OPTION(segments.start_misfit_variances);
-  FAULTLINE_OPTION(segments.largest_residual_sigma);
-  FAULTLINE_OPTION(segments.least_noise_fraction);
-  FAULTLINE_OPTION(segments.period_error_fraction);
 #undef FAULTLINE_OPTION
 }
 

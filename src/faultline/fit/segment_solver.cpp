@@ -15,14 +15,13 @@ class SegmentCosts : public ceres::EvaluationCallback {
  public:
   SegmentCosts(const SegmentSolver& solver, std::vector<double> values, const std::vector<std::size_t>& free)
       : solver_(solver), values_(std::move(values)), free_(free), z(free.size()) {
-    for (std::size_t j = 0; j < free_.size(); ++j)
-      z[j] = (values_[free_[j]] / solver_.nominal_[free_[j]] - 1) / solver_.scales_[free_[j]];
+    for (std::size_t j = 0; j < free_.size(); ++j) z[j] = solver_.coordinate(free_[j], values_[free_[j]]);
   }
   void PrepareForEvaluation(bool derivatives, bool moved) override {
     if (!moved && (have_derivatives_ || !derivatives)) return;
-    for (std::size_t j = 0; j < free_.size(); ++j)
-      values_[free_[j]] = solver_.nominal_[free_[j]] * (1 + z[j] * solver_.scales_[free_[j]]);
-    solver_.triangles(values_, free_, derivatives, triangles);
+    for (std::size_t j = 0; j < free_.size(); ++j) values_[free_[j]] = solver_.value(free_[j], z[j]);
+    solver_.triangles(values_, free_,
+                      derivatives ? SegmentSolver::Derivatives::forward : SegmentSolver::Derivatives::none, triangles);
     have_derivatives_ = derivatives;
   }
   const std::vector<double>& values() const { return values_; }
@@ -64,6 +63,24 @@ class SegmentCost : public ceres::CostFunction {
   int parameters_;
 };
 
+// sqrt(k) z: what the tolerances know.
+class ToleranceCost : public ceres::CostFunction {
+ public:
+  explicit ToleranceCost(const Eigen::VectorXd& weights) : roots_(weights.cwiseSqrt()) {
+    set_num_residuals(static_cast<int>(roots_.size()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(roots_.size()));
+  }
+  bool Evaluate(double const* const* z, double* residuals, double** jacobians) const override {
+    const Eigen::Index n = roots_.size();
+    Eigen::Map<Eigen::VectorXd>(residuals, n) = roots_.cwiseProduct(Eigen::Map<const Eigen::VectorXd>(z[0], n));
+    if (jacobians && jacobians[0]) Eigen::Map<Eigen::MatrixXd>(jacobians[0], n, n) = roots_.asDiagonal();
+    return true;
+  }
+
+ private:
+  Eigen::VectorXd roots_;
+};
+
 }  // namespace
 
 SegmentSolver::SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun> runs, std::vector<double> noise,
@@ -75,13 +92,80 @@ SegmentSolver::SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun
       sigma_(noise_),
       scales_(std::move(scales)),
       nominal_(model.sheet().nominal()),
-      jobs_(jobs) {
+      jobs_(jobs),
+      weights_(nominal_.size(), 1.0) {
   for (const SegmentedRun& run : runs_) segments_ += run.restarts.size();
 }
 
+double SegmentSolver::coordinate(std::size_t parameter, double value) const {
+  return std::log(value / nominal_[parameter]) / scales_[parameter];
+}
+
+double SegmentSolver::value(std::size_t parameter, double coordinate) const {
+  return nominal_[parameter] * std::exp(coordinate * scales_[parameter]);
+}
+
+double SegmentSolver::cost(const std::vector<double>& values, const std::vector<std::size_t>& free) const {
+  Columns all;
+  triangles(values, {}, Derivatives::none, all);
+  const double limit = options_.huber_sigma * std::sqrt(segment_values());
+  double sum = 0;
+  for (const Eigen::MatrixXd& one : all) {
+    const double size = one(0, 0);
+    sum += size <= limit ? 0.5 * size * size : limit * (std::abs(size) - 0.5 * limit);
+  }
+  for (const std::size_t index : free) sum += 0.5 * weights_[index] * std::pow(coordinate(index, values[index]), 2);
+  return sum;
+}
+
+void SegmentSolver::set_correlation(const std::vector<double>& values) {
+  const auto outputs = static_cast<Eigen::Index>(noise_.size());
+  const auto lags = static_cast<Eigen::Index>(runs_.front().segment / 2 + 1);
+  // Products over lags of each output, sums over segments.
+  Eigen::MatrixXd products = Eigen::MatrixXd::Zero(lags, outputs);
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    for (const Eigen::MatrixXd& stack : columns(values, {}, r, {})) {
+      const Eigen::Index rows = stack.rows() / outputs;
+      const double w = weight(stack.squaredNorm());
+      for (Eigen::Index o = 0; o < outputs; ++o) {
+        const auto part = stack.col(0).segment(o * rows, rows);
+        for (Eigen::Index lag = 0; lag < std::min(lags, rows); ++lag)
+          products(lag, o) += w * part.head(rows - lag).dot(part.tail(rows - lag));
+      }
+    }
+  }
+  double sum = 0;
+  for (Eigen::Index o = 0; o < outputs; ++o) {
+    double length = 1;
+    for (Eigen::Index lag = 1; lag < products.rows() && products(lag, o) > 0; ++lag)
+      length += 2 * products(lag, o) / products(0, o);
+    sum += length / static_cast<double>(outputs);
+  }
+  correlation_ = sum;
+}
+
+Eigen::MatrixXd SegmentSolver::Information::covariance(double correlation) const {
+  Eigen::MatrixXd result = few * correlation * hessian;
+  if (few < 1) result += (1 - few) * blocks / (blocks - static_cast<double>(hessian.rows())) * scatter;
+  return result;
+}
+
+void SegmentSolver::set_weights(const std::vector<double>& values, const std::vector<std::size_t>& free) {
+  const Information info = information(values, free);
+  const Eigen::MatrixXd covariance = info.covariance(correlation_);
+  for (std::size_t j = 0; j < free.size(); ++j) {
+    const auto i = static_cast<Eigen::Index>(j);
+    weights_[free[j]] = correlation_;
+    if (info.hessian(i, i) > 0) weights_[free[j]] = std::max(correlation_, covariance(i, i) / info.hessian(i, i));
+  }
+}
+
+double SegmentSolver::segment_values() const {
+  return static_cast<double>(runs_.front().segment * model_.outputs().size());
+}
+
 double SegmentSolver::weight(double square) const {
-  const double values = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
-  const double limit = options_.huber_sigma * std::sqrt(values);
+  const double limit = options_.huber_sigma * std::sqrt(segment_values());
   const double size = std::sqrt(square);
   return size <= limit ? 1 : limit / size;
 }
@@ -91,10 +175,12 @@ std::vector<double> SegmentSolver::misfit(const std::vector<double>& values) con
   double rows = 0;
   for (const SegmentedRun& run : runs_) {
     const Eigen::MatrixXf r = model_.residuals({values, {}}, run, noise_);
-    const auto used = static_cast<Eigen::Index>(run.restarts.size() * model_.segment());
-    for (std::size_t i = 0; i < sums.size(); ++i)
-      sums[i] += r.col(static_cast<Eigen::Index>(i)).head(used).cast<double>().squaredNorm();
-    rows += static_cast<double>(used);
+    for (const std::size_t row : run.restarts) {
+      const auto part = r.middleRows(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(run.segment));
+      for (std::size_t i = 0; i < sums.size(); ++i)
+        sums[i] += part.col(static_cast<Eigen::Index>(i)).cast<double>().squaredNorm();
+      rows += static_cast<double>(run.segment);
+    }
   }
   for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = noise_[i] * std::sqrt(sums[i] / rows);
   return sums;
@@ -112,10 +198,10 @@ void SegmentSolver::set_scatter(const std::vector<double>& values) {
         squares[i].push_back(
             residuals[r]
                 .col(static_cast<Eigen::Index>(i))
-                .segment(static_cast<Eigen::Index>(row) + 1, static_cast<Eigen::Index>(model_.segment()) - 1)
+                .segment(static_cast<Eigen::Index>(row) + 1, static_cast<Eigen::Index>(runs_[r].segment) - 1)
                 .cast<double>()
                 .squaredNorm() /
-            static_cast<double>(model_.segment() - 1));
+            static_cast<double>(runs_[r].segment - 1));
   for (std::size_t i = 0; i < noise_.size(); ++i) {
     // Mean of the best: a few segments in which the model goes astray do not set the scale.
     std::sort(squares[i].begin(), squares[i].end());
@@ -129,69 +215,55 @@ void SegmentSolver::set_scatter(const std::vector<double>& values) {
 }
 
 void SegmentSolver::prepare_starts(const std::vector<double>& values) {
-  starts_.assign(runs_.size(), {});
+  std::vector<std::vector<Eigen::MatrixXf>> columns(runs_.size());
   in_parallel(runs_.size(), jobs_, [&](std::size_t r) {
-    const std::vector<Eigen::MatrixXf> columns = model_.start_columns({values, {}}, runs_[r], sigma_);
-    const auto rows = static_cast<Eigen::Index>((model_.segment() - 1) * model_.outputs().size());
-    for (const std::size_t row : runs_[r].restarts) {
-      Eigen::MatrixXd starts(rows, static_cast<Eigen::Index>(columns.size()));
-      for (std::size_t c = 0; c < columns.size(); ++c)
-        starts.col(static_cast<Eigen::Index>(c)) = model_.stacked(columns[c], row);
-      starts_[r].push_back(std::move(starts));
-    }
+    model_.place_starts(runs_[r], noise_, {values, {}});  // hidden states are as the model at hand has them
+    columns[r] = model_.start_columns({values, {}}, runs_[r], sigma_);
   });
+  starts_.clear();
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    starts_.emplace_back(runs_[r], std::move(columns[r]), segment_values());
 }
 
-std::vector<Eigen::MatrixXf> SegmentSolver::simulated(const std::vector<ModelChange>& changes,
-                                                      const SegmentedRun& run) const {
-  std::vector<Eigen::MatrixXf> columns(changes.size());
-  in_parallel(changes.size(), jobs_, [&](std::size_t c) { columns[c] = model_.residuals(changes[c], run, sigma_); });
-  return columns;
-}
-
-std::vector<Eigen::MatrixXf> SegmentSolver::columns(const std::vector<double>& values,
-                                                    const std::vector<std::size_t>& free, const SegmentedRun& run,
-                                                    const std::vector<Change>& changes) const {
-  std::vector<ModelChange> wanted;
-  for (const std::size_t index : free) {
-    std::vector<double> moved = values;
-    moved[index] += options_.difference_tolerances * scales_[index] * nominal_[index];
-    wanted.push_back({moved, {}});
-  }
-  wanted.push_back({values, {}});
+SegmentSolver::Columns SegmentSolver::columns(const std::vector<double>& values, const std::vector<std::size_t>& free,
+                                              std::size_t run, const std::vector<Change>& changes, bool central) const {
+  std::vector<Direction> directions;
+  const auto move = [&](std::size_t index, double by) {
+    Direction direction{{values, {}}, by};
+    direction.to.parameters[index] *= std::exp(by * scales_[index]);
+    directions.push_back(std::move(direction));
+  };
+  for (const std::size_t index : free) move(index, options_.difference_tolerances);
   for (const Change& change : changes) {
-    wanted.push_back(change.plus);
-    wanted.push_back(change.minus);
+    directions.push_back({change.plus, 1});
+    directions.push_back({change.minus, 1});
   }
-  const std::vector<Eigen::MatrixXf> all = simulated(wanted, run);
-  std::vector<Eigen::MatrixXf> result;
-  const Eigen::MatrixXf& here = all[free.size()];
-  for (std::size_t j = 0; j < free.size(); ++j)
-    result.push_back((all[j] - here) * static_cast<float>(1 / options_.difference_tolerances));
-  result.push_back(here);
-  for (std::size_t c = 0; c < changes.size(); ++c)
-    result.push_back(all[free.size() + 2 + 2 * c] - all[free.size() + 1 + 2 * c]);
+  if (central)
+    for (const std::size_t index : free) move(index, -options_.difference_tolerances);
+  const std::vector<LinearSegment> linear =
+      linearise(model_, runs_[run], starts_[run], sigma_, {values, {}}, directions, jobs_);
+  const auto n = static_cast<Eigen::Index>(free.size()), m = static_cast<Eigen::Index>(changes.size());
+  Columns result;
+  for (const LinearSegment& segment : linear) {
+    Eigen::MatrixXd all(segment.residual.size(), n + 1 + m);
+    all.leftCols(n) = segment.columns.leftCols(n);
+    if (central) all.leftCols(n) = 0.5 * (all.leftCols(n) + segment.columns.rightCols(n));
+    all.col(n) = segment.residual;
+    for (Eigen::Index c = 0; c < m; ++c)
+      all.col(n + 1 + c) = segment.columns.col(n + 2 * c + 1) - segment.columns.col(n + 2 * c);
+    result.push_back(std::move(all));
+  }
   return result;
 }
 
-SegmentSolver::Columns SegmentSolver::whitened(const std::vector<Eigen::MatrixXf>& columns, std::size_t run) const {
-  Columns result(runs_[run].restarts.size());
-  const auto rows = static_cast<Eigen::Index>((model_.segment() - 1) * model_.outputs().size());
-  in_parallel(result.size(), jobs_, [&](std::size_t s) {
-    result[s].resize(rows, static_cast<Eigen::Index>(columns.size()));
-    for (std::size_t c = 0; c < columns.size(); ++c)
-      result[s].col(static_cast<Eigen::Index>(c)) = model_.stacked(columns[c], runs_[run].restarts[s]);
-    SegmentModel::project(starts_[run][s], result[s]);
-  });
-  return result;
-}
-
-void SegmentSolver::triangles(const std::vector<double>& values, const std::vector<std::size_t>& free, bool derivatives,
+void SegmentSolver::triangles(const std::vector<double>& values, const std::vector<std::size_t>& free, Derivatives how,
                               Columns& result) const {
   const auto n = static_cast<Eigen::Index>(free.size());
+  const bool derivatives = how != Derivatives::none;
   result.clear();
   for (std::size_t r = 0; r < runs_.size(); ++r) {
-    Columns stacks = whitened(columns(values, derivatives ? free : std::vector<std::size_t>(), runs_[r], {}), r);
+    Columns stacks =
+        columns(values, derivatives ? free : std::vector<std::size_t>(), r, {}, how == Derivatives::central);
     in_parallel(stacks.size(), jobs_, [&](std::size_t s) {
       Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(n + 1, n + 1);
       if (derivatives)
@@ -205,7 +277,7 @@ void SegmentSolver::triangles(const std::vector<double>& values, const std::vect
   }
 }
 
-void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::size_t>& free,
+bool SegmentSolver::solve(std::vector<double>& values, const std::vector<std::size_t>& free,
                           std::size_t iterations) const {
   SegmentCosts costs(*this, values, free);
   ceres::Problem::Options problem_options;
@@ -213,14 +285,16 @@ void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::si
   ceres::Problem problem(problem_options);
   const int n = static_cast<int>(free.size());
   costs.triangles.assign(segments_, Eigen::MatrixXd::Zero(n + 1, n + 1));
-  const double rows = static_cast<double>((model_.segment() - 1) * model_.outputs().size());
   for (std::size_t s = 0; s < segments_; ++s)
     problem.AddResidualBlock(new SegmentCost(costs.triangles, s, n),
-                             new ceres::HuberLoss(options_.huber_sigma * std::sqrt(rows)), costs.z.data());
+                             new ceres::HuberLoss(options_.huber_sigma * std::sqrt(segment_values())), costs.z.data());
+  Eigen::VectorXd weights(n);
+  for (int j = 0; j < n; ++j) weights[j] = weights_[free[static_cast<std::size_t>(j)]];
+  problem.AddResidualBlock(new ToleranceCost(weights), nullptr, costs.z.data());
   for (int j = 0; j < n; ++j) {
     const double scale = scales_[free[static_cast<std::size_t>(j)]];
-    problem.SetParameterLowerBound(costs.z.data(), j, (options_.lowest_fraction - 1) / scale);
-    problem.SetParameterUpperBound(costs.z.data(), j, (options_.highest_ratio - 1) / scale);
+    problem.SetParameterLowerBound(costs.z.data(), j, std::log(options_.lowest_ratio) / scale);
+    problem.SetParameterUpperBound(costs.z.data(), j, std::log(options_.highest_ratio) / scale);
   }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
@@ -233,8 +307,9 @@ void SegmentSolver::solve(std::vector<double>& values, const std::vector<std::si
   ceres::Solve(options, &problem, &summary);
   for (int j = 0; j < n; ++j) {
     const std::size_t index = free[static_cast<std::size_t>(j)];
-    values[index] = nominal_[index] * (1 + costs.z[static_cast<std::size_t>(j)] * scales_[index]);
+    values[index] = value(index, costs.z[static_cast<std::size_t>(j)]);
   }
+  return summary.termination_type == ceres::CONVERGENCE;
 }
 
 SegmentSolver::Information SegmentSolver::information(const std::vector<double>& values,
@@ -242,7 +317,8 @@ SegmentSolver::Information SegmentSolver::information(const std::vector<double>&
   const auto n = static_cast<Eigen::Index>(free.size());
   Information info{Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, n)};
   Columns all;
-  triangles(values, free, true, all);
+  triangles(values, free, Derivatives::central, all);
+  info.values = static_cast<double>(segments_) * segment_values() / correlation_;
   std::size_t at = 0;
   for (const SegmentedRun& run : runs_) {
     Eigen::VectorXd block = Eigen::VectorXd::Zero(n);
@@ -254,10 +330,12 @@ SegmentSolver::Information SegmentSolver::information(const std::vector<double>&
       block += w * jacobian.transpose() * residual;
       if ((s + 1) % options_.block_segments == 0 || s + 1 == run.restarts.size()) {
         info.scatter += block * block.transpose();
+        ++info.blocks;
         block.setZero();
       }
     }
   }
+  info.few = std::clamp(2 - info.blocks / static_cast<double>(n), 0.0, 1.0);
   return info;
 }
 
@@ -266,7 +344,7 @@ Eigen::MatrixXd SegmentSolver::responses(const std::vector<double>& values, cons
   const auto n = static_cast<Eigen::Index>(free.size()), m = static_cast<Eigen::Index>(changes.size());
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(n, m);
   for (std::size_t r = 0; r < runs_.size(); ++r)
-    for (const Eigen::MatrixXd& stack : whitened(columns(values, free, runs_[r], changes), r))
+    for (const Eigen::MatrixXd& stack : columns(values, free, r, changes))
       sum += weight(stack.col(n).squaredNorm()) * stack.leftCols(n).transpose() * stack.rightCols(m);
   return sum;
 }

@@ -35,13 +35,15 @@ NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::Vecto
   for (std::size_t p = 0; p < candidate.effect.parameters.size(); ++p) {
     const double value = candidate.effect.parameters[p];
     result.parameters[type->parameters[p].name] = value;
-    if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum || fit.covariance.rows() == 0) continue;
+    if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum) continue;
+    const double place = candidate.to_coordinate(p, value);
+    if (std::abs(place - 0.5) > 0.5 - options.bound_coordinate) result.at_bounds.push_back(type->parameters[p].name);
+    if (fit.covariance.rows() == 0) continue;
     const double between = static_cast<Eigen::Index>(p) < apart.size() ? apart[static_cast<Eigen::Index>(p)] : 0.0;
     const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)) + between * between);
     ++at;
-    const double c = candidate.to_coordinate(p, value);
-    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, c - width * std),
-                                                  candidate.from_coordinate(p, c + width * std)};
+    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, place - width * std),
+                                                  candidate.from_coordinate(p, place + width * std)};
   }
   return result;
 }
@@ -66,7 +68,7 @@ std::string kind_of(const Datasheet& sheet, const std::string& port) {
   return sheet.port(port).kind == PortKind::sensor ? "sensor" : "process";
 }
 
-std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run, const GapOptions::Residuals& options) {
+std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run, const SegmentOptions& options) {
   std::vector<GapRun> parts;
   const std::size_t rows = run.recording.rows();
   const std::size_t middle = rows / 2;
@@ -75,8 +77,8 @@ std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run, const 
     part.rig = run.recording.rig;
     part.channels = run.recording.channels;
     for (std::size_t k = half ? middle : 0; k < (half ? rows : middle); ++k) part.append(run.recording.sample(k));
-    parts.push_back(prepare_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part),
-                                options.segment_samples, options));
+    parts.push_back(cut_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part),
+                            static_cast<double>(run.segment) * run.period, options));
   }
   return parts;
 }
@@ -89,14 +91,14 @@ struct Split {
 };
 
 Split split_runs(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
-                 const GapOptions::Residuals& options) {
+                 const SegmentOptions& options) {
   if (runs.empty()) throw InputError("gap: no run was given");
   Split split;
   if (runs.size() == 1 && holdout.empty()) {
-    const std::size_t least = 4 * options.segment_samples;  // two segments in each half
+    const std::size_t least = 4 * runs.front().segment;  // two segments in each half
     if (runs.front().recording.rows() < least)
       throw InputError(fmt::format("{}: too short to be cut in two; a single run needs at least {:g} s",
-                                   runs.front().name, static_cast<double>(least) * sheet.sample_period));
+                                   runs.front().name, static_cast<double>(least) * runs.front().period));
     runs = cut_in_two(sheet, runs.front(), options);
   }
   for (std::size_t i = 0; i < runs.size(); ++i) split.learn.push_back(i);
@@ -246,7 +248,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   result.rig = sheet.rig;
   for (const GapRun& run : runs) result.runs.push_back(run.name);
   for (const GapRun& run : holdout) result.holdout.push_back(run.name);
-  Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.residuals);
+  Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.segments);
 
   GapTrials work(sheet, std::move(split.runs), split.folds, split.learn, settings, progress);
   const double values = work.held_out_values();
@@ -329,7 +331,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     const NamedEffect& best = result.ranked.front().effect;
     result.next = separating_runs(sheet, model_of(best).model, model_of(rival).model,
                                   best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port, options,
-                                  settings.jobs);
+                                  settings.jobs, result.remarks);
   }
   measure_levels(work.model(), nominal, search.plain.fit.model, search.base, result);
   describe(sheet, result);

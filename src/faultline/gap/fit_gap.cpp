@@ -117,13 +117,9 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
   double damping = 0;
   for (std::size_t iteration = 0; iteration < iterations; ++iteration) {
     const auto effect_columns = effect_sensitivity(residuals, result, coordinates, now, linear.runs(), jobs);
-    std::vector<const std::vector<Eigen::MatrixXf>*> columns = {&now};
-    if (parameters_move)
-      for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
-    for (const auto& column : effect_columns) columns.push_back(&column);
     std::vector<double> weights;
     for (const double loss : linear.segment_losses(now)) weights.push_back(linear.robust_weight(loss));
-    const Eigen::MatrixXd gram = linear.gram(columns, weights);
+    const Eigen::MatrixXd gram = linear.gram(now, parameters_move, effect_columns, weights);
     const Eigen::Index n = parameters + extra;
     Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
     hessian.diagonal().array() += 1;
@@ -186,7 +182,7 @@ std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const F
                                       Eigen::VectorXd(static_cast<Eigen::Index>(coordinates.size())));
   Eigen::Index at = 0;
   for (const auto& column : effect_sensitivity(residuals, fit, coordinates, now, linear.runs(), jobs)) {
-    const std::vector<double> squares = linear.products(column).squares;
+    const std::vector<double> squares = linear.squares(column);
     std::size_t segment = 0;
     for (std::size_t r = 0; r < result.size(); ++r) {
       result[r][at] = 0;
@@ -203,11 +199,8 @@ Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit
   const Coordinates coordinates = coordinates_of(fit.effects);
   const std::vector<Eigen::MatrixXf>& now = linear.at_model();
   const auto effect_columns = effect_sensitivity(residuals, fit, coordinates, now, linear.runs(), jobs);
-  std::vector<const std::vector<Eigen::MatrixXf>*> columns = {&now};
-  for (const auto& column : linear.parameter_columns()) columns.push_back(&column);
-  for (const auto& column : effect_columns) columns.push_back(&column);
   std::vector<Eigen::VectorXd> gradients;
-  const Eigen::MatrixXd gram = linear.gram(columns, linear.weights(), &gradients);
+  const Eigen::MatrixXd gram = linear.gram(now, true, effect_columns, linear.weights(), &gradients);
   const Eigen::Index n = gram.rows() - 1;
   Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
   hessian.diagonal().array() += 1;

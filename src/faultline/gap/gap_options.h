@@ -11,43 +11,15 @@
 
 #include <array>
 #include <cstddef>
+#include <string>
+
+#include "faultline/attribution/candidates.h"
+#include "faultline/segments/segment_options.h"
 
 namespace faultline {
 
 struct GapOptions {
-  // residual_model.h: preparation of a run, noise, start states.
-  struct Residuals {
-    // Samples from one restart of the states to the next: longer segments show slow effects, shorter ones keep the
-    // response linear in the start state; 250 samples are about ten periods of a hydraulic resonance at
-    // 40 Hz and 1 kHz.
-    std::size_t segment_samples = 250;
-    // Samples on each side of the quadratic that gives a start state, widest first: averages 13 or 7 samples.
-    std::array<std::size_t, 2> start_half_width_samples = {6, 3};
-    // Mean squared misfit up to which that quadratic describes the signal: twice the noise, which white noise exceeds
-    // rarely.
-    double start_misfit_variances = 2;
-    // Standard deviation of the prior of a start state, in noise of its channel: smoothing within a bend is biased by
-    // about this.
-    double start_prior_sigma = 2;
-    // Step of the differences by the start state, in standard deviations of that prior: large against rounding, small
-    // against bends.
-    double start_difference_sigma = 0.5;
-    // Largest shift of a start state, in the same: beyond, the segment's misfit is not the start's.
-    double start_shift_limit_sigma = 20;
-    // Samples on each side of the smoothing of measured inputs, widest first.
-    std::array<std::size_t, 4> input_half_width_samples = {12, 6, 3, 2};
-    // What smoothing may take away, as a ratio to what it takes of white noise: a tenth more is scatter of the
-    // estimate, not signal.
-    double input_removed_variance_ratio = 1.1;
-    // Residuals are cut at this many sigmas: finite where a model diverges, beyond anything a sensor shows.
-    double largest_residual_sigma = 1e4;
-    // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without
-    // limit.
-    double least_noise_fraction = 0.3;
-    // Deviation of a sample's distance in time from the sample period, as a fraction of it, up to which a run is
-    // evenly sampled.
-    double period_error_fraction = 0.2;
-  } residuals;
+  SegmentOptions segments;
 
   // linearisation.h: loss, sensitivities, parameters to first order.
   struct Linearisation {
@@ -78,19 +50,7 @@ struct GapOptions {
         0.5;  // gain of a step below which the fit has converged: no decision rests on so little
   } fit;
 
-  // candidates.h: coordinates and starting points of effects.
-  struct Candidates {
-    // Ratio of a range's bounds from which its coordinate is logarithmic.
-    double logarithmic_ratio = 20;
-    // Starting points of a shape (a second parameter), coordinates.
-    std::array<double, 3> shape_coordinates = {0.15, 0.5, 0.85};
-    // ... of a size over a logarithmic range, coordinates,
-    std::array<double, 5> logarithmic_coordinates = {0.1, 0.3, 0.5, 0.7, 0.9};
-    // ... and of other sizes: fractions of the range on each side of no effect. Small effects are the more frequent.
-    std::array<double, 3> size_fractions = {0.06, 0.25, 0.7};
-    // ... of the time from which a signal is stuck, evenly spread: its loss has a narrow valley.
-    std::size_t stuck_times = 12;
-  } candidates;
+  CandidateOptions candidates;
 
   // spectral_lines.h.
   struct Spectrum {
@@ -112,13 +72,13 @@ struct GapOptions {
 
   // gap_trials.h: fits of structures.
   struct Trials {
-    // Samples of a misfit that say the same: about the correlation length of a residual that is not white
-    // (development).
-    double correlated_samples = 20;
+    // Length over which the samples of a misfit say the same, as a fraction of a segment: about the correlation length
+    // of a residual that is not white (development).
+    double correlated_fraction = 0.08;
     std::size_t steps = 4;          // Gauss-Newton steps around one linearisation
-    std::size_t quick_steps = 3;    // ... of a finalist
+    std::size_t quick_steps = 8;    // ... of a finalist, at most: few need more than six to converge
     std::size_t refit_rounds = 5;   // linearisations of the refit, at most
-    std::size_t refine_rounds = 3;  // ... and of a structure that is followed
+    std::size_t refine_rounds = 6;  // ... and of a structure that is followed
     // Move up to which sensitivities stay valid: of a parameter in tolerances, of an effect as a fraction of its size.
     double same_sensitivity_fraction = 0.35;
     // Information about an effect's size, as a fraction of that of all runs, below which a fold does not fit it.
@@ -140,8 +100,8 @@ struct GapOptions {
   // effect_search.h: which effects are kept.
   struct Search {
     std::size_t finalists = 10;               // candidates that are fitted after screening
-    std::size_t followed = 3;                 // ... and that are refined, at most
-    double followed_gain_fraction = 0.75;     // of the best quick gain, from which a finalist is refined
+    std::size_t followed = 5;                 // ... and that are refined, at most
+    double followed_gain_fraction = 0.5;      // of the best quick gain, from which a finalist is refined
     double significance_standard_errors = 3;  // by which the held-out gain of an effect must exceed 0
     double material_fraction = 0.04;        // of the typical squared residual that an effect must remove (development),
     double material_rest_fraction = 0.3;    // ... and a further one of the excess that the others leave,
@@ -170,7 +130,9 @@ struct GapOptions {
     double rival_gain_fraction = 0.02;    // ... or within this fraction of the gain
     double interval_ratio = 4;  // of an interval to what the fit's covariance says: it ignores what the model lacks
     double place_probability = 0.15;  // of a second place, from which it is told as inseparable
-    std::size_t bootstraps = 400;     // of the shrink's interval: its ends then scatter by 5 % of its width
+    // Distance from an end of a parameter's range, in its coordinate, up to which its value is told to be at the bound.
+    double bound_coordinate = 1e-3;
+    std::size_t bootstraps = 400;  // of the shrink's interval: its ends then scatter by 5 % of its width
   } verdict;
 
   // measure.h: regions of the operating range.
@@ -191,7 +153,9 @@ struct GapOptions {
 
   // next_run.h.
   struct NextRuns {
-    double duration_s = 20;                 // of a run that is proposed
+    // Length of a run that is proposed, at most; else the profile's own: enough to tell two causes apart that can be.
+    double segments = 80;
+    double least_segments = 4;              // ... and at least: fewer decide nothing
     double separating_log_likelihood = 20;  // between two causes, from which a run separates them: odds of 5e8
     std::size_t most = 3;                   // runs told
   } next_runs;
@@ -201,18 +165,9 @@ struct GapOptions {
 // array of those.
 template <class Visit>
 void for_each_option(GapOptions& options, Visit&& visit) {
+  for_each_option(options.segments,
+                  [&](const char* name, auto& value) { visit((std::string("segments.") + name).c_str(), value); });
 #define FAULTLINE_OPTION(member) visit(#member, options.member)
-  FAULTLINE_OPTION(residuals.segment_samples);
-  FAULTLINE_OPTION(residuals.start_half_width_samples);
-  FAULTLINE_OPTION(residuals.start_misfit_variances);
-  FAULTLINE_OPTION(residuals.start_prior_sigma);
-  FAULTLINE_OPTION(residuals.start_difference_sigma);
-  FAULTLINE_OPTION(residuals.start_shift_limit_sigma);
-  FAULTLINE_OPTION(residuals.input_half_width_samples);
-  FAULTLINE_OPTION(residuals.input_removed_variance_ratio);
-  FAULTLINE_OPTION(residuals.largest_residual_sigma);
-  FAULTLINE_OPTION(residuals.least_noise_fraction);
-  FAULTLINE_OPTION(residuals.period_error_fraction);
   FAULTLINE_OPTION(linearisation.difference_tolerances);
   FAULTLINE_OPTION(linearisation.parameter_bound_tolerances);
   FAULTLINE_OPTION(linearisation.least_variance_fraction);
@@ -240,7 +195,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(screening.size_fractions);
   FAULTLINE_OPTION(screening.first_stride);
   FAULTLINE_OPTION(screening.followed_candidates);
-  FAULTLINE_OPTION(trials.correlated_samples);
+  FAULTLINE_OPTION(trials.correlated_fraction);
   FAULTLINE_OPTION(trials.steps);
   FAULTLINE_OPTION(trials.quick_steps);
   FAULTLINE_OPTION(trials.refit_rounds);
@@ -277,6 +232,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.rival_gain_fraction);
   FAULTLINE_OPTION(verdict.interval_ratio);
   FAULTLINE_OPTION(verdict.place_probability);
+  FAULTLINE_OPTION(verdict.bound_coordinate);
   FAULTLINE_OPTION(verdict.bootstraps);
   FAULTLINE_OPTION(regions.standstill_fraction);
   FAULTLINE_OPTION(regions.notable_ratio);
@@ -286,7 +242,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(grid.least_levels);
   FAULTLINE_OPTION(grid.same_fraction);
   FAULTLINE_OPTION(grid.half_width_fraction);
-  FAULTLINE_OPTION(next_runs.duration_s);
+  FAULTLINE_OPTION(next_runs.segments);
+  FAULTLINE_OPTION(next_runs.least_segments);
   FAULTLINE_OPTION(next_runs.separating_log_likelihood);
   FAULTLINE_OPTION(next_runs.most);
 #undef FAULTLINE_OPTION

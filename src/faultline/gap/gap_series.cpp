@@ -1,7 +1,5 @@
 #include "faultline/gap/gap_series.h"
 
-#include <Eigen/Cholesky>
-
 namespace faultline {
 namespace {
 
@@ -10,26 +8,7 @@ constexpr std::size_t kMostRows = 4000;  // as docs/gap.schema.json promises
 }  // namespace
 
 Eigen::MatrixXf settled_residuals(const ResidualModel& model, const GapModel& at, std::size_t run) {
-  Eigen::MatrixXf residuals = model.residuals(at, run);
-  const std::vector<Eigen::MatrixXf> starts = model.start_sensitivity(at, run);
-  const Eigen::MatrixXd shift = model.start_shift(run);
-  const auto n = static_cast<Eigen::Index>(starts.size()), length = static_cast<Eigen::Index>(model.segment());
-  for (std::size_t g = 0; g < model.runs()[run].segments(); ++g) {
-    auto part = residuals.middleRows(static_cast<Eigen::Index>(g) * length, length);
-    const auto column = [&](Eigen::Index i) {
-      return starts[static_cast<std::size_t>(i)].middleRows(static_cast<Eigen::Index>(g) * length, length);
-    };
-    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
-    Eigen::VectorXd against(n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      against[i] = shift(static_cast<Eigen::Index>(g), i) + static_cast<double>(column(i).cwiseProduct(part).sum());
-      for (Eigen::Index j = 0; j < n; ++j)
-        information(i, j) += static_cast<double>(column(i).cwiseProduct(column(j)).sum());
-    }
-    const Eigen::VectorXd move = information.ldlt().solve(against);
-    for (Eigen::Index i = 0; i < n; ++i) part -= static_cast<float>(move[i]) * column(i);
-  }
-  return residuals;
+  return settled(model.runs()[run], model.start_sensitivity(at, run), model.residuals(at, run));
 }
 
 GapSeries gap_series(const ResidualModel& model, std::size_t run, const GapModel& nominal, const GapModel& refitted,

@@ -1,10 +1,8 @@
 // The course of one run as recorded and as the three levels of the model have it, for plots.
 //
 //   y_model = y - sigma r          r: residual of ResidualModel, the states put back every segment
-//   settled: r - S (S'S + I)^-1 S'r   per segment; S: d r/d start state per standard error of the start
 //
-// Settled residuals are those from the likeliest start states, so that the noise in the samples from which a segment
-// starts is not taken for a gap: a model that is right leaves noise. At most 4000 rows: every n-th row as it is.
+// Residuals are settled (segments/segment_model.h). At most 4000 rows: every n-th row as it is.
 // Where a model is off by more than 1e4 noise levels, its course is cut there.
 #pragma once
 

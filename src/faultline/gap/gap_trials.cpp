@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "faultline/gap/screening.h"
@@ -87,17 +88,17 @@ std::vector<double> GapTrials::robust(const std::vector<double>& losses) const {
 double GapTrials::standard_error(const std::vector<double>& differences) const {
   double size = 0;
   for (const double d : differences) size += std::abs(d);
-  return std::sqrt(2 * options().trials.correlated_samples * size);
+  const double correlated = options().trials.correlated_fraction * static_cast<double>(model().runs().front().segment);
+  return std::sqrt(2 * std::max(1.0, correlated) * size);
 }
 
 GapTrials::GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds,
                      const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress)
     : sheet_(sheet), settings_(settings), progress_(progress), folds_(folds), learn_(learn) {
-  around_.residuals =
-      std::make_shared<ResidualModel>(sheet, std::move(runs), options().residuals.segment_samples, options());
+  around_.residuals = std::make_shared<ResidualModel>(sheet, std::move(runs), options());
   double duration = 0;
   for (const GapRun& run : model().runs())
-    duration = std::max(duration, static_cast<double>(run.recording.rows()) * sheet.sample_period);
+    duration = std::max(duration, run.duration());
   all_ = candidates(sheet, settings.without, duration, options().candidates);
   for (std::size_t i = 0; i < model().runs().size(); ++i) every_.push_back(i);
 }
@@ -196,39 +197,39 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
         std::max(bounds.minimum, time - spacing), std::min(bounds.maximum, time + spacing), trials.stuck_points,
         sheet_.sample_period);
   };
-  const std::size_t followed = (structures.size() + 1) / 2;
   const double promise = trials.promising_gain_fraction * structures.front().screened;
   std::atomic<std::size_t> done{0};
-  const auto fit = [&](Structure& structure, std::size_t steps) {
-    structure.fit = fit_gap(model(), structure.fit.model, structure.fit.effects, learn, steps);
-    structure.quick = before - weighted(structure.fit.model);
+  // A candidate is judged by where its fit has converged, from the refit's parameters, which were bent without it, and
+  // from the datasheet's: after one step it says more of the start than of the effect.
+  const auto fit = [&](Structure& structure, const FitResult& start) {
+    FitResult found = fit_gap(model(), start.model, start.effects, learn, trials.quick_steps);
+    const double gain = before - weighted(found.model);
+    if (gain <= structure.quick) return;
+    structure.fit = std::move(found);
+    structure.quick = gain;
   };
-  const auto round = [&](std::size_t count, const auto& work) {
-    in_parallel(count, settings_.jobs, [&](std::size_t i) {
-      work(structures[i]);
-      const std::size_t now = ++done;
-      if (progress_)
-        progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size() + followed),
-                  "fitting the best");
-    });
-    std::stable_sort(structures.begin(), structures.begin() + static_cast<std::ptrdiff_t>(count),
-                     [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
-  };
-  round(structures.size(), [&](Structure& structure) {
+  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+    Structure& structure = structures[i];
     const bool stuck = structure.fit.effects.back().family == "stuck";
     if (stuck) find_time(structure.fit);
-    const FitResult start = structure.fit;
-    fit(structure, 1);
-    if (!search || stuck || structure.quick > structure.screened || structure.screened < promise) return;
-    // A step that wins less than the screening promised is in a valley that its derivatives do not see.
-    Structure other = structure;
-    other.fit = start;
-    const double gain = search_effect(model(), learn, other.fit, trials.wide_span_coordinate, trials.wide_points);
-    if (gain < trials.relinearise_log_likelihood) return;
-    fit(other, 1);
-    if (other.quick > structure.quick) structure = std::move(other);
+    const FitResult bent = structure.fit;
+    FitResult straight = bent;
+    straight.model.parameters = sheet_.nominal();
+    structure.quick = -std::numeric_limits<double>::infinity();
+    fit(structure, bent);
+    fit(structure, straight);
+    if (search && !stuck && structure.quick < structure.screened && structure.screened >= promise) {
+      // A fit that wins less than the screening promised is in a valley that its derivatives do not see.
+      FitResult other = bent;
+      if (search_effect(model(), learn, other, trials.wide_span_coordinate, trials.wide_points) >=
+          trials.relinearise_log_likelihood)
+        fit(structure, other);
+    }
+    const std::size_t now = ++done;
+    if (progress_)
+      progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size()),
+                "fitting the best");
   });
-  round(followed, [&](Structure& structure) { fit(structure, trials.quick_steps - 1); });
   std::stable_sort(structures.begin(), structures.end(),
                    [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
 }
@@ -261,7 +262,7 @@ void GapTrials::refine(Structure& structure, int jobs) const {
   const double quick_loss = sum(robust(learn.segment_losses(residuals_of(model(), quick.model, learn_))));
   structure.fit.model.parameters = sheet_.nominal();
   double best = follow(structure, jobs, trials.refine_rounds);
-  if (best > quick_loss) {
+  if (best > quick_loss - trials.relinearise_log_likelihood) {
     Structure bent = structure;
     bent.fit = quick;
     const double other = follow(bent, jobs, trials.refine_rounds);
@@ -394,7 +395,7 @@ double GapTrials::held_out_values() const {
   double count = 0;
   for (const Fold& fold : folds_)
     for (const std::size_t run : fold.test)
-      count += static_cast<double>(model().runs()[run].segments() * model().segment() * model().outputs().size());
+      count += static_cast<double>(model().runs()[run].segments()) * segment_values();
   return count;
 }
 

@@ -81,7 +81,7 @@ class GapTrials {
   // Losses per held-out segment of a model as it is.
   std::vector<double> held_out(const GapModel& at) const;
 
-  double segment_values() const { return static_cast<double>(model().segment() * model().outputs().size()); }
+  double segment_values() const { return model().segment_values(); }
   double held_out_values() const;
 
   // Loss of each segment on a scale where one in which the model goes astray does not outweigh all others: the

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 #include "faultline/numerics/in_parallel.h"
 
@@ -42,19 +41,18 @@ Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t
 
 Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs,
                              int jobs, std::vector<std::vector<Eigen::MatrixXf>> starts)
-    : residuals_(residuals), runs_(std::move(runs)), starts_(std::move(starts)) {
+    : residuals_(residuals), runs_(std::move(runs)) {
   const Datasheet& sheet = residuals.sheet();
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
     if (sheet.parameters[i].tolerance > 0) free_.push_back(i);
-  at_model_ = residuals_of(residuals, model, runs_);
-  columns_.resize(free_.size());
-  const bool known = !starts_.empty();
-  starts_.resize(runs_.size());
-  for (const std::size_t run : runs_) shifts_.push_back(residuals.start_shift(run));
+  at_model_ = residuals_of(residuals, model, runs_, jobs);
+  std::vector<std::vector<Eigen::MatrixXf>> columns(free_.size());
+  const bool known = !starts.empty();
+  starts.resize(runs_.size());
   in_parallel(free_.size() + runs_.size(), jobs, [&](std::size_t i) {
     if (i >= free_.size()) {
       const std::size_t run = i - free_.size();
-      if (!known) starts_[run] = residuals.start_sensitivity(model, runs_[run]);
+      if (!known) starts[run] = residuals.start_sensitivity(model, runs_[run]);
       return;
     }
     const Parameter& p = sheet.parameters[free_[i]];
@@ -64,117 +62,64 @@ Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& mod
     const double size = options().linearisation.difference_tolerances;
     const double step = z > 0 ? -size : size;
     moved.parameters[free_[i]] = model.parameters[free_[i]] + step * unit;
-    columns_[i] = difference(residuals_of(residuals, moved, runs_), at_model_, step);
+    columns[i] = difference(residuals_of(residuals, moved, runs_), at_model_, step);
   });
-  prepare();
+  around_.resize(runs_.size());
+  in_parallel(runs_.size(), jobs, [&](std::size_t r) {
+    auto around = std::make_shared<Around>(
+        Around{StartProjection(residuals.runs()[runs_[r]], std::move(starts[r]), segment_values()), {}, {}});
+    std::vector<const Eigen::MatrixXf*> own;
+    for (const auto& column : columns) own.push_back(&column[r]);
+    for (std::size_t g = 0; g < around->starts.segments(); ++g) {
+      around->parameters.push_back(around->starts.whitened(own, g).cast<float>());
+      const Eigen::MatrixXf& j = around->parameters.back();
+      around->grams.push_back((j.transpose() * j).cast<double>());
+    }
+    around_[r] = std::move(around);
+  });
+  take_weights();
 }
 
 Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, const Linearisation& near)
-    : residuals_(residuals), runs_(near.runs_), free_(near.free_), columns_(near.columns_), starts_(near.starts_) {
+    : residuals_(residuals), runs_(near.runs_), free_(near.free_), around_(near.around_) {
   at_model_ = residuals_of(residuals, model, runs_);
-  for (const std::size_t run : runs_) shifts_.push_back(residuals.start_shift(run));
-  prepare();
+  take_weights();
 }
 
-void Linearisation::prepare() {
-  inverse_.resize(runs_.size());
-  const auto length = static_cast<Eigen::Index>(residuals_.segment());
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    const auto& s = starts_[r];
-    const auto n = static_cast<Eigen::Index>(s.size());
-    for (std::size_t g = 0; g < residuals_.runs()[runs_[r]].segments(); ++g) {
-      const auto first = static_cast<Eigen::Index>(g) * length;
-      Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
-      for (Eigen::Index i = 0; i < n; ++i)
-        for (Eigen::Index j = 0; j <= i; ++j) {
-          const double sum =
-              static_cast<double>(s[static_cast<std::size_t>(i)]
-                                      .middleRows(first, length)
-                                      .cwiseProduct(s[static_cast<std::size_t>(j)].middleRows(first, length))
-                                      .sum());
-          information(i, j) += sum;
-          if (i != j) information(j, i) += sum;
-        }
-      inverse_[r].push_back(information.inverse());
-    }
-  }
+void Linearisation::take_weights() {
   weights_.clear();
-  for (const double loss : segment_losses(at_model_)) weights_.push_back(robust_weight(loss));
-  cross_.assign(runs_.size(), {});
-  const auto parameters = static_cast<Eigen::Index>(columns_.size());
-  for (std::size_t r = 0; r < runs_.size(); ++r)
-    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
-      const auto first = static_cast<Eigen::Index>(g) * length;
-      Eigen::MatrixXd cross(static_cast<Eigen::Index>(starts_[r].size()), parameters);
-      for (Eigen::Index i = 0; i < cross.rows(); ++i)
-        for (Eigen::Index j = 0; j < parameters; ++j)
-          cross(i, j) =
-              static_cast<double>(starts_[r][static_cast<std::size_t>(i)]
-                                      .middleRows(first, length)
-                                      .cwiseProduct(columns_[static_cast<std::size_t>(j)][r].middleRows(first, length))
-                                      .sum());
-      cross_[r].push_back(cross);
-    }
   parameter_grams_.clear();
-  const auto outputs = static_cast<Eigen::Index>(residuals_.outputs().size());
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    Eigen::MatrixXf stacked(length * outputs, parameters);
-    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
-      const auto first = static_cast<Eigen::Index>(g) * length;
-      for (Eigen::Index j = 0; j < parameters; ++j)
-        for (Eigen::Index o = 0; o < outputs; ++o)
-          stacked.col(j).segment(o * length, length) =
-              columns_[static_cast<std::size_t>(j)][r].col(o).segment(first, length);
-      const Eigen::MatrixXd& cross = cross_[r][g];
-      parameter_grams_.push_back((stacked.transpose() * stacked).cast<double>() -
-                                 cross.transpose() * inverse_[r][g] * cross);
-    }
-  }
+  for (const double loss : segment_losses(at_model_)) weights_.push_back(robust_weight(loss));
+  for (const auto& around : around_)
+    parameter_grams_.insert(parameter_grams_.end(), around->grams.begin(), around->grams.end());
 }
 
 Linearisation Linearisation::subset(const std::vector<std::size_t>& positions) const {
   Linearisation part(residuals_);
   part.free_ = free_;
-  part.columns_.resize(columns_.size());
   for (const std::size_t i : positions) {
     part.runs_.push_back(runs_[i]);
     part.at_model_.push_back(at_model_[i]);
-    part.starts_.push_back(starts_[i]);
-    part.shifts_.push_back(shifts_[i]);
-    for (std::size_t c = 0; c < columns_.size(); ++c) part.columns_[c].push_back(columns_[c][i]);
+    part.around_.push_back(around_[i]);
   }
-  part.prepare();
+  part.take_weights();
   return part;
 }
 
-SegmentProducts Linearisation::products(const std::vector<Eigen::MatrixXf>& residuals) const {
-  const auto length = static_cast<Eigen::Index>(residuals_.segment());
-  const auto parameters = static_cast<Eigen::Index>(columns_.size());
-  SegmentProducts result;
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    const auto n = static_cast<Eigen::Index>(starts_[r].size());
-    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
-      const auto first = static_cast<Eigen::Index>(g) * length;
-      const auto part = residuals[r].middleRows(first, length);
-      Eigen::VectorXd against = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
-      const double shift = against.squaredNorm();
-      for (Eigen::Index i = 0; i < n; ++i)
-        against[i] += static_cast<double>(
-            starts_[r][static_cast<std::size_t>(i)].middleRows(first, length).cwiseProduct(part).sum());
-      const Eigen::VectorXd solved = inverse_[r][g] * against;
-      result.squares.push_back(static_cast<double>(part.squaredNorm()) + shift - against.dot(solved));
-      Eigen::VectorXd products = -cross_[r][g].transpose() * solved;
-      for (Eigen::Index j = 0; j < parameters; ++j)
-        products[j] += static_cast<double>(
-            columns_[static_cast<std::size_t>(j)][r].middleRows(first, length).cwiseProduct(part).sum());
-      result.against_parameters.push_back(products);
-    }
-  }
-  return result;
+template <class Visit>
+void Linearisation::for_each_segment(Visit&& visit) const {
+  for (std::size_t r = 0; r < runs_.size(); ++r)
+    for (std::size_t g = 0; g < around_[r]->starts.segments(); ++g) visit(r, g, *around_[r]);
 }
 
-double Linearisation::segment_values() const {
-  return static_cast<double>(residuals_.segment() * residuals_.outputs().size());
+SegmentProducts Linearisation::products(const std::vector<Eigen::MatrixXf>& residuals) const {
+  SegmentProducts result;
+  for_each_segment([&](std::size_t r, std::size_t g, const Around& around) {
+    const Eigen::VectorXf w = around.starts.residual(residuals_.runs()[runs_[r]], residuals[r], g).cast<float>();
+    result.squares.push_back(static_cast<double>(w.squaredNorm()));
+    result.against_parameters.push_back((around.parameters[g].transpose() * w).cast<double>());
+  });
+  return result;
 }
 
 double Linearisation::robust(double loss) const {
@@ -185,63 +130,42 @@ double Linearisation::robust_weight(double loss) const {
   return faultline::robust_weight(loss, segment_values(), options().linearisation.least_variance_fraction);
 }
 
-double Linearisation::values() const {
-  double count = 0;
-  for (std::size_t r = 0; r < runs_.size(); ++r)
-    count += static_cast<double>(inverse_[r].size() * residuals_.segment() * residuals_.outputs().size());
-  return count;
-}
-
 std::vector<double> Linearisation::segment_losses(const std::vector<Eigen::MatrixXf>& residuals) const {
   std::vector<double> losses;
-  const auto length = static_cast<Eigen::Index>(residuals_.segment());
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    const auto n = static_cast<Eigen::Index>(starts_[r].size());
-    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
-      const auto part = residuals[r].middleRows(static_cast<Eigen::Index>(g) * length, length);
-      Eigen::VectorXd against(n);
-      for (Eigen::Index i = 0; i < n; ++i)
-        against[i] = static_cast<double>(starts_[r][static_cast<std::size_t>(i)]
-                                             .middleRows(static_cast<Eigen::Index>(g) * length, length)
-                                             .cwiseProduct(part)
-                                             .sum());
-      const Eigen::VectorXd shift = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
-      against += shift;
-      losses.push_back(0.5 * (static_cast<double>(part.squaredNorm()) + shift.squaredNorm() -
-                              against.dot(inverse_[r][g] * against)));
-    }
-  }
+  for_each_segment([&](std::size_t r, std::size_t g, const Around& around) {
+    losses.push_back(0.5 * around.starts.residual(residuals_.runs()[runs_[r]], residuals[r], g).squaredNorm());
+  });
   return losses;
 }
 
-Eigen::MatrixXd Linearisation::gram(const std::vector<const std::vector<Eigen::MatrixXf>*>& columns,
+std::vector<double> Linearisation::squares(const std::vector<Eigen::MatrixXf>& column) const {
+  std::vector<double> result;
+  for_each_segment([&](std::size_t r, std::size_t g, const Around& around) {
+    result.push_back(around.starts.whitened({&column[r]}, g).squaredNorm());
+  });
+  return result;
+}
+
+Eigen::MatrixXd Linearisation::gram(const std::vector<Eigen::MatrixXf>& residuals, bool with_parameters,
+                                    const std::vector<std::vector<Eigen::MatrixXf>>& columns,
                                     const std::vector<double>& weights, std::vector<Eigen::VectorXd>* gradients) const {
-  const auto n = static_cast<Eigen::Index>(columns.size());
-  const auto length = static_cast<Eigen::Index>(residuals_.segment());
+  const auto parameters = static_cast<Eigen::Index>(with_parameters ? free_.size() : 0);
+  const Eigen::Index n = 1 + parameters + static_cast<Eigen::Index>(columns.size());
   Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
-  const auto outputs = static_cast<Eigen::Index>(residuals_.outputs().size());
   auto weight = weights.begin();
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    const auto shown = static_cast<Eigen::Index>(starts_[r].size());
-    Eigen::MatrixXf stacked(length * outputs, n + shown);
-    for (std::size_t g = 0; g < inverse_[r].size(); ++g) {
-      const auto first = static_cast<Eigen::Index>(g) * length;
-      for (Eigen::Index i = 0; i < n + shown; ++i) {
-        const Eigen::MatrixXf& column =
-            i < n ? (*columns[static_cast<std::size_t>(i)])[r] : starts_[r][static_cast<std::size_t>(i - n)];
-        for (Eigen::Index o = 0; o < outputs; ++o)
-          stacked.col(i).segment(o * length, length) = column.col(o).segment(first, length);
-      }
-      Eigen::MatrixXd all = (stacked.transpose() * stacked).cast<double>();
-      const Eigen::VectorXd shift = shifts_[r].row(static_cast<Eigen::Index>(g)).transpose();
-      all.block(n, 0, shown, 1) += shift;
-      all(0, 0) += shift.squaredNorm();
-      const auto cross = all.bottomLeftCorner(shown, n);
-      const Eigen::MatrixXd part = *weight++ * (all.topLeftCorner(n, n) - cross.transpose() * inverse_[r][g] * cross);
-      if (gradients) gradients->push_back(part.col(0).tail(n - 1));
-      total += part;
-    }
-  }
+  for_each_segment([&](std::size_t r, std::size_t g, const Around& around) {
+    std::vector<const Eigen::MatrixXf*> own;
+    for (const auto& column : columns) own.push_back(&column[r]);
+    const Eigen::VectorXd w = around.starts.residual(residuals_.runs()[runs_[r]], residuals[r], g);
+    Eigen::MatrixXf all(w.size(), n);
+    all.col(0) = w.cast<float>();
+    if (parameters > 0) all.middleCols(1, parameters) = around.parameters[g];
+    if (!own.empty())
+      all.rightCols(static_cast<Eigen::Index>(own.size())) = around.starts.whitened(own, g).cast<float>();
+    const Eigen::MatrixXd part = *weight++ * (all.transpose() * all).cast<double>();
+    if (gradients) gradients->push_back(part.col(0).tail(n - 1));
+    total += part;
+  });
   return total;
 }
 

@@ -3,15 +3,18 @@
 //
 //   L(z) = sum over segments of n/2 log(r' W r / n) + 1/2 |z|^2      z: deviation of each free parameter in tolerances
 //
-// W projects the start states out (residual_model.h). Each of a segment's n values has that segment's own noise
+// W projects the start states out (segments/linearisation.h). Each of a segment's n values has that segment's own noise
 // level, whose best value is put in: near the recording's noise a segment counts as 1/2 r' W r does, but one in which
 // the model goes astray (a breakaway a moment too late) does not outweigh all others, and a wrong structure does not
 // drag parameters off for ever. Minimised by weights: each step takes 1/2 w r' W r with w = n / r' W r.
 #pragma once
 
+#include <memory>
+
 #include <Eigen/Core>
 
 #include "faultline/gap/residual_model.h"
+#include "faultline/segments/linearisation.h"
 
 namespace faultline {
 
@@ -28,7 +31,7 @@ struct SegmentProducts {
 };
 
 // What is computed once around a model and shared by all candidates: residuals, their sensitivity to parameters and
-// start states.
+// start states (segments/linearisation.h).
 class Linearisation {
  public:
   // `runs`: which of the residual model's. Uses `jobs` threads. `starts`: sensitivities to start states where they
@@ -44,40 +47,48 @@ class Linearisation {
   std::vector<double> segment_losses(const std::vector<Eigen::MatrixXf>& residuals) const;
   // The weight of each segment at the model.
   const std::vector<double>& weights() const { return weights_; }
-  // Gram matrix of columns (each: one matrix per run) under W and the weights, of which there is one per segment. The
-  // first column is residuals, to which the prior of the start states belongs; all others are sensitivities.
-  // `gradients`, if given, takes each segment's part of the products of the first column with the others.
-  Eigen::MatrixXd gram(const std::vector<const std::vector<Eigen::MatrixXf>*>& columns,
-                       const std::vector<double>& weights, std::vector<Eigen::VectorXd>* gradients = nullptr) const;
+  // Gram matrix under W and the weights, of which there is one per segment, of residuals, the sensitivities to
+  // parameters where `with_parameters`, and further sensitivities (each: one matrix per run). `gradients`, if given,
+  // takes each segment's part of the products of the residuals with the others.
+  Eigen::MatrixXd gram(const std::vector<Eigen::MatrixXf>& residuals, bool with_parameters,
+                       const std::vector<std::vector<Eigen::MatrixXf>>& columns, const std::vector<double>& weights,
+                       std::vector<Eigen::VectorXd>* gradients = nullptr) const;
+  // r' W r of each segment, r a sensitivity.
+  std::vector<double> squares(const std::vector<Eigen::MatrixXf>& column) const;
 
   const std::vector<Eigen::MatrixXf>& at_model() const { return at_model_; }
-  const std::vector<std::vector<Eigen::MatrixXf>>& parameter_columns() const { return columns_; }  // d r / d z
-  const std::vector<Eigen::MatrixXf>& start_columns(std::size_t run) const { return starts_[run]; }
+  const std::vector<Eigen::MatrixXf>& start_columns(std::size_t run) const { return around_[run]->starts.columns(); }
   const std::vector<std::size_t>& free_parameters() const { return free_; }
   const std::vector<std::size_t>& runs() const { return runs_; }
-  double values() const;  // number of residuals that count (whole segments)
   // The same for some of the runs only (positions in runs()).
   Linearisation subset(const std::vector<std::size_t>& positions) const;
   SegmentProducts products(const std::vector<Eigen::MatrixXf>& residuals) const;
-  const std::vector<Eigen::MatrixXd>& parameter_grams() const { return parameter_grams_; }  // J' W J of each segment
-  double segment_values() const;                                                            // residuals in a segment
-  double robust(double loss) const;                                                         // of one of its segments
+  // J' W J of each segment.
+  const std::vector<Eigen::MatrixXd>& parameter_grams() const { return parameter_grams_; }
+  double segment_values() const { return residuals_.segment_values(); }  // residuals in a segment
+  double robust(double loss) const;                                      // of one of its segments
   double robust_weight(double loss) const;
   const GapOptions& options() const { return residuals_.options(); }
 
  private:
+  // Sensitivities of a run.
+  struct Around {
+    StartProjection starts;
+    std::vector<Eigen::MatrixXf> parameters;  // per segment: values x free parameters, whitened
+    std::vector<Eigen::MatrixXd> grams;       // per segment
+  };
+
   explicit Linearisation(const ResidualModel& residuals) : residuals_(residuals) {}
-  void prepare();
+  void take_weights();
+  // visit(run's place, segment, sensitivities) for each segment, runs one after the other.
+  template <class Visit>
+  void for_each_segment(Visit&& visit) const;
 
   const ResidualModel& residuals_;
   std::vector<std::size_t> runs_;
   std::vector<std::size_t> free_;
   std::vector<Eigen::MatrixXf> at_model_;
-  std::vector<std::vector<Eigen::MatrixXf>> columns_;
-  std::vector<std::vector<Eigen::MatrixXf>> starts_;   // per run, per shown state
-  std::vector<Eigen::MatrixXd> shifts_;                // per run: segments x shown states
-  std::vector<std::vector<Eigen::MatrixXd>> inverse_;  // per run and segment: (S'S + I)^-1
-  std::vector<std::vector<Eigen::MatrixXd>> cross_;    // per run and segment: S'J
+  std::vector<std::shared_ptr<const Around>> around_;  // per run
   std::vector<Eigen::MatrixXd> parameter_grams_;
   std::vector<double> weights_;  // per segment, runs one after the other
 };

@@ -9,6 +9,7 @@
 
 #include "faultline/gap/gap_series.h"
 #include "faultline/gap/gap_trials.h"
+#include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -23,12 +24,15 @@ bool shows_regions(const Channel& channel) {
 
 }  // namespace
 
-LiveGap::LiveGap(const Datasheet& sheet, const LiveGapSettings& settings) : sheet_(sheet), settings_(settings) {
-  if (settings.segment_samples < 20 || settings.smoothing_segments < 2 || settings.least_segments < 1 ||
+LiveGap::LiveGap(const Datasheet& sheet, const LiveGapSettings& settings)
+    : sheet_(sheet), settings_(settings), gap_segment_(segment_length(sheet)) {
+  segment_rows_ =
+      static_cast<std::size_t>(std::lround(settings.segment_ratio * gap_segment_ / sheet.sample_period));
+  if (segment_rows_ < 4 || settings.smoothing_segments < 2 || settings.least_segments < 1 ||
       settings.least_segments > settings.smoothing_segments || settings.locate_after_segments < 2 ||
-      settings.locate_every_segments < 1 || !(settings.jump_s > 0))
+      settings.locate_every_segments < 1 || !(settings.jump_segments > 0))
     throw InputError(fmt::format(
-        "live gap of {}: segments of at least 20 samples, at least 2 of them, of which 1 or more judge, are allowed",
+        "live gap of {}: segments of at least 4 samples, at least 2 of them, of which 1 or more judge, are allowed",
         sheet.rig));
   nominal_.parameters = sheet.nominal();
   for (const std::string& adopted : sheet.nominal_effects)
@@ -70,7 +74,7 @@ bool LiveGap::process(const Sample& sample) {
   if (started_) {
     const double step = sample.time - last_time_;
     if (step == 0) return false;  // a duplicate
-    if (step < 0 || step > settings_.jump_s) {
+    if (step < 0 || step > settings_.jump_segments * settings_.segment_ratio * gap_segment_) {
       reset();
       ++counts_.restarts;
     } else if (std::abs(step - sheet_.sample_period) > settings_.period_error_fraction * sheet_.sample_period) {
@@ -86,7 +90,7 @@ bool LiveGap::process(const Sample& sample) {
     return false;
   }
   filling_.append(sample);
-  if (filling_.rows() < settings_.segment_samples) return false;
+  if (filling_.rows() < segment_rows_) return false;
   Recording whole = std::move(filling_);
   filling_ = Recording();
   filling_.rig = sheet_.rig;
@@ -124,10 +128,9 @@ Recording LiveGap::joined(std::size_t last) const {
 }
 
 void LiveGap::measure() {
-  const std::size_t samples = settings_.segment_samples;
-  GapRun run = prepare_run(sheet_, "live", joined(2), samples, settings_.gap.residuals);
-  const ResidualModel model(sheet_, {std::move(run)}, samples, settings_.gap);
-  const auto length = static_cast<Eigen::Index>(settings_.segment_samples);
+  GapRun run = cut_run(sheet_, "live", joined(2), settings_.segment_ratio * gap_segment_, settings_.gap.segments);
+  const ResidualModel model(sheet_, {std::move(run)}, settings_.gap);
+  const auto length = static_cast<Eigen::Index>(segment_rows_);
   const Eigen::MatrixXf residuals = settled_residuals(model, nominal_, 0).bottomRows(length);
   Segment segment;
   segment.rows = window_.back();
@@ -146,7 +149,7 @@ void LiveGap::measure() {
     gap.normal = normal_[c];
     segment.excess.push_back(gap.excess);
   }
-  segment.row_square.resize(settings_.segment_samples);
+  segment.row_square.resize(segment_rows_);
   for (Eigen::Index k = 0; k < length; ++k)
     segment.row_square[static_cast<std::size_t>(k)] = residuals.row(k).squaredNorm();
   measured_.push_back(std::move(segment));
@@ -226,10 +229,9 @@ void LiveGap::locate(std::size_t segments) {
   ++counts_.located;
   GapSettings settings;
   settings.options = settings_.gap;
-  const GapOptions::Residuals& options = settings_.gap.residuals;
   const GapProgress quiet;
   const Fold fold = {{0}, {0}};
-  GapRun window = prepare_run(sheet_, "live", joined(segments), options.segment_samples, options);
+  GapRun window = cut_run(sheet_, "live", joined(segments), gap_segment_, settings_.gap.segments);
   GapTrials trials(sheet_, {std::move(window)}, {fold}, {0}, settings, quiet);
   const FitResult base = trials.stand(nominal_);  // the rig was normal before: its parameters are hardly off
   const double beyond = sum(trials.score(base).score) - trials.robust({0.5 * trials.segment_values()}).front();

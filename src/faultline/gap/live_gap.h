@@ -28,12 +28,12 @@ namespace faultline {
 
 // All that the answers depend on; units in the names, as in gap_options.h.
 struct LiveGapSettings {
-  std::size_t segment_samples = 500;       // twice the gap's: one segment must show the motion's both directions
-  std::size_t smoothing_segments = 10;     // of the means, the regions and the place: 5 s at 1 kHz
+  double segment_ratio = 2;                // to the rig's segment: one must show the motion's both directions
+  std::size_t smoothing_segments = 10;     // of the means, the regions and the place
   std::size_t least_segments = 4;          // before anything is judged: a mean of fewer scatters
   std::size_t locate_after_segments = 5;   // after leaving normal, so that the window shows the trouble
   std::size_t locate_every_segments = 20;  // bounds the effort
-  double jump_s = 1;                       // of missing time, forwards, from which all begins anew; backwards any
+  double jump_segments = 1;                // of missing time, forwards, from which all begins anew; backwards any
   double return_ratio = 0.7;           // to the normal limit, below which a channel is back: hysteresis against flicker
   double period_error_fraction = 0.2;  // of a sample period, that a stamp may be off
   double notable_ratio = 1.25;         // enrichment from which a region is told
@@ -51,12 +51,12 @@ struct LiveGapSettings {
 template <class Visit>
 void for_each_option(LiveGapSettings& options, Visit&& visit) {
 #define FAULTLINE_OPTION(member) visit(#member, options.member)
-  FAULTLINE_OPTION(segment_samples);
+  FAULTLINE_OPTION(segment_ratio);
   FAULTLINE_OPTION(smoothing_segments);
   FAULTLINE_OPTION(least_segments);
   FAULTLINE_OPTION(locate_after_segments);
   FAULTLINE_OPTION(locate_every_segments);
-  FAULTLINE_OPTION(jump_s);
+  FAULTLINE_OPTION(jump_segments);
   FAULTLINE_OPTION(return_ratio);
   FAULTLINE_OPTION(period_error_fraction);
   FAULTLINE_OPTION(notable_ratio);
@@ -142,6 +142,8 @@ class LiveGap {
 
   Datasheet sheet_;
   LiveGapSettings settings_;
+  double gap_segment_;         // s, the rig's
+  std::size_t segment_rows_;   // of a segment of the live gap
   GapModel nominal_;
   std::vector<double> normal_;    // per channel of the datasheet; NaN: not given
   std::deque<Recording> window_;  // whole segments without a break, newest last

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "faultline/gap/candidates.h"
+#include "faultline/attribution/candidates.h"
 
 namespace faultline {
 

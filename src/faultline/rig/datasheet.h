@@ -132,6 +132,7 @@ struct Datasheet {
   std::string title;
   std::string source;
   double sample_period = 0;           // s
+  double segment = 0;                 // s, over which the model runs from measured states; 0: from its time scales
   std::vector<std::string> branches;  // expanded in the names below; empty for most rigs
   std::vector<Channel> channels;
   std::vector<Channel> not_recorded;  // internal variables that a simulator can show

@@ -332,7 +332,7 @@ void read_ports(const YamlValue& root, Datasheet& sheet) {
 
 constexpr const char* kRigFile = "rig.yaml";
 constexpr const char* kStagesFile = "stages.yaml";
-constexpr std::array kStageKeys = {"estimators", "detectors", "isolators", "normal_gap"};
+constexpr std::array kStageKeys = {"estimators", "detectors", "isolators", "normal_gap", "segment"};
 
 }  // namespace
 

@@ -25,7 +25,9 @@ constexpr double kLeastSpan = 0.1;  // of a command's range: what moves it at al
 constexpr double kTwoPi = 6.283185307179586;
 
 // Of stages.
-constexpr double kSegments = 4, kLeastSegment = 20;  // samples
+constexpr double kSegments = 4, kLeastSegment = 20, kMostSegment = 2000;  // samples
+constexpr std::size_t kFilterStates = 16;  // that a filter takes (estimators/process_model.h)
+constexpr double kLongestEvery = 1e6;      // s
 // Slowest time scales of a segment: what no channel shows has then forgotten how it began when the first counts.
 constexpr double kSegment = 2;
 // Residuals of a model within its tolerances are nearly white once these are adjusted.
@@ -113,12 +115,14 @@ class Completer {
     sheet_.defaulted.insert("profiles");
   }
 
+  bool filtered() const { return sheet_.states.size() <= kFilterStates; }
+
   std::map<std::string, double> pause() const {
     return {{"gap", rounded(kGap * period_)}, {"jump", rounded(kGap * period_)}};
   }
 
   double segment() const {  // samples
-    return std::max(kLeastSegment, std::ceil(kSegment * test_.scales.slowest_s / period_));
+    return std::clamp(std::ceil(kSegment * test_.scales.slowest_s / period_), kLeastSegment, kMostSegment);
   }
   // s, between the stretches that the responses look at.
   double every() const {
@@ -126,13 +130,16 @@ class Completer {
     for (const Parameter& p : sheet_.parameters) variants += p.tolerance > 0;
     for (const Port& port : sheet_.ports) variants += static_cast<double>(port.effects.size());
     const double stretch = ((kSegments + 1) * segment() + kMargin) * period_;
-    return stretch * std::max(1.0, variants / (kEffort * period_));
+    return std::min(stretch * std::max(1.0, variants / (kEffort * period_)), kLongestEvery);
   }
 
   void add_estimators() {
     std::map<std::string, double> numbers = pause();
-    sheet_.estimators.push_back(
-        {"model_filter", "unscented_kalman", settings("model_filter", numbers, {{"model", "rig_model"}})});
+    if (filtered())
+      sheet_.estimators.push_back(
+          {"model_filter", "unscented_kalman", settings("model_filter", numbers, {{"model", "rig_model"}})});
+    else
+      sheet_.estimators.push_back({"channels", "channels", settings("channels", numbers)});
     numbers["segment"] = segment();
     numbers["segments"] = kSegments;
     numbers["inflation"] = kInflation;
@@ -143,6 +150,18 @@ class Completer {
   }
 
   void add_detectors() {
+    if (filtered()) add_model_fit();
+    for (std::size_t c = 0; c < sheet_.channels.size(); ++c) {
+      const Channel& channel = sheet_.channels[c];
+      const bool measured = channel.role == Role::output || channel.role == Role::input;
+      if (!measured || channel.ground_truth || channel.noise_std <= 0) continue;
+      if (channel.resolution <= kRounded * channel.noise_std) add_frozen(channel);
+      add_noisy(channel, test_.bend[c]);
+    }
+    sheet_.defaulted.insert("detectors");
+  }
+
+  void add_model_fit() {
     const double average = std::max(test_.scales.slowest_s, kFitSamples * period_);
     sheet_.detectors.push_back(
         {"model_fit", "consistency",
@@ -153,14 +172,6 @@ class Completer {
                    {"minimum_time", rounded(0.5 * average)},
                    {"release_time", rounded(average)}},
                   {{"kind", "unknown"}, {"text", "The model does not explain the measurements"}})});
-    for (std::size_t c = 0; c < sheet_.channels.size(); ++c) {
-      const Channel& channel = sheet_.channels[c];
-      const bool measured = channel.role == Role::output || channel.role == Role::input;
-      if (!measured || channel.ground_truth || channel.noise_std <= 0) continue;
-      if (channel.resolution <= kRounded * channel.noise_std) add_frozen(channel);
-      add_noisy(channel, test_.bend[c]);
-    }
-    sheet_.defaulted.insert("detectors");
   }
 
   // Words of a detector of a transducer: its port and effect where the datasheet has them.

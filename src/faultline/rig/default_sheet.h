@@ -1,7 +1,7 @@
 // What a datasheet may leave out where this build has the rig's equations, so that a rig of equations and a datasheet
 // can be run, fitted and diagnosed: profiles, values of inputs, parameters to identify, estimators, detectors and
-// isolators. Lengths and amplitudes come from a step test of the model (time_scales.h), noise from the channels; what is
-// filled in stands in Datasheet::defaulted. Given but empty (`detectors: []`) means that none is wanted.
+// isolators. Lengths and amplitudes come from a step test of the model (time_scales.h), noise from the channels; what
+// is filled in stands in Datasheet::defaulted. Given but empty (`detectors: []`) means that none is wanted.
 //
 //   profiles    without `profiles` and `controllers`, open loop within the levels that leave every output in its
 //               range: `steps` (random levels, held for 0.3 to 3 times the slowest time scale), `prbs` (both ends of
@@ -10,10 +10,11 @@
 //               responses long, of 500 to 100000 samples
 //   inputs      those without a value: the middle of their range
 //   identify    where no parameter is marked, those with a tolerance
-//   estimators  `model_filter`, an unscented Kalman filter on the rig's own model (estimators/rig_model.h), and
+//   estimators  `model_filter`, an unscented Kalman filter on the rig's own model (estimators/rig_model.cpp), and
 //               `responses` (estimators/fault_responses.h), whose segments are twice as long as the slowest time scale
-//   detectors   without estimators too: `model_fit`, and `frozen_CHANNEL`, `noisy_CHANNEL` for every measured channel
-//               whose noise is declared and seen; out of range and missing are told without a detector
+//               (a rig of more states than a filter takes has `channels` instead, estimators/channels.cpp)
+//   detectors   without estimators too: `model_fit` of that filter, and `frozen_CHANNEL`, `noisy_CHANNEL` for every
+//               measured channel whose noise is declared and seen; out of range and missing are told without a detector
 //   isolators   `fault` and `second_fault` on an estimator of type fault_response
 //
 // A rig without equations is left as it is.

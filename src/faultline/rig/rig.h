@@ -13,7 +13,8 @@
 
 namespace faultline {
 
-// The number of states depends on the effects (a pipe with inertia has a flow). The inputs of the equations are all
+// The number of states depends on the effects (a pipe with inertia has a flow); the datasheet's states come first, in
+// its order, those of effects after them. The inputs of the equations are all
 // channels, with commands and inputs as they reach the plant.
 class Rig : public OdeSystem {
  public:

@@ -23,6 +23,10 @@ std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<Ef
 
 enum class Use { simulator, model };  // a rig's stand-in, or the model that a recording drives: which substep
 
+double period_of(const Datasheet& sheet, const SimulationSetup& setup) {
+  return setup.sample_period > 0 ? setup.sample_period : sheet.sample_period;
+}
+
 int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
   const RigType* type = find_rig_type(sheet.rig);
   double wanted = type ? type->substep : sheet.sample_period;
@@ -33,7 +37,7 @@ int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
   });
   if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
   if (setup.substep > 0) wanted = setup.substep;
-  return std::max(1, static_cast<int>(std::ceil(sheet.sample_period / wanted - 1e-9)));
+  return std::max(1, static_cast<int>(std::ceil(period_of(sheet, setup) / wanted - 1e-9)));
 }
 
 // A rig with its effects, and the effects on its signals by channel: what driven and closed-loop simulation share.
@@ -41,8 +45,9 @@ class Plant {
  public:
   Plant(const Datasheet& sheet, const SimulationSetup& setup, Use use)
       : sheet_(sheet),
+        period_(period_of(sheet, setup)),
         substeps_(substeps_of(sheet, setup, use)),
-        substep_(sheet.sample_period / substeps_),
+        substep_(period_ / substeps_),
         effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
     const RigType* type = find_rig_type(sheet.rig);
     if (!type)
@@ -74,16 +79,17 @@ class Plant {
   }
 
   // `channels`: commands and inputs at this time. Afterwards seen() holds what the sensors show.
-  void start(const double* channels, const double* nominal_state) {
+  void start(double time, const double* channels, const double* nominal_state) {
     effects_.reset();
-    effects_.set_time(0);
+    effects_.set_time(time);
     std::copy_n(channels, true_.size(), true_.begin());
-    for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], 0);
+    for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], time);
     std::fill_n(integrator_->state(), rig_->states(), 0.0);
     rig_->start(true_.data(), integrator_->state());
     effects_.reset();
-    if (nominal_state) restart(0, channels, nominal_state);
-    observe(0);
+    effects_.set_time(time);
+    if (nominal_state) restart(time, channels, nominal_state);
+    observe(time);
   }
 
   // Puts the rig's states back; effects keep their memory, and what sensors show at this time stays as it was.
@@ -124,6 +130,7 @@ class Plant {
   const std::vector<double>& seen() const { return shown_; }
   const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
   const double* state() const { return integrator_->state(); }
+  double period() const { return period_; }
 
  private:
   // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
@@ -145,6 +152,7 @@ class Plant {
   }
 
   const Datasheet& sheet_;
+  double period_;  // s
   int substeps_;
   double substep_;
   EffectSet effects_;
@@ -253,7 +261,7 @@ struct Simulator::Parts {
     controller->reset();
     row = 0;
     fill_inputs(0, driving.data());
-    plant.start(driving.data(), nullptr);
+    plant.start(0, driving.data(), nullptr);
   }
 
   double time_of(std::uint64_t k) const { return static_cast<double>(k) * sheet.sample_period; }
@@ -364,7 +372,7 @@ DrivenModel::~DrivenModel() = default;
 
 void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {
   parts_->take(recording, row, parts_->now);
-  parts_->plant.start(parts_->now.data(), state);
+  parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state);
 }
 
 void DrivenModel::advance(const Recording& recording, std::size_t to_row, const double* state) {
@@ -372,10 +380,11 @@ void DrivenModel::advance(const Recording& recording, std::size_t to_row, const 
   const double time = Parts::time(recording, to_row - 1);
   parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
   parts_->now.swap(parts_->next);
-  if (state) parts_->plant.restart(time + parts_->sheet.sample_period, parts_->now.data(), state);
+  if (state) parts_->plant.restart(time + parts_->plant.period(), parts_->now.data(), state);
 }
 
 const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }
+const double* DrivenModel::state() const { return parts_->plant.state(); }
 std::size_t DrivenModel::state_count() const { return parts_->sheet.states.size(); }
 
 std::vector<double> draw_parameters(const Datasheet& sheet, std::uint64_t seed) {

@@ -5,13 +5,15 @@
 // rig that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep. The
 // run starts from the rig's own initial state under the first row's commands.
 // Deterministic for a given seed. One seed s starts a generator for each purpose, so that none moves with another: the
-// first set point s, the second s + 15485863 (command i, from 0, of an open loop s + 15485863 i), measured input i (from 0) 7919 s + i + 1, sensor noise 104729 s + 17,
-// effect i a hash of s and i. The rig's own parameters are no part of a run: draw_parameters() has a seed of its own.
+// first set point s, the second s + 15485863 (command i, from 0, of an open loop s + 15485863 i), measured input i
+// (from 0) 7919 s + i + 1, sensor noise 104729 s + 17, effect i a hash of s and i. The rig's own parameters are no part
+// of a run: draw_parameters() has a seed of its own.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "faultline/numerics/random.h"
@@ -28,6 +30,7 @@ struct SimulationSetup {
   std::vector<CommandTable> commands;  // for commands that no controller moves
   std::uint64_t seed = 1;              // of what differs from run to run; see below
   double substep = 0;                  // s; 0: the rig's own
+  double sample_period = 0;            // s, of a driven model's recording; 0: the datasheet's
   bool noise = true;                   // sensor noise and rounding
 };
 
@@ -60,10 +63,11 @@ class DrivenModel {
   DrivenModel(const DrivenModel&) = delete;
   DrivenModel& operator=(const DrivenModel&) = delete;
 
-  // Predicts rows first .. first + count - 1. `restarts`: rows (rising, from `first` on) at which the nominal states
-  // are set to start_states + i * (number of the datasheet's states); before the first restart the rig's own initial
-  // state runs. A restart acts after its row was predicted: the row still shows where the segment before it ended.
-  // Calls row(index, channels) with one value per channel for each of them.
+  // Predicts rows first .. first + count - 1, one sample period apart. `restarts`: rows (rising, from `first` on) at
+  // which the nominal states are set to start_states + i * (number of the datasheet's states); before the first restart
+  // the rig's own initial state runs. A restart acts after its row was predicted: the row still shows where the segment
+  // before it ended. Calls row(index, channels) with one value per channel for each of them. Effects forget what was
+  // before `first`; their time counts from the recording's first row. Where row returns a bool, false ends the run.
   template <class Row>
   void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
            const double* start_states, Row&& row) {
@@ -75,15 +79,22 @@ class DrivenModel {
         advance(recording, k, restart ? start_states + next * state_count() : nullptr);
         next += restart;
       }
-      row(k, predicted());
+      if constexpr (std::is_same_v<decltype(row(k, predicted())), bool>) {
+        if (!row(k, predicted())) return;
+      } else {
+        row(k, predicted());
+      }
     }
   }
+
+  // The rig's states after the last row, in the datasheet's order.
+  const double* state() const;
+  std::size_t state_count() const;
 
  private:
   void begin(const Recording& recording, std::size_t row, const double* state);
   void advance(const Recording& recording, std::size_t to_row, const double* state);
   const double* predicted() const;
-  std::size_t state_count() const;
 
   struct Parts;
   std::unique_ptr<Parts> parts_;

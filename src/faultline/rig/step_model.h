@@ -1,5 +1,5 @@
-// A rig's equations from one sample to the next, from any state: what state estimators propagate, as DrivenModel runs it
-// (the same parameters, nominal effects, substeps and integrator), with every call by itself.
+// A rig's equations from one sample to the next, from any state: what state estimators propagate, as DrivenModel runs
+// it (the same parameters, nominal effects, substeps and integrator), with every call by itself.
 //
 //   state    the datasheet's; states that effects add begin at rest with every step
 //   inputs   commands as they reach the plant at the beginning, held; measured inputs run linearly to the end

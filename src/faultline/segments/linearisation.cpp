@@ -1,0 +1,96 @@
+#include "faultline/segments/linearisation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Eigenvalues>
+
+#include "faultline/numerics/in_parallel.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kNoShare = 1e-12;  // of a squared singular value of S, below which there is nothing to project out
+
+}  // namespace
+
+StartProjection::StartProjection(const SegmentedRun& run, std::vector<Eigen::MatrixXf> columns, double values)
+    : columns_(std::move(columns)), length_(static_cast<Eigen::Index>(run.segment)) {
+  for (std::size_t g = 0; g < run.segments(); ++g) {
+    first_.push_back(static_cast<Eigen::Index>(run.restarts[g]));
+    scale_.push_back(std::sqrt(values / run.counted[g]));
+    const Eigen::Index n = static_cast<Eigen::Index>(columns_.size());
+    starts_.emplace_back();
+    shrink_.emplace_back();
+    if (n == 0) continue;
+    Eigen::MatrixXd& starts = starts_.back();
+    starts.resize(length_ * columns_.front().cols(), n);
+    for (Eigen::Index i = 0; i < n; ++i) stack(columns_[static_cast<std::size_t>(i)], g, starts.col(i));
+    // With S = U s V': (I + S S')^(-1/2) = I - U (1 - (1 + s^2)^(-1/2)) U', from the small Gram matrix S'S = V s^2 V'.
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(starts.transpose() * starts);
+    Eigen::VectorXd factor(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double square = std::max(0.0, eigen.eigenvalues()[i]);
+      factor[i] = square < kNoShare ? 0 : (1 - 1 / std::sqrt(1 + square)) / square;
+    }
+    shrink_.back() = eigen.eigenvectors() * factor.asDiagonal() * eigen.eigenvectors().transpose();
+  }
+}
+
+bool StartProjection::fits(const SegmentedRun& run) const {
+  return length_ == static_cast<Eigen::Index>(run.segment) &&
+         std::equal(first_.begin(), first_.end(), run.restarts.begin(), run.restarts.end(),
+                    [](Eigen::Index a, std::size_t b) { return a == static_cast<Eigen::Index>(b); });
+}
+
+void StartProjection::stack(const Eigen::MatrixXf& matrix, std::size_t segment,
+                            Eigen::Ref<Eigen::VectorXd> column) const {
+  for (Eigen::Index o = 0; o < matrix.cols(); ++o)
+    column.segment(o * length_, length_) = matrix.col(o).segment(first_[segment], length_).cast<double>();
+  column *= scale_[segment];
+}
+
+void StartProjection::project(std::size_t segment, Eigen::Ref<Eigen::MatrixXd> columns) const {
+  const Eigen::MatrixXd& starts = starts_[segment];
+  if (starts.cols() > 0) columns.noalias() -= starts * (shrink_[segment] * (starts.transpose() * columns));
+}
+
+Eigen::VectorXd StartProjection::residual(const SegmentedRun& run, const Eigen::MatrixXf& residuals,
+                                          std::size_t segment) const {
+  Eigen::MatrixXd column(length_ * residuals.cols(), 1);
+  stack(residuals, segment, column.col(0));
+  if (starts_[segment].cols() > 0) column.col(0).noalias() -= starts_[segment] * run.start_shift[segment];
+  project(segment, column);
+  return column.col(0);
+}
+
+Eigen::MatrixXd StartProjection::whitened(const std::vector<const Eigen::MatrixXf*>& columns,
+                                          std::size_t segment) const {
+  Eigen::MatrixXd result(columns.empty() ? 0 : length_ * columns.front()->cols(),
+                         static_cast<Eigen::Index>(columns.size()));
+  for (Eigen::Index i = 0; i < result.cols(); ++i) stack(*columns[static_cast<std::size_t>(i)], segment, result.col(i));
+  if (result.cols() > 0) project(segment, result);
+  return result;
+}
+
+std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedRun& run, const StartProjection& starts,
+                                     const std::vector<double>& sigma, const ModelChange& at,
+                                     const std::vector<Direction>& directions, int jobs) {
+  std::vector<Eigen::MatrixXf> residuals(directions.size() + 1);
+  in_parallel(residuals.size(), jobs, [&](std::size_t i) {
+    residuals[i] = model.residuals(i == 0 ? at : directions[i - 1].to, run, sigma);
+  });
+  std::vector<const Eigen::MatrixXf*> columns;
+  for (std::size_t i = 1; i < residuals.size(); ++i) {
+    residuals[i] = (residuals[i] - residuals[0]) / static_cast<float>(directions[i - 1].size);
+    columns.push_back(&residuals[i]);
+  }
+  std::vector<LinearSegment> result(run.segments());
+  in_parallel(result.size(), jobs, [&](std::size_t g) {
+    result[g].residual = starts.residual(run, residuals[0], g);
+    result[g].columns = starts.whitened(columns, g);
+  });
+  return result;
+}
+
+}  // namespace faultline

@@ -1,0 +1,248 @@
+#include "faultline/segments/segment_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "faultline/segments/smoothing.h"
+#include "faultline/segments/state_smoother.h"
+
+namespace faultline {
+namespace {
+
+std::size_t widest_window(const SegmentedRun& run, const SegmentOptions& options) {
+  return static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);
+}
+
+auto rows_of(const SegmentedRun& run, const Eigen::MatrixXf& matrix, std::size_t segment) {
+  return matrix.middleRows(static_cast<Eigen::Index>(run.restarts[segment]), static_cast<Eigen::Index>(run.segment));
+}
+
+// The e of settled().
+Eigen::VectorXd best_move(const SegmentedRun& run, const std::vector<Eigen::MatrixXf>& columns,
+                          const Eigen::MatrixXf& residuals, std::size_t segment) {
+  const auto n = static_cast<Eigen::Index>(columns.size());
+  const auto product = [&](const Eigen::MatrixXf& a, const Eigen::MatrixXf& b) {
+    return static_cast<double>(rows_of(run, a, segment).cwiseProduct(rows_of(run, b, segment)).sum());
+  };
+  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
+  Eigen::VectorXd gradient = run.start_shift[segment];
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::MatrixXf& column = columns[static_cast<std::size_t>(i)];
+    gradient[i] += product(column, residuals);
+    for (Eigen::Index j = 0; j < n; ++j) information(i, j) += product(column, columns[static_cast<std::size_t>(j)]);
+  }
+  return -information.ldlt().solve(gradient);
+}
+
+}  // namespace
+
+Eigen::MatrixXf settled(const SegmentedRun& run, const std::vector<Eigen::MatrixXf>& columns,
+                        Eigen::MatrixXf residuals) {
+  for (std::size_t g = 0; g < run.segments(); ++g) {
+    const Eigen::VectorXf move = best_move(run, columns, residuals, g).cast<float>();
+    for (Eigen::Index i = 0; i < move.size(); ++i)
+      residuals.middleRows(static_cast<Eigen::Index>(run.restarts[g]), static_cast<Eigen::Index>(run.segment)) +=
+          move[i] * rows_of(run, columns[static_cast<std::size_t>(i)], g);
+  }
+  return residuals;
+}
+
+std::vector<double> starts_of(const SegmentedRun& run) {
+  std::vector<double> result;
+  for (std::size_t g = 0; g < run.segments(); ++g) {
+    Eigen::VectorXd start = run.starts[g];
+    start.noalias() += run.start_roots[g] * run.start_shift[g];
+    result.insert(result.end(), start.data(), start.data() + start.size());
+  }
+  return result;
+}
+
+SegmentModel::SegmentModel(const Datasheet& sheet, const SegmentOptions& options)
+    : sheet_(sheet), options_(options), outputs_(compared_outputs(sheet)) {
+  for (const State& state : sheet_.states) {
+    const auto place = std::find(outputs_.begin(), outputs_.end(), state.channel);
+    shown_by_.push_back(place == outputs_.end() ? -1 : state.channel);
+    at_.push_back(static_cast<std::size_t>(place - outputs_.begin()));
+  }
+}
+
+bool SegmentModel::counts(const SegmentedRun& run, std::size_t row, std::size_t output) const {
+  return std::isfinite(run.recording.at(row, static_cast<std::size_t>(outputs_[output])));
+}
+
+Eigen::Index SegmentModel::directions() const {
+  return std::count_if(shown_by_.begin(), shown_by_.end(), [](int channel) { return channel >= 0; });
+}
+
+void SegmentModel::place_starts(SegmentedRun& run, const std::vector<double>& noise, const ModelChange& change) const {
+  const auto states = static_cast<Eigen::Index>(shown_by_.size());
+  const std::vector<int> hidden = hidden_states(*this, change, run);
+  const Eigen::Index directions = this->directions() + static_cast<Eigen::Index>(hidden.size());
+  StateCourse course;
+  if (!hidden.empty()) course = smooth_states(*this, change, run, noise, run.restarts);
+  run.starts.assign(run.segments(), Eigen::VectorXd::Constant(states, std::nan("")));
+  run.start_roots.assign(run.segments(), Eigen::MatrixXd::Zero(states, directions));
+  run.start_shift.assign(run.segments(), Eigen::VectorXd::Zero(directions));
+  const std::size_t widest = widest_window(run, options_);
+  auto stretch = run.stretches.begin();
+  for (std::size_t g = 0; g < run.segments(); ++g) {
+    while (run.restarts[g] >= stretch->last) ++stretch;
+    Eigen::Index direction = 0;
+    for (Eigen::Index s = 0; s < states; ++s) {
+      const auto state = static_cast<std::size_t>(s);
+      if (shown_by_[state] < 0) continue;
+      const double sigma = noise[at_[state]];
+      const Smoothed start = smoothed(run.recording, run.restarts[g], static_cast<std::size_t>(shown_by_[state]),
+                                      stretch->first, stretch->last, sigma, widest, options_);
+      run.starts[g][s] = start.value;
+      if (!std::isnan(start.value))
+        run.start_roots[g](s, direction) = std::max(options_.start_prior_sigma * sigma, start.std);
+      ++direction;
+    }
+    if (!hidden.empty()) place_hidden(run, g, course.mean[g], course.covariance[g], hidden, direction);
+  }
+}
+
+// The root of their part of the covariance; nothing where the smoother's model left all bounds.
+void SegmentModel::place_hidden(SegmentedRun& run, std::size_t segment, const Eigen::VectorXd& mean,
+                                const Eigen::MatrixXd& covariance, const std::vector<int>& hidden,
+                                Eigen::Index direction) const {
+  const auto n = static_cast<Eigen::Index>(hidden.size());
+  Eigen::MatrixXd own(n, n);
+  for (Eigen::Index a = 0; a < n; ++a)
+    for (Eigen::Index b = 0; b < n; ++b)
+      own(a, b) = covariance(hidden[static_cast<std::size_t>(a)], hidden[static_cast<std::size_t>(b)]);
+  const Eigen::LLT<Eigen::MatrixXd> factor(own);
+  if (!mean.allFinite() || !own.allFinite() || factor.info() != Eigen::Success) return;
+  const Eigen::MatrixXd root = factor.matrixL();
+  for (Eigen::Index a = 0; a < n; ++a) {
+    const int state = hidden[static_cast<std::size_t>(a)];
+    run.starts[segment][state] = mean[state];
+    run.start_roots[segment].row(state).segment(direction, n) = options_.start_prior_sigma * root.row(a);
+  }
+}
+
+Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const SegmentedRun& run,
+                                       const std::vector<std::size_t>& restarts, const std::vector<double>& starts,
+                                       const std::vector<double>& sigma, Restarted restarted,
+                                       const Enough& enough) const {
+  SimulationSetup setup;
+  setup.parameters = change.parameters;
+  setup.effects = change.effects;
+  setup.sample_period = run.period;
+  setup.noise = false;
+  DrivenModel driven(sheet_, setup);
+  const double largest = options_.largest_residual_sigma;
+  Eigen::MatrixXf result = Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(run.recording.rows()),
+                                                 static_cast<Eigen::Index>(outputs_.size()));
+  const auto residual = [&](std::size_t row, std::size_t output, const double* channels) {
+    const auto c = static_cast<std::size_t>(outputs_[output]);
+    const Channel& channel = sheet_.channels[c];
+    const double r = (std::clamp(run.recording.at(row, c), channel.minimum, channel.maximum) -
+                      std::clamp(channels[c], channel.minimum, channel.maximum)) /
+                     sigma[output];
+    return static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
+  };
+  auto restart = restarts.begin();
+  for (const Stretched& stretch : run.stretches) {
+    std::vector<std::size_t> own;
+    const double* first = starts.data() + static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
+    for (; restart != restarts.end() && *restart < stretch.last; ++restart) own.push_back(*restart);
+    auto next = own.begin() + 1;
+    bool ended = false;
+    driven.run(run.recording, own.front(), stretch.last - own.front(), own, first,
+               [&](std::size_t k, const double* channels) {
+                 const bool shows_the_last = next != own.end() && *next == k;
+                 next += shows_the_last;
+                 for (std::size_t i = 0; i < outputs_.size(); ++i)
+                   if (counts(run, k, i) && !(shows_the_last && restarted == Restarted::left_out))
+                     result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) = residual(k, i, channels);
+                 ended = enough && enough(k, result);
+                 return !ended;
+               });
+    if (ended) return result;
+  }
+  read_held_values(change, run, result);
+  return result;
+}
+
+// What a stuck sensor holds is read from the recording: its simulated value has the error of the segment in which it
+// stuck, for ever.
+void SegmentModel::read_held_values(const ModelChange& change, const SegmentedRun& run,
+                                    Eigen::MatrixXf& residuals) const {
+  for (const EffectSpec& spec : change.effects) {
+    if (spec.effect != "stuck" || sheet_.port(spec.port).kind != PortKind::sensor) continue;
+    const auto output =
+        std::find(outputs_.begin(), outputs_.end(), sheet_.channel(sheet_.port(spec.port).channel)) - outputs_.begin();
+    if (output == static_cast<std::ptrdiff_t>(outputs_.size())) continue;
+    const double from = spec.parameters.front() + run.recording.time.front();
+    const auto first = static_cast<std::size_t>(
+        std::lower_bound(run.recording.time.begin(), run.recording.time.end(), from) - run.recording.time.begin());
+    const auto held = [&](const auto& visit) {
+      for (const Stretched& stretch : run.stretches)
+        for (std::size_t k = std::max(first, stretch.first); k < stretch.last; ++k)
+          if (counts(run, k, static_cast<std::size_t>(output))) visit(residuals(static_cast<Eigen::Index>(k), output));
+    };
+    double sum = 0, count = 0;
+    held([&](float& r) {
+      sum += static_cast<double>(r);
+      count += 1;
+    });
+    if (count > 0) held([&](float& r) { r -= static_cast<float>(sum / count); });
+  }
+}
+
+Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
+                                        const std::vector<double>& sigma) const {
+  return residuals(change, run, sigma, Enough());
+}
+
+Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
+                                        const std::vector<double>& sigma, const Enough& enough) const {
+  return simulate(change, run, run.restarts, starts_of(run), sigma, Restarted::left_out, enough);
+}
+
+Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
+                                        const std::vector<double>& noise, std::size_t horizon) const {
+  SegmentedRun cut = run;
+  cut.restarts.clear();
+  for (const Stretched& stretch : run.stretches)
+    for (std::size_t k = stretch.first; k < stretch.last; k += horizon) cut.restarts.push_back(k);
+  place_starts(cut, noise, change);
+  return simulate(change, cut, cut.restarts, starts_of(cut), noise, Restarted::counted, {});
+}
+
+std::vector<Eigen::MatrixXf> SegmentModel::start_columns(const ModelChange& change, const SegmentedRun& run,
+                                                         const std::vector<double>& sigma) const {
+  const Eigen::MatrixXf now = residuals(change, run, sigma);
+  const double step = options_.start_difference_sigma;
+  std::vector<Eigen::MatrixXf> result;
+  SegmentedRun moved = run;
+  for (Eigen::Index i = 0; i < run.start_shift.front().size(); ++i) {
+    for (Eigen::VectorXd& shift : moved.start_shift) shift[i] += step;
+    result.push_back((residuals(change, moved, sigma) - now) / static_cast<float>(step));
+    for (Eigen::VectorXd& shift : moved.start_shift) shift[i] -= step;
+  }
+  return result;
+}
+
+std::vector<Eigen::MatrixXf> SegmentModel::settle(const ModelChange& change, SegmentedRun& run,
+                                                  const std::vector<double>& sigma,
+                                                  std::vector<Eigen::MatrixXf> known) const {
+  const Eigen::MatrixXf before = residuals(change, run, sigma);
+  std::vector<Eigen::MatrixXf> columns = known.empty() ? start_columns(change, run, sigma) : std::move(known);
+  const double largest = options_.start_shift_limit_sigma;
+  const std::vector<Eigen::VectorXd> old = run.start_shift;
+  for (std::size_t g = 0; g < run.segments(); ++g)
+    run.start_shift[g] = (old[g] + best_move(run, columns, before, g)).cwiseMax(-largest).cwiseMin(largest);
+  const Eigen::MatrixXf after = residuals(change, run, sigma);
+  for (std::size_t g = 0; g < run.segments(); ++g)
+    if (!(static_cast<double>(rows_of(run, after, g).squaredNorm()) + run.start_shift[g].squaredNorm() <
+          static_cast<double>(rows_of(run, before, g).squaredNorm()) + old[g].squaredNorm()))
+      run.start_shift[g] = old[g];
+  return columns;
+}
+
+}  // namespace faultline

@@ -1,0 +1,161 @@
+#include "faultline/segments/segmented_run.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "faultline/segments/segment_length.h"
+#include "faultline/segments/smoothing.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kSmallestNoise = 1e-12;  // of a channel's range: a guard where the noise is 0
+constexpr std::size_t kFewestRows = 4;    // of a segment: a start and what it leads to
+
+double smallest_noise(const Channel& channel, const SegmentOptions& options) {
+  return std::max({options.least_noise_fraction * channel.noise_std, channel.resolution / std::sqrt(12.0),
+                   kSmallestNoise * (channel.maximum - channel.minimum)});
+}
+
+// The datasheet's period where the recording's is the same but for jitter.
+double period_of(const Datasheet& sheet, const Recording& recording, const SegmentOptions& options) {
+  const double own = typical_period(sheet, recording);
+  return std::abs(own - sheet.sample_period) > options.period_error_fraction * sheet.sample_period
+             ? own
+             : sheet.sample_period;
+}
+
+// Why the model cannot be driven over a row; null where it can.
+const Channel* missing_drive(const Datasheet& sheet, const Recording& recording, std::size_t row) {
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    const Channel& channel = sheet.channels[c];
+    if ((channel.role == Role::command || channel.role == Role::input) && !std::isfinite(recording.at(row, c)))
+      return &channel;
+  }
+  return nullptr;
+}
+
+struct Breaks {
+  std::vector<Stretched> stretches;
+  std::size_t count = 0;
+  std::string first;  // the first one, in words
+};
+
+Breaks find_breaks(const Datasheet& sheet, const SegmentedRun& run, const SegmentOptions& options) {
+  Breaks found;
+  const Recording& r = run.recording;
+  const auto note = [&](const std::string& text) {
+    if (found.count++ == 0) found.first = text;
+  };
+  std::size_t first = 0;
+  const auto end = [&](std::size_t last) {
+    if (last >= first + run.segment) found.stretches.push_back({first, last});
+  };
+  for (std::size_t k = 0; k < r.rows(); ++k) {
+    const double step = k > 0 ? r.time[k] - r.time[k - 1] : run.period;
+    if (std::abs(step - run.period) > options.period_error_fraction * run.period) {
+      note(fmt::format("{:g} s between the samples at {:.3f} s", step, r.time[k] - r.time.front()));
+      end(k);
+      first = k;
+    }
+    if (const Channel* missing = missing_drive(sheet, r, k)) {
+      note(fmt::format("channel {} is not a number at {:.3f} s", missing->name, r.time[k] - r.time.front()));
+      end(k);
+      first = k + 1;
+    }
+  }
+  end(r.rows());
+  return found;
+}
+
+}  // namespace
+
+std::vector<int> compared_outputs(const Datasheet& sheet) {
+  std::vector<int> outputs;
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c)
+    if (sheet.channels[c].role == Role::output && !sheet.channels[c].ground_truth)
+      outputs.push_back(static_cast<int>(c));
+  return outputs;
+}
+
+SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording recording, double segment,
+                     const SegmentOptions& options) {
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    if (!sheet.channels[c].ground_truth && sheet.channels[c].role != Role::setpoint) continue;
+    for (std::size_t k = 0; k < recording.rows(); ++k) recording.values[k * recording.columns() + c] = 0;
+  }
+  SegmentedRun run;
+  run.name = name;
+  run.period = period_of(sheet, recording, options);
+  run.segment = std::max(kFewestRows, static_cast<std::size_t>(std::lround(segment / run.period)));
+  run.recording = std::move(recording);
+  const Breaks breaks = find_breaks(sheet, run, options);
+  run.stretches = breaks.stretches;
+
+  const auto widest =
+      static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);
+  std::vector<double> noise(sheet.channels.size(), 0);
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c)
+    if (sheet.channels[c].role == Role::input) noise[c] = noise_floor(run.recording, c);
+  for (const Stretched& stretch : run.stretches)
+    smooth_inputs(sheet, run.recording, stretch.first, stretch.last, widest, noise, options);
+
+  const std::vector<int> outputs = compared_outputs(sheet);
+  std::size_t used = 0, missing = 0, bounds = 0;
+  for (const Stretched& stretch : run.stretches)
+    for (std::size_t k = stretch.first; k + run.segment <= stretch.last; k += run.segment) {
+      std::size_t counted = 0, lost = 0;
+      for (const int output : outputs)
+        for (std::size_t i = k; i < k + run.segment; ++i) {
+          const double value = run.recording.at(i, static_cast<std::size_t>(output));
+          counted += measures(sheet.channels[static_cast<std::size_t>(output)], value);
+          lost += !std::isfinite(value);
+        }
+      const std::size_t all = run.segment * outputs.size();
+      missing += lost;
+      bounds += all - counted - lost;
+      run.restarts.push_back(k);
+      run.counted.push_back(
+          std::max(static_cast<double>(counted), options.least_counted_fraction * static_cast<double>(all)));
+      used += run.segment;
+    }
+  const std::string why = breaks.count > 0 ? "; " + breaks.first : "";
+  if (run.restarts.empty())
+    throw InputError(fmt::format("{}: no {:g} s without a break are in it ({} samples){}; record longer, or give the "
+                                 "datasheet a shorter segment",
+                                 name, static_cast<double>(run.segment) * run.period, run.recording.rows(), why));
+  if (breaks.count > 0 || missing > 0 || bounds > 0) {
+    run.remark = fmt::format("{}: {} of {} samples lie in {} segments that are used", name, used,
+                             run.recording.rows(), run.restarts.size());
+    if (breaks.count > 0) run.remark += fmt::format("; {} breaks, the first: {}", breaks.count, breaks.first);
+    if (missing > 0) run.remark += fmt::format("; {} readings are missing", missing);
+    if (bounds > 0) run.remark += fmt::format("; {} readings at an end of their range count as bounds", bounds);
+  }
+  return run;
+}
+
+std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                             const SegmentOptions& options) {
+  std::vector<double> result;
+  for (const int output : compared_outputs(sheet)) {
+    const auto c = static_cast<std::size_t>(output);
+    double floor = 0;
+    for (const SegmentedRun& run : runs) floor += noise_floor(run.recording, c) / static_cast<double>(runs.size());
+    result.push_back(std::max(floor, smallest_noise(sheet.channels[c], options)));
+  }
+  return result;
+}
+
+std::vector<double> noise_of(const Datasheet& sheet, const SegmentOptions& options) {
+  std::vector<double> result;
+  for (const int output : compared_outputs(sheet)) {
+    const Channel& channel = sheet.channels[static_cast<std::size_t>(output)];
+    result.push_back(std::max(channel.noise_std, smallest_noise(channel, options)));
+  }
+  return result;
+}
+
+}  // namespace faultline

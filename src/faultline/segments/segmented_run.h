@@ -1,0 +1,59 @@
+// One recording, cut into segments of equal length: an integrating plant cannot run free for long, so at the head of
+// every segment the model's states are put back.
+//
+// What cannot be used is left out. A distance in time that is not the run's period ends a stretch, as does a command
+// or measured input that is not a number; segments lie within stretches. Readings of outputs that are missing or at an
+// end of their range (smoothing.h) do not count. A run has the period at which its samples come, which need not be the
+// datasheet's. Channels that are ground truth are not used, and commands that are ground truth count as 0.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "faultline/rig/datasheet.h"
+#include "faultline/segments/segment_options.h"
+#include "faultline/signal/sample.h"
+
+namespace faultline {
+
+// Rows first .. last - 1 without a break that hold at least one segment, and after those what is too short for
+// another.
+struct Stretched {
+  std::size_t first = 0, last = 0;
+};
+
+struct SegmentedRun {
+  std::string name;
+  Recording recording;                // channels in the datasheet's order, ground truth removed, inputs smoothed
+  double period = 0;                  // s, between samples
+  std::size_t segment = 0;            // rows of each
+  std::vector<Stretched> stretches;   // in order of time
+  std::vector<std::size_t> restarts;  // first row of each segment
+  std::vector<double> counted;        // per segment: readings of outputs that count
+  std::string remark;                 // what was left out and why; empty: nothing
+  // Where each segment starts: starts + start_roots start_shift, the shift beforehand normal with covariance 1
+  // (segment_model.h). States x 1, states x directions, directions x 1; NaN: the state goes on.
+  std::vector<Eigen::VectorXd> starts, start_shift;
+  std::vector<Eigen::MatrixXd> start_roots;
+
+  std::size_t segments() const { return restarts.size(); }
+  double duration() const { return static_cast<double>(recording.rows()) * period; }  // s
+};
+
+// Channels that a model is held against: outputs that are no ground truth.
+std::vector<int> compared_outputs(const Datasheet& sheet);
+
+// Cuts a recording whose channels are the datasheet's, in order, into segments of `segment` s. No starts yet.
+// InputError where nothing is left.
+SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording recording, double segment,
+                     const SegmentOptions& options = {});
+
+// Noise of each compared output over runs, in the channel's unit: their own (smoothing.h), never below rounding.
+std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                             const SegmentOptions& options = {});
+// The same as the datasheet says it.
+std::vector<double> noise_of(const Datasheet& sheet, const SegmentOptions& options = {});
+
+}  // namespace faultline

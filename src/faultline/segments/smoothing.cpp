@@ -1,0 +1,107 @@
+#include "faultline/segments/smoothing.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace faultline {
+namespace {
+
+constexpr double kThirdDifferenceVariance = 20;  // of unit white noise: 1 + 9 + 9 + 1
+constexpr double kMedianOfNormal = 0.67449;      // of |x|, x normal
+
+struct Window {  // moments of the offsets -width .. width
+  std::ptrdiff_t width;
+  double s0 = 0, s2 = 0, s4 = 0;
+  explicit Window(std::size_t half_width) : width(static_cast<std::ptrdiff_t>(half_width)) {
+    for (std::ptrdiff_t i = -width; i <= width; ++i) {
+      const double x2 = static_cast<double>(i * i);
+      s0 += 1;
+      s2 += x2;
+      s4 += x2 * x2;
+    }
+  }
+  double determinant() const { return s0 * s4 - s2 * s2; }
+  // Weight of the sample at an offset in the value at the centre.
+  double weight(std::ptrdiff_t i) const { return (s4 - s2 * static_cast<double>(i * i)) / determinant(); }
+};
+
+}  // namespace
+
+bool measures(const Channel& channel, double value) { return value > channel.minimum && value < channel.maximum; }
+
+Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t column, std::size_t first, std::size_t last,
+                  double noise, std::size_t widest, const SegmentOptions& options) {
+  const Channel& channel = recording.channels[column];
+  for (const std::size_t w : options.start_half_width_samples) {
+    if (w > widest || row < first + w || row + w >= last) continue;
+    const Window window(w);
+    const auto at = [&](std::ptrdiff_t i) {
+      return recording.at(static_cast<std::size_t>(static_cast<std::ptrdiff_t>(row) + i), column);
+    };
+    double value = 0, slope = 0, against = 0, misfit = 0;
+    bool all = true;
+    for (std::ptrdiff_t i = -window.width; i <= window.width; ++i) {
+      value += window.weight(i) * at(i);
+      slope += static_cast<double>(i) * at(i) / window.s2;
+      all = all && measures(channel, at(i));
+    }
+    if (!all) continue;
+    for (std::ptrdiff_t i = -window.width; i <= window.width; ++i)
+      against += static_cast<double>(i * i) * (at(i) - value);
+    const double curvature = against / window.s4;
+    for (std::ptrdiff_t i = -window.width; i <= window.width; ++i) {
+      const double x = static_cast<double>(i);
+      misfit += std::pow(at(i) - value - slope * x - curvature * x * x, 2);
+    }
+    if (misfit < options.start_misfit_variances * noise * noise * (window.s0 - 3))
+      return {value, noise * std::sqrt(window.s4 / window.determinant())};
+  }
+  const double value = recording.at(row, column);
+  return {measures(channel, value) ? value : std::nan(""), noise};
+}
+
+void smooth_inputs(const Datasheet& sheet, Recording& recording, std::size_t first, std::size_t last,
+                   std::size_t widest, const std::vector<double>& noise, const SegmentOptions& options) {
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    if (sheet.channels[c].role != Role::input || sheet.channels[c].ground_truth || noise[c] <= 0) continue;
+    for (const std::size_t w : options.input_half_width_samples) {  // the widest that takes only noise away
+      if (w > widest || last - first < 2 * w + 1) continue;
+      const Window window(w);
+      std::vector<double> smooth(last - first);
+      double taken = 0;
+      for (std::size_t k = first; k < last; ++k) {
+        double& to = smooth[k - first];
+        to = recording.at(k, c);
+        if (k < first + w || k + w >= last) continue;
+        double sum = 0;
+        for (std::size_t i = 0; i <= 2 * w; ++i)
+          sum += window.weight(static_cast<std::ptrdiff_t>(i) - window.width) * recording.at(k - w + i, c);
+        to = sum;
+        taken += std::pow(recording.at(k, c) - sum, 2);
+      }
+      const double expected =
+          (1 - window.weight(0)) * noise[c] * noise[c] * static_cast<double>(last - first - 2 * w);
+      if (taken > options.input_removed_variance_ratio * expected) continue;
+      for (std::size_t k = first; k < last; ++k) recording.values[k * recording.columns() + c] = smooth[k - first];
+      break;
+    }
+  }
+}
+
+double noise_floor(const Recording& recording, std::size_t column) {
+  const Channel& channel = recording.channels[column];
+  std::vector<double> sizes;
+  sizes.reserve(recording.rows());
+  for (std::size_t k = 3; k < recording.rows(); ++k) {
+    const double a = recording.at(k, column), b = recording.at(k - 1, column), c = recording.at(k - 2, column),
+                 d = recording.at(k - 3, column);
+    if (measures(channel, a) && measures(channel, b) && measures(channel, c) && measures(channel, d))
+      sizes.push_back(std::abs(a - 3 * b + 3 * c - d));
+  }
+  if (sizes.empty()) return 0;
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return *middle / kMedianOfNormal / std::sqrt(kThirdDifferenceVariance);
+}
+
+}  // namespace faultline

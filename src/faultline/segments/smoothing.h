@@ -1,0 +1,38 @@
+// A recorded signal without its white noise, and how much of that it has.
+//
+//   y(x) = a + b x + c x^2  least squares over 2 w + 1 samples around a row; a is the signal there (Savitzky, Golay,
+//   Anal. Chem. 36, 1964); the widest window of those given whose misfit is no more than noise is taken
+//   noise = median |y_k - 3 y_k-1 + 3 y_k-2 - y_k-3| / 0.6745 / sqrt(20)   third differences of white noise
+//
+// Samples that are missing (not a number) or at an end of their channel's range - the sensor can show no more: what it
+// says is a bound - measure nothing: windows with one are passed over, and so are third differences.
+#pragma once
+
+#include "faultline/rig/datasheet.h"
+#include "faultline/segments/segment_options.h"
+#include "faultline/signal/sample.h"
+
+namespace faultline {
+
+// Whether a reading of the channel says what the value is; else it is missing, or a bound.
+bool measures(const Channel& channel, double value);
+
+struct Smoothed {
+  double value = 0;
+  double std = 0;  // of the value, from the noise alone
+};
+
+// At a row, from rows first .. last - 1 only. Where no window describes the signal (a spool that jumps), the sample
+// itself; not a number where that measures nothing. `widest`: samples on each side, at most. `noise`: of a sample.
+Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t column, std::size_t first, std::size_t last,
+                  double noise, std::size_t widest, const SegmentOptions& options);
+
+// Smooths the recorded inputs (role input) in place within rows first .. last - 1, as far as what is taken away is
+// white: their noise would break a stuck body loose too early. `noise`: per channel.
+void smooth_inputs(const Datasheet& sheet, Recording& recording, std::size_t first, std::size_t last,
+                   std::size_t widest, const std::vector<double>& noise, const SegmentOptions& options);
+
+// Standard deviation of the white noise on a signal; robust. 0 where there are too few samples.
+double noise_floor(const Recording& recording, std::size_t column);
+
+}  // namespace faultline

@@ -1,0 +1,158 @@
+// A model over segments: what is left where it is right, whatever sits at a sensor, whatever is missing.
+#include "faultline/segments/segment_model.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "faultline/segments/linearisation.h"
+#include "rigs/servo_actuator/runs.h"
+
+namespace faultline {
+namespace {
+
+struct Prepared {
+  SegmentModel model{servo()};
+  SegmentedRun run;
+  std::vector<double> noise;
+  Prepared(Recording recording, double segment) : run(cut_run(servo(), "run", std::move(recording), segment)) {
+    noise = noise_of(servo(), {run});
+    model.place_starts(run, noise, model.nominal());
+  }
+};
+
+ModelChange nominal(const std::vector<EffectSpec>& effects = {}) { return {servo().nominal(), effects}; }
+
+// The middle of an effect's range at a port. Not stuck, which has no size, nor quantisation: it rounds the model's value
+// as well, which is noise again.
+std::vector<EffectSpec> sensor_effects() {
+  std::vector<EffectSpec> result;
+  for (const Port& port : servo().ports) {
+    if (port.kind != PortKind::sensor) continue;
+    for (const FittingEffect& fitting : port.effects) {
+      EffectSpec spec;
+      spec.effect = fitting.effect;
+      spec.port = port.name;
+      if (spec.effect == "stuck" || spec.effect == "quantisation") continue;
+      for (const EffectParameter& p : find_effect_type(spec.effect)->parameters) {
+        const Bounds& b = fitting.bounds.at(p.name);
+        spec.parameters.push_back(b.minimum > 0 ? std::sqrt(b.minimum * b.maximum) : 0.5 * b.maximum);
+      }
+      result.push_back(spec);
+    }
+  }
+  return result;
+}
+
+// One sample after the states were put back to what the sensors show.
+TEST(SegmentModel, LeavesNoiseWithAnyEffectAtASensor) {
+  std::vector<EffectSpec> effects = sensor_effects();
+  Datasheet sheet = servo();
+  for (Port& port : sheet.ports)
+    if (port.name == "sensor.velocity") port.effects.push_back({"gain_curve", {{"curvature", {-0.4, 0.4}}}});
+  effects.push_back(parse_effect("gain_curve@sensor.velocity:curvature=0.3"));
+  ASSERT_GT(effects.size(), 10u);
+  for (const EffectSpec& effect : effects) {
+    SimulationSetup setup = servo_setup("multisine");
+    setup.effects = {effect};
+    SegmentedRun run = cut_run(sheet, "run", simulate(sheet, setup, 3), 0.5);
+    const SegmentModel model(sheet);
+    const std::vector<double> noise = noise_of(sheet, {run});
+    model.place_starts(run, noise, model.nominal());
+    const Eigen::MatrixXf r = model.residuals(nominal({effect}), run, noise, 1);
+    for (Eigen::Index o = 0; o < r.cols(); ++o)
+      EXPECT_LT(std::sqrt(r.col(o).squaredNorm() / static_cast<float>(r.rows())), 1.4f)
+          << to_string(effect) << " " << sheet.channels[static_cast<std::size_t>(model.outputs()[static_cast<std::size_t>(o)])].name;
+  }
+}
+
+TEST(SegmentModel, TakesNothingFromReadingsThatAreMissing) {
+  Recording recording = simulate(servo(), servo_setup("multisine"), 3);
+  Recording holes = recording;
+  for (std::size_t k = 600; k < 700; ++k) holes.values[k * holes.columns() + column("velocity")] = std::nan("");
+  for (std::size_t k = 1700; k < holes.rows(); ++k) holes.time[k] += 0.01;
+  const Prepared whole(std::move(recording), 0.5), cut(std::move(holes), 0.5);
+  EXPECT_EQ(cut.run.stretches.size(), 2u);
+  const Eigen::MatrixXf r = settled(cut.run, cut.model.start_columns(nominal(), cut.run, cut.noise),
+                                    cut.model.residuals(nominal(), cut.run, cut.noise));
+  EXPECT_TRUE(r.allFinite());
+  const auto velocity = std::find(cut.model.outputs().begin(), cut.model.outputs().end(), static_cast<int>(column("velocity"))) -
+                        cut.model.outputs().begin();
+  EXPECT_EQ(r.col(velocity).segment(600, 100).squaredNorm(), 0);
+  double square = 0, counted = 0;
+  for (std::size_t g = 0; g < cut.run.segments(); ++g) {
+    square += static_cast<double>(
+        r.middleRows(static_cast<Eigen::Index>(cut.run.restarts[g]), static_cast<Eigen::Index>(cut.run.segment))
+            .squaredNorm());
+    counted += cut.run.counted[g];
+  }
+  EXPECT_NEAR(square / counted, 1, 0.1);
+}
+
+TEST(SegmentModel, ARunOfAnotherPeriodIsAsGood) {
+  const Recording recording = simulate(servo(), servo_setup("multisine"), 4);
+  Recording slow;
+  slow.rig = recording.rig;
+  slow.channels = recording.channels;
+  SimulationSetup held = servo_setup("multisine");
+  for (std::size_t k = 0; k < recording.rows(); ++k)
+    if (k % 2 == 0) slow.append(recording.sample(k));
+  const Prepared run(std::move(slow), 0.5);
+  const Eigen::MatrixXf r = settled(run.run, run.model.start_columns(nominal(), run.run, run.noise),
+                                    run.model.residuals(nominal(), run.run, run.noise));
+  // The command changed between the rows, too: not noise, but near.
+  EXPECT_LT(r.squaredNorm() / static_cast<float>(r.size()), 6);
+}
+
+// Readings at the end of a range: a model beyond it is not wrong.
+TEST(SegmentModel, ABoundCountsOnTheInsideOnly) {
+  Datasheet sheet = servo();
+  const std::size_t position = column("position");
+  const Recording recording = simulate(servo(), servo_setup("multisine"), 2);
+  double highest = -1;
+  for (std::size_t k = 0; k < recording.rows(); ++k) highest = std::max(highest, recording.at(k, position));
+  sheet.channels[position].maximum = 0.5 * highest;
+  Recording bounded = recording;
+  bounded.channels = sheet.channels;
+  std::size_t at_bound = 0;
+  for (std::size_t k = 0; k < bounded.rows(); ++k) {
+    double& value = bounded.values[k * bounded.columns() + position];
+    at_bound += value >= 0.5 * highest;
+    value = std::min(value, 0.5 * highest);
+  }
+  ASSERT_GT(at_bound, 100u);
+  SegmentedRun run = cut_run(sheet, "run", bounded, 0.5);
+  const SegmentModel model(sheet);
+  const std::vector<double> noise = noise_of(sheet, {run});
+  model.place_starts(run, noise, model.nominal());
+  const Eigen::MatrixXf r = settled(run, model.start_columns(nominal(), run, noise), model.residuals(nominal(), run, noise));
+  const auto output = std::find(model.outputs().begin(), model.outputs().end(), static_cast<int>(position)) - model.outputs().begin();
+  EXPECT_LT(r.col(output).squaredNorm() / static_cast<float>(r.rows()), 1.3f);
+}
+
+TEST(StartProjection, IsTheMarginalLikelihoodOverTheStart) {
+  const Prepared p(simulate(servo(), servo_setup("prbs"), 0.2), 0.04);
+  const Eigen::MatrixXf r = p.model.residuals(nominal(), p.run, p.noise);
+  const double values = static_cast<double>(p.run.segment * p.model.outputs().size());
+  SegmentedRun shifted = p.run;
+  shifted.start_shift[1].setConstant(0.7);
+  const StartProjection starts(p.run, p.model.start_columns(nominal(), p.run, p.noise), values);
+  const Eigen::MatrixXd s = [&] {
+    Eigen::MatrixXd all(static_cast<Eigen::Index>(values), static_cast<Eigen::Index>(starts.columns().size()));
+    for (Eigen::Index i = 0; i < all.cols(); ++i)
+      for (Eigen::Index o = 0; o < r.cols(); ++o)
+        all.col(i).segment(o * 40, 40) = starts.columns()[static_cast<std::size_t>(i)].col(o).segment(40, 40).cast<double>();
+    return all;
+  }();
+  Eigen::VectorXd column(s.rows());
+  for (Eigen::Index o = 0; o < r.cols(); ++o) column.segment(o * 40, 40) = r.col(o).segment(40, 40).cast<double>();
+  const Eigen::VectorXd moved = column - s * shifted.start_shift[1];
+  const Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(s.rows(), s.rows()) + s * s.transpose();
+  const double direct = moved.dot(covariance.llt().solve(moved));
+  EXPECT_NEAR(starts.residual(shifted, r, 1).squaredNorm(), direct, 1e-3 * direct);
+}
+
+}  // namespace
+}  // namespace faultline
