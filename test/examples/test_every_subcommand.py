@@ -98,7 +98,7 @@ class Simulated(Tanks):
 
     def test_gap(self):
         answer = self.answer("gap", self.bag("over_one"), "--holdout", self.bag("over_two"), "--report", "gap.html")
-        self.assertEqual([(e["effect"], e["port"]) for e in answer["cause"]["effects"]], [("overflow", "flow.upper_lower")])
+        self.assertEqual([(e["effect"], e["port"]) for e in answer["cause"]["effects"]], [("overflow", "flow.upper_reservoir")])
         self.assertGreater((self.folder / "gap.html").stat().st_size, 10000)
 
     def test_report(self):
