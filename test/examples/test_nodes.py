@@ -30,14 +30,14 @@ class Nodes(OutsideTest):
         listener = self.graph.start(["python3", LISTEN, RIG, "60", str(heard), "alarms", "sample"])
         code, said = self.graph.wait(
             self.graph.start(
-                ["roslaunch", RIG, f"{RIG}.launch", "rate:=100", "duration:=6000", "fault:=lower_outlet_clogged"]
+                ["roslaunch", RIG, f"{RIG}.launch", "rate:=100", "duration:=5200", "fault:=lower_outlet_clogged"]
             ),
             180,
         )
         self.graph.end(listener)
         self.assertEqual(code, 0, said)
         entries = [json.loads(line) for line in heard.read_text().splitlines()]
-        self.assertGreaterEqual(sum(entry["topic"] == "sample" for entry in entries), 1490)
+        self.assertGreaterEqual(sum(entry["topic"] == "sample" for entry in entries), 1290)
         alarms = [entry for entry in entries if entry["topic"] == "alarms"][-1]
         faults = [(alarm["effect"], alarm["port"]) for alarm in alarms["alarms"] if alarm["kind"] == "fault"]
         self.assertIn(("clogging", "restriction.lower_outlet"), faults, alarms)
