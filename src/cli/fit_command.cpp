@@ -49,8 +49,12 @@ Json result_json(const Datasheet& sheet, const std::vector<std::string>& runs, c
                                   {"reason", p.reason}});
   json["channels"] = Json::array();
   for (const ChannelMisfit& c : fit.channels)
-    json["channels"].push_back(
-        {{"channel", c.channel}, {"unit", c.unit}, {"noise", c.noise}, {"before", c.before}, {"after", c.after}});
+    json["channels"].push_back({{"channel", c.channel},
+                                {"unit", c.unit},
+                                {"noise", c.noise},
+                                {"before", c.before},
+                                {"after", c.after},
+                                {"free", c.free}});
   return json;
 }
 
@@ -66,9 +70,11 @@ void print_result(const Datasheet& sheet, const ParameterFit& fit) {
   for (const FittedParameter& p : fit.parameters)
     if (!p.determined)
       fmt::print("{:<26} {:>11.4g} {:>11.4g} not determined: {}\n", p.name, p.nominal, p.estimate, p.reason);
-  fmt::print("\n{:<26} {:>11} {:>11} {:>11}  {}\n", "residual, rms", "noise", "before", "after", "unit");
+  fmt::print("\n{:<26} {:>11} {:>11} {:>11} {:>11}  {}\n", "residual, rms", "noise", "before", "after", "free run",
+             "unit");
   for (const ChannelMisfit& c : fit.channels)
-    fmt::print("{:<26} {:>11.3g} {:>11.3g} {:>11.3g}  {}\n", c.channel, c.noise, c.before, c.after, c.unit);
+    fmt::print("{:<26} {:>11.3g} {:>11.3g} {:>11.3g} {:>11.3g}  {}\n", c.channel, c.noise, c.before, c.after, c.free,
+               c.unit);
   if (!fit.remarks.empty()) fmt::print("\n");
   for (const std::string& remark : fit.remarks) fmt::print("{}\n", remark);
 }
@@ -89,7 +95,7 @@ void run(const Options& options) {
   std::vector<std::pair<std::string, Recording>> runs;
   const Datasheet sheet = load_datasheet(options.rig, options.config);
   for (const std::string& file : options.runs) {
-    LoadedRecording loaded = load_recording(file, options.rig, options.config);
+    LoadedRecording loaded = load_recording(file, options.rig, options.config, Period::of_run);
     print_remarks("fit", loaded.remarks);
     runs.emplace_back(file, std::move(loaded.recording));
   }
@@ -101,7 +107,6 @@ void run(const Options& options) {
   const ParameterFit fit = fit_parameters(sheet, std::move(runs), jobs, [tell](const std::string& text) {
     if (tell) std::fputs(fmt::format("fit: {}\n", text).c_str(), stderr);
   });
-  print_remarks("fit", fit.remarks);
   if (!options.patch.empty()) write_patch(sheet, fit, options.patch);
   if (!options.json.empty()) write_text(options.json, json_text(result_json(sheet, options.runs, fit)));
   if (options.json != "-") print_result(sheet, fit);

@@ -196,7 +196,7 @@ void run(const Options& options) {
   if (!options.report.empty()) check_gap_report();  // now, not after the diagnosis
   const auto load = [&](const std::vector<std::string>& files, std::vector<LoadedRecording>& list) {
     for (const std::string& file : files) {
-      LoadedRecording loaded = load_recording(file, options.rig, options.config);
+      LoadedRecording loaded = load_recording(file, options.rig, options.config, Period::of_run);
       if (have_sheet && loaded.sheet.rig != sheet.rig)
         throw InputError(fmt::format("{}: is of {}, the runs before it of {}; give runs of one rig", file,
                                      loaded.sheet.rig, sheet.rig));
@@ -226,24 +226,22 @@ void run(const Options& options) {
   const double segment = segment_length(sheet, recordings);
   const auto cut = [&](const std::vector<std::string>& files, std::vector<LoadedRecording>& list) {
     std::vector<GapRun> result;
-    for (std::size_t i = 0; i < list.size(); ++i) {
+    for (std::size_t i = 0; i < list.size(); ++i)
       result.push_back(cut_run(sheet, files[i], std::move(list[i].recording), segment));
-      if (!result.back().remark.empty()) print_remarks("gap", {result.back().remark});
-    }
     return result;
   };
   std::vector<GapRun> learned = cut(options.runs, runs), held_out = cut(options.holdout, holdout);
   const bool show = isatty(STDERR_FILENO) != 0;
   std::mutex guard;
   int shown = -1;
-  const GapResult result =
-      diagnose_gap(sheet, std::move(learned), std::move(held_out), settings, [&](double share, const std::string& text) {
-        const std::lock_guard<std::mutex> lock(guard);
-        const int percent = static_cast<int>(100 * share);
-        if (!show || percent == shown) return;
-        shown = percent;
-        std::fputs(fmt::format("\r{:>3} % {:<28}", percent, text).c_str(), stderr);
-      });
+  const GapResult result = diagnose_gap(sheet, std::move(learned), std::move(held_out), settings,
+                                        [&](double share, const std::string& text) {
+                                          const std::lock_guard<std::mutex> lock(guard);
+                                          const int percent = static_cast<int>(100 * share);
+                                          if (!show || percent == shown) return;
+                                          shown = percent;
+                                          std::fputs(fmt::format("\r{:>3} % {:<28}", percent, text).c_str(), stderr);
+                                        });
   if (show) std::fputs(fmt::format("\r{:<40}\r", "").c_str(), stderr);
 
   const std::string answer = json_text(result_json(sheet, result));

@@ -46,7 +46,6 @@ std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std:
                                   const CandidateOptions& options = {});
 
 // Starting points over a candidate's range: few for the size, few for a shape.
-std::vector<std::vector<double>> starting_points(const Candidate& candidate,
-                                                 const CandidateOptions& options = {});
+std::vector<std::vector<double>> starting_points(const Candidate& candidate, const CandidateOptions& options = {});
 
 }  // namespace faultline

@@ -91,8 +91,7 @@ std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet, const Hypo
       h.none = type.parameters[p].none;
       h.full = candidate.effect;
       for (std::size_t other = 0; other < type.parameters.size(); ++other)
-        if (is_shape(type.parameters[other]))
-          h.full.parameters[other] = middle(candidate.bounds[other], options);
+        if (is_shape(type.parameters[other])) h.full.parameters[other] = middle(candidate.bounds[other], options);
       if (set_range(h, bounds, options)) result.push_back(h);
     }
   }

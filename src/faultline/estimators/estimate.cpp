@@ -8,7 +8,7 @@
 namespace faultline {
 namespace {
 
-constexpr double kLeastFraction = 1e-3;    // of the amplitude, where the interval of such a size would reach zero
+constexpr double kLeastFraction = 1e-3;  // of the amplitude, where the interval of such a size would reach zero
 
 }  // namespace
 

@@ -156,10 +156,10 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     tell(fmt::format("interval of {}", sheet.parameters[free[at]].name));
     result.parameters.push_back(fitted_parameter(sheet, solver, errors, scales, result.values, free, at, options));
   }
-  const std::vector<double> after = solver.misfit(result.values);
+  const std::vector<double> after = solver.misfit(result.values), free_run = solver.free_misfit(result.values);
   for (std::size_t i = 0; i < model.outputs().size(); ++i) {
     const Channel& channel = sheet.channels[static_cast<std::size_t>(model.outputs()[i])];
-    result.channels.push_back({channel.name, channel.unit, noise[i], before[i], after[i]});
+    result.channels.push_back({channel.name, channel.unit, noise[i], before[i], after[i], free_run[i]});
   }
   result.segments = solver.segments();
   result.remarks = remarks;

@@ -33,7 +33,8 @@ struct FittedParameter {
 
 struct ChannelMisfit {  // in the channel's unit
   std::string channel, unit;
-  double noise = 0, before = 0, after = 0;  // root mean square of residuals: start states put back every segment
+  double noise = 0, before = 0, after = 0;  // root mean square of residuals: start states put back every segment ...
+  double free = 0;                          // ... and of a free run with the estimates
 };
 
 struct ParameterFit {

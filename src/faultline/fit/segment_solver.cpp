@@ -171,10 +171,21 @@ double SegmentSolver::weight(double square) const {
 }
 
 std::vector<double> SegmentSolver::misfit(const std::vector<double>& values) const {
+  return over_segments([&](const SegmentedRun& run) { return model_.residuals({values, {}}, run, noise_); });
+}
+
+std::vector<double> SegmentSolver::free_misfit(const std::vector<double>& values) const {
+  return over_segments([&](const SegmentedRun& run) {
+    return model_.residuals({values, {}}, run, noise_, run.recording.rows());
+  });
+}
+
+template <class Residuals>
+std::vector<double> SegmentSolver::over_segments(Residuals&& residuals) const {
   std::vector<double> sums(sigma_.size(), 0);
   double rows = 0;
   for (const SegmentedRun& run : runs_) {
-    const Eigen::MatrixXf r = model_.residuals({values, {}}, run, noise_);
+    const Eigen::MatrixXf r = residuals(run);
     for (const std::size_t row : run.restarts) {
       const auto part = r.middleRows(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(run.segment));
       for (std::size_t i = 0; i < sums.size(); ++i)

@@ -27,6 +27,8 @@ class SegmentSolver {
   std::size_t segments() const { return segments_; }
   // Root mean square residual per output, in its unit.
   std::vector<double> misfit(const std::vector<double>& values) const;
+  // The same of a free run: states are put back at the beginning and after breaks only.
+  std::vector<double> free_misfit(const std::vector<double>& values) const;
   // Takes the scatter of each output from the residuals at `values`: a robust mean over segments, never below the
   // noise.
   void set_scatter(const std::vector<double>& values);
@@ -63,6 +65,9 @@ class SegmentSolver {
                             const std::vector<Change>& changes) const;
 
  private:
+  // Root mean square per output over the segments, of residuals(run) in noise.
+  template <class Residuals>
+  std::vector<double> over_segments(Residuals&& residuals) const;
   // [J r changes...], whitened, per segment of a run: values x columns. J per scale, by forward differences.
   using Columns = std::vector<Eigen::MatrixXd>;
   Columns columns(const std::vector<double>& values, const std::vector<std::size_t>& free, std::size_t run,

@@ -117,6 +117,7 @@ struct GapOptions {
     // ... and the fraction of it that does not fall with the recording's noise.
     double quiet_noisy_fraction = 0.2;
     double unexplained_quiet_ratio = 3;  // times the quiet excess from which an unexplained gap is told as unknown
+    double chance_standard_errors = 2;   // ... beside what chance makes of it: short runs scatter
     double miscalibrated_excess_variances =
         0.05;  // that the refit must remove to speak of miscalibration: the quiet excess
     double left_excess_fraction =
@@ -129,6 +130,7 @@ struct GapOptions {
     double rival_standard_errors = 2;     // within which a rival cannot be told apart: 95 %
     double rival_gain_fraction = 0.02;    // ... or within this fraction of the gain
     double interval_ratio = 4;  // of an interval to what the fit's covariance says: it ignores what the model lacks
+    double few_segments = 16;   // to learn from, below which the answer says so
     double place_probability = 0.15;  // of a second place, from which it is told as inseparable
     // Distance from an end of a parameter's range, in its coordinate, up to which its value is told to be at the bound.
     double bound_coordinate = 1e-3;
@@ -222,6 +224,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.quiet_excess_variances);
   FAULTLINE_OPTION(verdict.quiet_noisy_fraction);
   FAULTLINE_OPTION(verdict.unexplained_quiet_ratio);
+  FAULTLINE_OPTION(verdict.chance_standard_errors);
   FAULTLINE_OPTION(verdict.miscalibrated_excess_variances);
   FAULTLINE_OPTION(verdict.left_excess_fraction);
   FAULTLINE_OPTION(verdict.strain_squared_tolerances);
@@ -231,6 +234,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.rival_standard_errors);
   FAULTLINE_OPTION(verdict.rival_gain_fraction);
   FAULTLINE_OPTION(verdict.interval_ratio);
+  FAULTLINE_OPTION(verdict.few_segments);
   FAULTLINE_OPTION(verdict.place_probability);
   FAULTLINE_OPTION(verdict.bound_coordinate);
   FAULTLINE_OPTION(verdict.bootstraps);

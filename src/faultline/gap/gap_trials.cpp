@@ -10,6 +10,7 @@
 #include "faultline/gap/size_search.h"
 #include "faultline/gap/spectral_lines.h"
 #include "faultline/numerics/in_parallel.h"
+#include "faultline/numerics/quantiles.h"
 
 namespace faultline {
 namespace {
@@ -97,8 +98,7 @@ GapTrials::GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std
     : sheet_(sheet), settings_(settings), progress_(progress), folds_(folds), learn_(learn) {
   around_.residuals = std::make_shared<ResidualModel>(sheet, std::move(runs), options());
   double duration = 0;
-  for (const GapRun& run : model().runs())
-    duration = std::max(duration, run.duration());
+  for (const GapRun& run : model().runs()) duration = std::max(duration, run.duration());
   all_ = candidates(sheet, settings.without, duration, options().candidates);
   for (std::size_t i = 0; i < model().runs().size(); ++i) every_.push_back(i);
 }
@@ -164,8 +164,12 @@ FitResult GapTrials::stand(const GapModel& model) {
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   std::function<void(double)> progress;
   if (progress_) progress = [&](double done) { progress_(from + (to - from) * done, "trying effects"); };
-  const std::vector<Candidate> all =
-      at_lines(all_, around_.linear->at_model(), sheet_.sample_period, options().spectrum);
+  // Spectra add up over runs of one sample period.
+  const double period = model().runs().front().period;
+  std::vector<Eigen::MatrixXf> alike;
+  for (std::size_t run = 0; run < every_.size(); ++run)
+    if (model().runs()[run].period == period) alike.push_back(around_.linear->at_model()[run]);
+  const std::vector<Candidate> all = at_lines(all_, alike, period, options().spectrum);
   std::vector<Structure> result;
   for (Screened& screened : screen_candidates(model(), *around_.linear, all, base, settings_.jobs, progress)) {
     result.emplace_back();
@@ -390,6 +394,14 @@ std::vector<double> GapTrials::held_out(const GapModel& at) const {
   }
   return result;
 }
+
+double GapTrials::learned_segments() const {
+  double count = 0;
+  for (const std::size_t run : learn_) count += static_cast<double>(model().runs()[run].segments());
+  return count;
+}
+
+double GapTrials::ninety_percent() const { return student_ninety_percent(std::max(1.0, learned_segments() - 1)); }
 
 double GapTrials::held_out_values() const {
   double count = 0;

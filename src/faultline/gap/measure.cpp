@@ -39,7 +39,8 @@ GapLevel level(const ResidualModel& model, const std::string& name, const GapMod
   result.name = name;
   const std::size_t outputs = model.outputs().size();
   for (std::size_t o = 0; o < outputs; ++o) result.channels.push_back(channel_gap(model, o));
-  const std::pair<const char*, std::size_t> horizons[] = {{"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}, {"free", kWhole}};
+  const std::pair<const char*, std::size_t> horizons[] = {
+      {"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}, {"free", kWhole}};
   for (const auto& [name_of_horizon, horizon] : horizons) {
     const std::string key = name_of_horizon;
     std::vector<double> squares(outputs, 0);
@@ -149,7 +150,7 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
   // Bands by block means: their energy, against what white noise of the same power has there.
   const double values = rows * outputs;
   for (Eigen::Index b = 1; b <= 64; b *= 4) {
-    const double rate = 1 / sheet.sample_period, width = static_cast<double>(b);
+    const double rate = 1 / model.runs().front().period, width = static_cast<double>(b);
     const double energy = band_energy(residuals, b), fraction = energy / std::max(total, 1e-300);
     result.bands.push_back({fmt::format("{:.3g} to {:.3g} Hz", rate / (8 * width), rate / (2 * width)),
                             fraction / (0.75 / width), fraction, energy / values, band_energy(explained, b) / values});

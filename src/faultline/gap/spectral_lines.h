@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "faultline/attribution/candidates.h"
+#include "faultline/gap/gap_options.h"
 
 namespace faultline {
 

@@ -32,7 +32,6 @@ constexpr double kLongestEvery = 1e6;      // s
 constexpr double kSegment = 2;
 // Residuals of a model within its tolerances are nearly white once these are adjusted.
 constexpr double kInflation = 5;
-constexpr double kMargin = 9;          // samples between stretches, in which the last start is smoothed
 constexpr double kEffort = 2e4;        // samples of the model per second of recording that the responses may cost
 constexpr double kLongestLatency = 1;  // s: what a judgement takes
 constexpr double kFit = 3;             // times the mean square that a filter expects
@@ -129,7 +128,7 @@ class Completer {
     double variants = 1;  // of the model, that run beside each other
     for (const Parameter& p : sheet_.parameters) variants += p.tolerance > 0;
     for (const Port& port : sheet_.ports) variants += static_cast<double>(port.effects.size());
-    const double stretch = ((kSegments + 1) * segment() + kMargin) * period_;
+    const double stretch = (kSegments + 1) * segment() * period_;
     return std::min(stretch * std::max(1.0, variants / (kEffort * period_)), kLongestEvery);
   }
 
@@ -140,7 +139,7 @@ class Completer {
           {"model_filter", "unscented_kalman", settings("model_filter", numbers, {{"model", "rig_model"}})});
     else
       sheet_.estimators.push_back({"channels", "channels", settings("channels", numbers)});
-    numbers["segment"] = segment();
+    numbers["segment"] = segment() * period_;
     numbers["segments"] = kSegments;
     numbers["inflation"] = kInflation;
     numbers["every"] = rounded(every());

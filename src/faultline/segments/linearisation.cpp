@@ -77,9 +77,8 @@ std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedR
                                      const std::vector<double>& sigma, const ModelChange& at,
                                      const std::vector<Direction>& directions, int jobs) {
   std::vector<Eigen::MatrixXf> residuals(directions.size() + 1);
-  in_parallel(residuals.size(), jobs, [&](std::size_t i) {
-    residuals[i] = model.residuals(i == 0 ? at : directions[i - 1].to, run, sigma);
-  });
+  in_parallel(residuals.size(), jobs,
+              [&](std::size_t i) { residuals[i] = model.residuals(i == 0 ? at : directions[i - 1].to, run, sigma); });
   std::vector<const Eigen::MatrixXf*> columns;
   for (std::size_t i = 1; i < residuals.size(); ++i) {
     residuals[i] = (residuals[i] - residuals[0]) / static_cast<float>(directions[i - 1].size);

@@ -35,9 +35,9 @@ class StartProjection {
   std::vector<Eigen::MatrixXf> columns_;
   std::vector<Eigen::Index> first_;  // rows of the segments
   Eigen::Index length_;
-  std::vector<double> scale_;              // per segment
-  std::vector<Eigen::MatrixXd> starts_;    // S per segment
-  std::vector<Eigen::MatrixXd> shrink_;    // K per segment: (I + S S')^(-1/2) = I - S K S'
+  std::vector<double> scale_;            // per segment
+  std::vector<Eigen::MatrixXd> starts_;  // S per segment
+  std::vector<Eigen::MatrixXd> shrink_;  // K per segment: (I + S S')^(-1/2) = I - S K S'
 };
 
 // A direction in which the model may move: to `to`, which is `size` of it.

@@ -1,6 +1,6 @@
 // Every constant of the segments (segmented_run.h, segment_model.h) on which an answer depends: what it means, its
 // unit (in the name), why it has this value. docs/options.md has how much the answers change when each is halved and
-// doubled. Lengths of segments are no option: they are the rig's (time_scales.h).
+// doubled. Lengths of segments are no option: they are the rig's (segment_length.h).
 //
 // Units: _samples; _s; _sigma: standard deviations of the noise, or of what the comment names; _variances: noise
 // variances; _fraction and _ratio of what the comment names. Numbers without a unit count.

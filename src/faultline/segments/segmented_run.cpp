@@ -124,12 +124,13 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
     }
   const std::string why = breaks.count > 0 ? "; " + breaks.first : "";
   if (run.restarts.empty())
-    throw InputError(fmt::format("{}: no {:g} s without a break are in it ({} samples){}; record longer, or give the "
-                                 "datasheet a shorter segment",
-                                 name, static_cast<double>(run.segment) * run.period, run.recording.rows(), why));
+    throw InputError(
+        fmt::format("{}: no {:g} s without a break are in it ({} samples){}; record longer, or give the "
+                    "datasheet a shorter segment",
+                    name, static_cast<double>(run.segment) * run.period, run.recording.rows(), why));
   if (breaks.count > 0 || missing > 0 || bounds > 0) {
-    run.remark = fmt::format("{}: {} of {} samples lie in {} segments that are used", name, used,
-                             run.recording.rows(), run.restarts.size());
+    run.remark = fmt::format("{}: {} of {} samples lie in {} segments that are used", name, used, run.recording.rows(),
+                             run.restarts.size());
     if (breaks.count > 0) run.remark += fmt::format("; {} breaks, the first: {}", breaks.count, breaks.first);
     if (missing > 0) run.remark += fmt::format("; {} readings are missing", missing);
     if (bounds > 0) run.remark += fmt::format("; {} readings at an end of their range count as bounds", bounds);
