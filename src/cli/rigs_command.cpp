@@ -59,6 +59,7 @@ Json rig_json(const Datasheet& sheet) {
               {"sample_period", sheet.sample_period},
               {"simulated", find_rig_type(sheet.rig) != nullptr},
               {"diagnosed", !sheet.estimators.empty()},
+              {"filled_in", sheet.defaulted},
               {"channels", Json::array()},
               {"states", Json::array()},
               {"parameters", Json::array()},

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "faultline/alarms/diagnosis.h"
+#include "faultline/estimators/process_model.h"
 #include "faultline/rig/simulator.h"
 #include "own_rigs.h"
 
@@ -43,6 +44,18 @@ TEST(OwnRigDiagnosis, HealthyValveIsQuiet) {
     const AlarmReport report = diagnosed(sheet, run_of(sheet, "", seed));
     EXPECT_TRUE(report.alarms.empty()) << seed << ": " << told(report);
   }
+}
+
+TEST(OwnRigDiagnosis, ARigOfManyStatesIsWatchedWithoutAFilter) {
+  const Datasheet sheet = own_rig("long_chain");
+  ASSERT_GT(sheet.states.size(), static_cast<std::size_t>(kMaximumStates));
+  EXPECT_EQ(sheet.estimators.front().type, "channels");
+  EXPECT_TRUE(diagnosed(sheet, run_of(sheet, "", 1)).alarms.empty());
+  Recording run = run_of(sheet, "", 1);
+  for (std::size_t row = 301; row < 340; ++row) run.values[row * run.columns() + 1] = run.at(300, 1);
+  const AlarmReport report = diagnosed(sheet, run);
+  ASSERT_FALSE(report.alarms.empty());
+  EXPECT_EQ(report.alarms.front().text, "end_voltage: this transducer is stuck");
 }
 
 struct Case {

@@ -98,7 +98,30 @@ class FastValve : public Rig {
   int coil_, supply_, spool_, pressure_;
 };
 
+// tau x_i' = x_{i-1} - x_i,  x_0 = u
+class LongChain : public Rig {
+ public:
+  LongChain(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet&)
+      : states_(static_cast<int>(sheet.states.size())),
+        time_(parameters[static_cast<std::size_t>(sheet.parameter("lag_time"))]),
+        in_(sheet.channel("heater_voltage")),
+        out_(sheet.channel("end_voltage")) {}
+  int states() const override { return states_; }
+  void start(const double* channels, double* state) override { std::fill_n(state, states_, channels[in_]); }
+  void start_at(const double* nominal, const double*, double* state) override { std::copy_n(nominal, states_, state); }
+  void derivative(double, const double* state, const double* channels, double* rate) override {
+    for (int i = 0; i < states_; ++i) rate[i] = ((i > 0 ? state[i - 1] : channels[in_]) - state[i]) / time_;
+  }
+  void outputs(double, const double* state, double* channels) const override { channels[out_] = state[states_ - 1]; }
+
+ private:
+  int states_;
+  double time_;
+  int in_, out_;
+};
+
 FAULTLINE_RIG(two_tanks, {"two_tanks", 1.0, make_rig<TwoTanks>});
+FAULTLINE_RIG(long_chain, {"long_chain", 0.05, make_rig<LongChain>});
 FAULTLINE_RIG(fast_valve, {"fast_valve", 0.5e-4, make_rig<FastValve>});
 
 }  // namespace

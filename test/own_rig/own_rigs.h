@@ -1,5 +1,5 @@
-// Two rigs as users bring them, equations and a datasheet only: tanks at 0.25 Hz with a level that is not measured, and
-// a valve at 10 kHz with a velocity that is not measured.
+// Rigs as users bring them, equations and a datasheet only: tanks at 0.25 Hz with a level that is not measured, a valve
+// at 10 kHz with a velocity that is not measured, and a chain of more states than a filter takes.
 #pragma once
 
 #include <filesystem>

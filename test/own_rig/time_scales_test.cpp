@@ -20,6 +20,9 @@ TEST(TimeScales, TanksByTheirLevels) {
   EXPECT_LE(test.scales.fastest_s, test.scales.slowest_s);
   EXPECT_GE(test.scales.fastest_s, sheet.sample_period);
   EXPECT_EQ(test.scales.integrators, 0);
+  // Two equal lags in a row come within 5 % after 4.74 of their time constants, one after 3.
+  EXPECT_GT(test.scales.settling_s, 3 * test.scales.slowest_s);
+  EXPECT_LT(test.scales.settling_s, 8 * test.scales.slowest_s);
   // (8e-6 * 9/2.4e-5)^2/2g = 0.46 m at 9 V: beyond the transducer, which ends at 0.4 m; 8 V stay below.
   EXPECT_DOUBLE_EQ(test.low_fraction, 0.1);
   EXPECT_DOUBLE_EQ(test.high_fraction, 0.8);
@@ -32,6 +35,13 @@ TEST(TimeScales, ValveByItsPoles) {
   EXPECT_NEAR(test.scales.fastest_s, 1 / 1500.0, 0.2 / 1500);  // of |lambda| = w, where the chamber is not faster
   EXPECT_GT(test.scales.slowest_s, 1 / 1050.0 * 0.9);          // 1/(z w)
   EXPECT_LT(test.scales.slowest_s, 0.05);
+}
+
+TEST(TimeScales, AChainIsSlowerThanItsModes) {
+  const StepTest test = step_test(own_rig("long_chain"));
+  EXPECT_NEAR(test.scales.slowest_s, 0.5, 0.25);
+  // Twenty lags of 0.5 s: (10 + 1.645 root(20) 0.5) s where the sum of exponentials is taken for normal.
+  EXPECT_NEAR(test.scales.settling_s, 13.7, 1.5);
 }
 
 TEST(TimeScales, RigWithoutEquations) {

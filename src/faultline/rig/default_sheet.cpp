@@ -30,6 +30,9 @@ constexpr std::size_t kFilterStates = 16;  // that a filter takes (estimators/pr
 constexpr double kLongestEvery = 1e6;      // s
 // Slowest time scales of a segment: what no channel shows has then forgotten how it began when the first counts.
 constexpr double kSegment = 2;
+constexpr double kSegmentSettling =
+    0.4;                            // of the settling time, where the rig settles later than its slowest mode says
+constexpr double kModeSettles = 3;  // scales, after which one mode has settled
 // Residuals of a model within its tolerances are nearly white once these are adjusted.
 constexpr double kInflation = 5;
 constexpr double kEffort = 2e4;        // samples of the model per second of recording that the responses may cost
@@ -43,11 +46,17 @@ constexpr double kHold = 100;        // sample periods after which an alarm of a
 constexpr double kGap = 100;         // sample periods without a sample, after which estimators begin anew
 
 double rounded(double value) { return std::stod(fmt::format("{:.3g}", value)); }
+// Of a command, whose range may be narrow against its values.
+double level(double value) { return std::stod(fmt::format("{:.6g}", value)); }
 
 class Completer {
  public:
   Completer(Datasheet& sheet, const std::set<std::string>& given)
-      : sheet_(sheet), given_(given), test_(step_test(sheet)), period_(sheet.sample_period) {}
+      : sheet_(sheet),
+        given_(given),
+        test_(step_test(sheet)),
+        period_(sheet.sample_period),
+        memory_(std::max(test_.scales.slowest_s, test_.scales.settling_s / kModeSettles)) {}
 
   void run() {
     if (lacks("profiles") && lacks("controllers")) add_profiles();
@@ -66,7 +75,7 @@ class Completer {
   }
 
   void add_profiles() {
-    const double slowest = test_.scales.slowest_s, fastest = test_.scales.fastest_s;
+    const double slowest = memory_, fastest = test_.scales.fastest_s;
     const double samples = std::clamp(std::ceil(std::max(kProfile * slowest, kJudgements * every()) / period_),
                                       kFewestSamples, kMostSamples);
     Profile steps, prbs, multisine;
@@ -80,14 +89,14 @@ class Completer {
       const double shortest = std::max(kShortestLevel * slowest, 2 * period_);
       steps.commands.push_back(
           {channel.name, "steps",
-           settings("steps", {{"low", rounded(low)},
-                              {"high", rounded(high)},
+           settings("steps", {{"low", level(low)},
+                              {"high", level(high)},
                               {"shortest", rounded(shortest)},
                               {"longest", rounded(std::max(kLongestLevel * slowest, shortest))}})});
       prbs.commands.push_back({channel.name, "prbs",
-                               settings("prbs", {{"low", rounded(0.5 * (high - low))},
-                                                 {"high", rounded(0.5 * (high - low))},
-                                                 {"mean", rounded(0.5 * (high + low))},
+                               settings("prbs", {{"low", level(0.5 * (high - low))},
+                                                 {"high", level(0.5 * (high - low))},
+                                                 {"mean", level(0.5 * (high + low))},
                                                  {"clock", rounded(std::max(kClock * slowest, 2 * period_))},
                                                  {"longest", kLongestClocks}})});
       const double lowest = kLowestTone / slowest;
@@ -96,8 +105,8 @@ class Completer {
                                     settings("multisine", {{"count", kTones},
                                                            {"lowest", rounded(lowest)},
                                                            {"highest", rounded(highest)},
-                                                           {"amplitude", rounded(0.5 * (high - low))},
-                                                           {"mean", rounded(0.5 * (high + low))},
+                                                           {"amplitude", level(0.5 * (high - low))},
+                                                           {"mean", level(0.5 * (high + low))},
                                                            {"corner", rounded(1 / (kTwoPi * slowest))},
                                                            {"fade", rounded(slowest)}})});
     }
@@ -121,7 +130,9 @@ class Completer {
   }
 
   double segment() const {  // samples
-    return std::clamp(std::ceil(kSegment * test_.scales.slowest_s / period_), kLeastSegment, kMostSegment);
+    return std::clamp(
+        std::ceil(std::max(kSegment * test_.scales.slowest_s, kSegmentSettling * test_.scales.settling_s) / period_),
+        kLeastSegment, kMostSegment);
   }
   // s, between the stretches that the responses look at.
   double every() const {
@@ -161,13 +172,13 @@ class Completer {
   }
 
   void add_model_fit() {
-    const double average = std::max(test_.scales.slowest_s, kFitSamples * period_);
+    const double average = std::max(memory_, kFitSamples * period_);
     sheet_.detectors.push_back(
         {"model_fit", "consistency",
          settings("model_fit",
                   {{"limit", kFit},
                    {"average", rounded(average)},
-                   {"settle", rounded(3 * test_.scales.slowest_s)},
+                   {"settle", rounded(kModeSettles * memory_)},
                    {"minimum_time", rounded(0.5 * average)},
                    {"release_time", rounded(average)}},
                   {{"kind", "unknown"}, {"text", "The model does not explain the measurements"}})});
@@ -231,6 +242,7 @@ class Completer {
   const std::set<std::string>& given_;
   StepTest test_;
   double period_;
+  double memory_;  // s: the slowest mode's scale, or as if one mode settled as late as the rig
 };
 
 void mark_parameters(Datasheet& sheet) {

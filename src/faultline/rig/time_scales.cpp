@@ -17,11 +17,14 @@ namespace {
 
 constexpr std::array kLevels = {0.5, 0.3, 0.7, 0.2, 0.8, 0.4, 0.6, 0.1, 0.9};  // of the commands' ranges
 constexpr int kLongestLevel = 2000;                                            // sample periods
-constexpr double kRest = 0.02;                   // of what a state moved through, in the second half of a level
-constexpr double kDifference = 1e-5;             // of a state's size: third root of the rounding error
-constexpr double kLongestMemory = 1e5;           // sample periods
-constexpr double kNoModePeriods = 100;           // sample periods: as a sampling rate is commonly chosen
-constexpr double kBendWindow = 10;               // samples
+constexpr double kRest = 0.02;          // of what a state moved through, in the second half of a level
+constexpr double kDifference = 1e-5;    // of a state's size: third root of the rounding error
+constexpr double kLongestMemory = 1e5;  // sample periods
+constexpr double kNoModePeriods = 100;  // sample periods: as a sampling rate is commonly chosen
+constexpr double kSettled = 0.05;       // of a state's way
+constexpr double kMoved = 0.1;          // of what a state moves through in the test, from which a step moved it
+constexpr double kModeSettles = 3;      // scales, to 5 %
+constexpr double kBendWindow = 10;      // samples
 constexpr int kFirstPoint = 4, kPointRatio = 4;  // sample periods; from one point to the next
 
 double median(std::vector<double> values) {
@@ -90,6 +93,7 @@ class Tester {
     TimeScales& scales = result_.scales;
     scales.fastest_s = fastest_.empty() ? period_ : median(fastest_);
     scales.slowest_s = std::max(slowest_.empty() ? kNoModePeriods * period_ : median(slowest_), scales.fastest_s);
+    scales.settling_s = settled_.empty() ? kModeSettles * scales.slowest_s : median(settled_);
     return std::move(result_);
   }
 
@@ -120,17 +124,37 @@ class Tester {
     }
     int next_point = kFirstPoint;
     bool inside = true;
+    way_.clear();
     for (int k = 1; k <= kLongestLevel; ++k) {
       if (!advance()) return running_ = false;
       inside = look() && inside;
+      way_.insert(way_.end(), integrator_->state(), integrator_->state() + states_);
       const bool doubled = (k & (k - 1)) == 0 && k >= kFirstPoint;
       const bool rests = doubled && at_rest();
       if (doubled) std::copy_n(integrator_->state(), states_, half_.begin());
       if (k == next_point || rests || k == kLongestLevel) take_point();
       if (k == next_point) next_point *= kPointRatio;
-      if (rests) break;
+      if (!rests) continue;
+      take_settling();
+      break;
     }
     return inside;
+  }
+
+  // Of a level that came to rest.
+  void take_settling() {
+    const std::size_t rows = way_.size() / states_;
+    std::size_t longest = 0;
+    for (std::size_t i = 0; i < states_; ++i) {
+      const auto off = [&](std::size_t row) { return std::abs(way_[row * states_ + i] - integrator_->state()[i]); };
+      double largest = 0;
+      for (std::size_t row = 0; row < rows; ++row) largest = std::max(largest, off(row));
+      if (largest <= kMoved * (high_[i] - low_[i])) continue;
+      std::size_t row = rows;
+      while (row > 0 && off(row - 1) <= kSettled * largest) --row;
+      longest = std::max(longest, row + 1);
+    }
+    if (longest > 0) settled_.push_back(static_cast<double>(longest) * period_);
   }
 
   bool advance() {
@@ -236,9 +260,10 @@ class Tester {
   bool running_ = false;
   double time_ = 0;
   std::vector<double> channels_, shown_;
-  std::vector<double> low_, high_, half_;     // per state
-  std::vector<double> last_, before_, bend_;  // per channel
-  std::vector<double> slowest_, fastest_;
+  std::vector<double> low_, high_, half_;            // per state
+  std::vector<double> last_, before_, bend_;         // per channel
+  std::vector<double> slowest_, fastest_, settled_;  // s
+  std::vector<double> way_;                          // states of the present level, one row a period
   StepTest result_;
 };
 

@@ -15,6 +15,9 @@
 //                 mode that decays: 100 sample periods.
 //   fastest       1/|lambda|, of modes that a sample period can follow (1/|lambda| >= period); faster ones are over
 //                 within a sample and say nothing of lengths. Without any: the sample period.
+//   settling      after a step, until every state that it moved stays within 5 % of its way; median over the levels
+//                 that came to rest. Of one mode three times its scale, of a chain of equal modes, which no eigenvalue
+//                 shows to be slow together, many times. Where no level comes to rest: three times the slowest scale.
 // period <= fastest <= slowest. Good within a factor of two: a nonlinear rig has a scale of its own at every level.
 // Fails where the rig needs a controller to stay where it works: levels then end at its stops.
 // Deterministic; takes up to 18000 sample periods of the model (0.01 to 0.5 s).
@@ -27,7 +30,7 @@
 namespace faultline {
 
 struct TimeScales {
-  double slowest_s = 0, fastest_s = 0;
+  double slowest_s = 0, fastest_s = 0, settling_s = 0;
   int integrators = 0;  // most at any point
 };
 
