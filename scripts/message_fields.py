@@ -98,10 +98,10 @@ class Field:
             if not isinstance(beside, (list, tuple)):
                 beside = [getattr(entry, "name", None) for entry in array]
                 if array and not isinstance(beside[0], str):
-                    raise FieldError(f"{self.path}: no names stand beside '{name}'; count its elements, as in {name}[0]")
+                    raise FieldError(f"{self.path}: '{name}' has no names; count its elements, as in {name}[0]")
             if key not in beside:
-                raise Absent(f"{self.path}: no element is called '{key}'; there are {listed(beside)}" +
-                             did_you_mean(key, beside))
+                near = did_you_mean(key, beside)
+                raise Absent(f"{self.path}: no element is called '{key}'; there are {listed(beside)}{near}")
             place = beside.index(key)
         if place >= len(array):
             raise Absent(f"{self.path}: '{name}' has {len(array)} elements, counted from 0")

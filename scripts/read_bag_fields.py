@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 """Reads numbers out of bags for `faultline import`, through rosbag's dynamic message types.
 
-Standard input: one line of JSON {"files": [BAG...], "time": "auto" | "header" | "receipt", "fields": ["/topic/field"...]}.
+Standard input: one line of JSON {"files": [BAG...], "time": "auto" | "header" | "receipt",
+"fields": ["/topic/field"...]}.
 Standard output: records, see message_fields.py. The note before the end is JSON {"clock": {TOPIC: source}, "unused":
 [TOPIC...]}. Messages come in the order of the bags' receive times. Exit: 0, 2 for what was refused in an error record.
 """
@@ -24,7 +25,7 @@ def open_bags(files):
     try:
         import rosbag
     except ImportError as problem:
-        raise FieldError(f"Python finds no rosbag ({one_line(problem)}); install python3-rosbag, source ROS's setup.bash")
+        raise FieldError(f"Python finds no rosbag ({one_line(problem)}); install python3-rosbag, source setup.bash")
     bags = []
     for file in files:
         try:

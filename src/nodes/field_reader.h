@@ -1,7 +1,7 @@
 // Numbers out of messages of any type, by a Python script of ours (scripts/message_fields.py): rosbag's and rospy's
-// dynamic types know every message there is, and C++ has no such thing. The script is a child process; it gets a request
-// in JSON and answers with records. It ends when this object does, or when this process does. Its standard error is
-// closed: what it has to say comes as a record, in one line.
+// dynamic types know every message there is, and C++ has no such thing. The script is a child process; it gets a
+// request in JSON and answers with records. It ends when this object does, or when this process does. Its standard
+// error is closed: what it has to say comes as a record, in one line.
 #pragma once
 
 #include <sys/types.h>

@@ -17,8 +17,9 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
-constexpr int kIdle = 100;   // ms without a message after which none is on its way
-constexpr double kJump = 1;  // s: stamps that go back further begin anew; disorder on the way is shorter
+constexpr int kIdle = 100;              // ms without a message after which none is on its way
+constexpr std::uint64_t kJudged = 100;  // samples whose median interval tells the period
+constexpr double kJump = 1;             // s: stamps that go back further begin anew; disorder on the way is shorter
 constexpr double kJumpPeriods = 10;
 constexpr double kBagEpoch = 946684800;  // s, 2000-01-01T00:00:00Z, the zero of seconds_of_stamp()
 
@@ -30,7 +31,8 @@ TopicDriver::TopicDriver(const Datasheet& sheet, const Mapping& mapping, const s
       assembler_(
           assembly_plan(mapping, sheet, wait),
           [this](double time, std::uint64_t row, const std::vector<double>& values) { deliver(time, row, values); }),
-      monitor_(sequence_settings(sheet)) {
+      monitor_(sequence_settings(sheet)),
+      check_(sheet.sample_period) {
   for (const MappedChannel& mapped : mapping.channels)
     conversions_.push_back(mapped.conversion(sheet.channels[mapped.channel], mapped.unit));
   sample_.values.resize(sheet.channels.size());
@@ -87,7 +89,7 @@ void TopicDriver::take(std::size_t signal, double time, double raw) {
   const double value = std::isfinite(raw) ? conversions_[signal](raw) : std::numeric_limits<double>::quiet_NaN();
   const double jump = std::max(kJump, kJumpPeriods * mapping_.period);
   if (time < assembler_.newest(signal) - jump) {
-    assembler_.restart();
+    assembler_.restart(time + jump);
     ++restarts_;
   }
   switch (assembler_.push(signal, time, value)) {
@@ -108,6 +110,7 @@ void TopicDriver::deliver(double time, std::uint64_t row, const std::vector<doub
   sample_.sequence = row;
   missing_ += static_cast<std::uint64_t>(
       std::count_if(values.begin(), values.end(), [](double value) { return std::isnan(value); }));
+  check_.add(sample_);
   if (fit(monitor_.observe(row, sample_.time))) samples_.publish(to_message(sample_, sheet_.rig));
 }
 
@@ -138,6 +141,12 @@ void TopicDriver::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
       status.mergeSummary(DiagnosticStatus::WARN,
                           fmt::format("'{}': nothing comes from {}", sheet_.channels[mapping_.channels[i].channel].name,
                                       mapping_.channels[i].from));
+  const SampleFindings findings = check_.findings();
+  if (findings.samples >= kJudged && !period_fits(findings, sheet_.sample_period))
+    status.mergeSummaryf(
+        DiagnosticStatus::WARN,
+        "samples come every %.4g s, the rig's datasheet says %.4g s: say resample: true in the mapping",
+        findings.period, sheet_.sample_period);
   if (silent)
     status.mergeSummary(DiagnosticStatus::WARN,
                         counts.received == 0 ? "no sample yet" : "no sample since the last report");

@@ -17,6 +17,7 @@
 
 #include "faultline/rig/mapping.h"
 #include "faultline/signal/sample.h"
+#include "faultline/signal/sample_check.h"
 #include "faultline/signal/sequence_monitor.h"
 #include "nodes/field_reader.h"
 #include "nodes/node_health.h"
@@ -51,6 +52,7 @@ class TopicDriver {
   mutable std::mutex mutex_;  // over all that follows
   RowAssembler assembler_;
   SequenceMonitor monitor_;
+  SampleCheck check_;  // of the period
   SequenceCounts told_;
   RateMeter rate_;
   Sample sample_;

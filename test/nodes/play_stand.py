@@ -1,10 +1,11 @@
 """Run in the built environment: publishes a bag's topics as a stand would, in simulated time, and writes the samples
 that a driver makes of them as JSON lines.
 
-play_stand.py BAG RIG TOPIC,... LAST AHEAD FILE
+play_stand.py BAG RIG TOPIC,... LAST AHEAD ROUNDS FILE
 No message goes out that lies more than AHEAD s before the newest sample: what is compared then does not depend on how
 busy the machine is. Behind a message of the topic /command it waits until the driver has seen that nothing more comes.
-Ends when a sample of LAST s (since 1970) came, or with exit code 1 when nothing moves for 20 s."""
+A round ends when a sample of LAST s (since 1970) came; then stamps jump back and the next begins. Ends with exit
+code 1 when nothing moves for 20 s."""
 
 import json
 import os
@@ -19,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 
 from faultline.msg import Sample
 
-bag, rig, topics, last, ahead, file_name = sys.argv[1:]
+bag, rig, topics, last, ahead, rounds, file_name = sys.argv[1:]
 topics, last, ahead = topics.split(","), float(last), float(ahead)
 BEGIN = 0.9  # s of the stand's time before the first sample
 samples, received = [], [0]
@@ -70,17 +71,28 @@ while received[0] == 0:  # until simulated time has begun at the driver, which t
     publishers[messages[0][0]].publish(messages[0][1])
     with moved:
         moved.wait(0.1)
-for topic, message, stamp in messages[1:]:
-    seconds = stamp.to_sec()
-    if seconds > start.to_sec() + BEGIN:
-        wait(lambda: seconds < newest() + ahead, f"at {seconds}, newest sample {newest()}")
-    clock.publish(Clock(stamp))
-    publishers[topic].publish(message)
-    if topic == "/command" and samples:
-        wait(lambda: newest() > seconds - 0.12, f"behind the command of {seconds}")
-wait(lambda: newest() >= last - 1e-4, f"the end: newest sample {newest()}, wanted {last}")
+
+
+def play(part):
+    for topic, message, stamp in part:
+        seconds = stamp.to_sec()
+        if seconds > start.to_sec() + BEGIN:
+            wait(lambda: seconds < newest() + ahead, f"at {seconds}, newest sample {newest()}")
+        clock.publish(Clock(stamp))
+        publishers[topic].publish(message)
+        if topic == "/command" and samples:
+            wait(lambda: newest() > seconds - 0.12, f"behind the command of {seconds}")
+    wait(lambda: newest() >= last - 1e-4, f"the end: newest sample {newest()}, wanted {last}")
+
+
+play(messages[1:])
+heard = list(samples)
+for _ in range(int(rounds) - 1):
+    samples.clear()
+    play(messages)
+    heard += samples
 with open(file_name, "w") as file:
-    for sample in samples:
+    for sample in heard:
         entry = {"stamp": sample.header.stamp.to_nsec(), "sequence": sample.sequence, "values": list(sample.values)}
         file.write(json.dumps(entry) + "\n")
 os._exit(0)

@@ -4,6 +4,7 @@ them."""
 import json
 import math
 import pathlib
+import re
 import subprocess
 import sys
 import time
@@ -85,12 +86,15 @@ class TopicDriver(unittest.TestCase):
             rows = [[row[0], float(k), *row[1:]] for k, row in enumerate(rows)]
         return rows
 
-    def live(self, bag, last, ahead):
+    def live(self, bag, last, ahead, topics=TOPICS, rounds=1):
         self.graph.set("/use_sim_time", True)
         driver = self.driver(wait_for=1, wait=1.0)
         heard = self.graph.path / "samples"
         player = self.graph.start(
-            ["python3", str(HERE / "play_stand.py"), str(bag), "stand", TOPICS, repr(last), str(ahead), str(heard)]
+            [
+                *("python3", str(HERE / "play_stand.py"), str(bag), "stand"),
+                *(topics, repr(last), str(ahead), str(rounds), str(heard)),
+            ]
         )
         code, said = self.graph.wait(player, 90)
         self.assertEqual(code, 0, said + self.graph.said(driver))
@@ -124,10 +128,21 @@ class TopicDriver(unittest.TestCase):
         )
         self.assertAlmostEqual(sum(math.isnan(row[5]) for row in rows), 113, delta=2)
 
+    def test_stamps_that_jump_back_begin_anew(self):
+        self.map.write_text(re.sub(r"  stroke_wanted.*\n", "", MAPPING))
+        bag = self.graph.path / "stand.bag"
+        stand_bag.write(bag, with_command)
+        offline = self.offline(bag)
+        samples = self.live(bag, offline[-1][0] + 946684800, 1.02, TOPICS.split(",", 1)[1], rounds=2)
+        self.assertEqual(len(samples), 2 * len(offline))
+        self.assertEqual([sample["sequence"] for sample in samples], list(range(len(samples))))
+        for first, second in zip(samples, samples[len(offline) :]):
+            self.assertEqual((first["stamp"], first["values"]), (second["stamp"], second["values"]))
+
     def wait_for_status(self, *says):
         heard = self.graph.path / "status"
         self.graph.start(["python3", str(HERE / "listen.py"), "stand", "60", str(heard), "diagnostics"])
-        limit = time.monotonic() + 20
+        limit = time.monotonic() + 40
         while time.monotonic() < limit:
             text = heard.read_text() if heard.exists() else ""
             if all(word in text for word in says):
@@ -142,6 +157,16 @@ class TopicDriver(unittest.TestCase):
         self.driver()
         self.publish("/supply", "sensor_msgs/FluidPressure")
         self.wait_for_status("nobody publishes", "/load/wrench/force/z", "no sample yet")
+
+    def test_a_stand_at_another_rate_is_told(self):
+        self.map.write_text(MAPPING.replace("resample: true\n", "").replace("/command/point/x", "/volts/data"))
+        self.driver()
+        self.publish("/joints", "sensor_msgs/JointState", "{name: [lift], position: [1.0]}")
+        self.publish("/load", "geometry_msgs/WrenchStamped")
+        self.publish("/supply", "sensor_msgs/FluidPressure")
+        self.publish("/volts", "std_msgs/Float64")
+        self.publish("/motor/voltage", "std_msgs/Float64")
+        self.wait_for_status("samples come every 0.05", "resample: true")
 
     def test_the_launch_files_start_the_driver_in_the_simulators_place(self):
         for file, *more in (("graph.launch", "rig:=servo_actuator", "estimators:=kalman"), ("servo_actuator.launch",)):

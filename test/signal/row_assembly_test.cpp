@@ -282,8 +282,13 @@ TEST(RowAssembly, WhatComesLateOrTwiceIsSaid) {
   EXPECT_EQ(assembler.push(0, 0.5, 1), Taken::backward);
   EXPECT_EQ(assembler.push(1, 0.5, 1), Taken::late);
   EXPECT_EQ(assembler.push(1, 0.985, 1), Taken::yes);
-  assembler.restart();
-  EXPECT_EQ(assembler.push(0, 0.5, 1), Taken::yes);
+  // Back by 0.8 s: what is of the time before goes, and what came already of the time now stays.
+  assembler.restart(0.2);
+  EXPECT_EQ(assembler.push(1, 0.1, 1), Taken::yes);
+  EXPECT_EQ(assembler.push(0, 0.9, 1), Taken::yes);
+  assembler.restart(0.2);
+  EXPECT_EQ(assembler.push(0, 0.15, 1), Taken::yes);
+  EXPECT_EQ(assembler.push(1, 0.1, 1), Taken::backward);
 }
 
 TEST(RowAssembly, OnceNothingIsOnItsWayACommandIsWaitedForNoLonger) {

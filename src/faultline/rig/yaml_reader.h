@@ -17,7 +17,8 @@ namespace faultline {
 
 class YamlValue {
  public:
-  // The one document of a file, which must be a mapping. `kind`: what the file is, for messages; `example`: a line of it.
+  // The one document of a file, which must be a mapping. `kind`: what the file is, for messages; `example`: a line of
+  // it.
   static YamlValue load(const std::string& file, const std::string& kind = "datasheet",
                         const std::string& example = "rig: NAME");
 

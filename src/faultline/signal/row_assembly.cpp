@@ -35,11 +35,15 @@ RowAssembler::RowAssembler(const AssemblyPlan& plan, Deliver deliver)
   row_.resize(signals_.size());
 }
 
-void RowAssembler::restart() {
-  for (Signal& signal : signals_) signal = Signal();
-  leader_times_.clear();
-  begun_ = settled_ = finished_ = false;
+void RowAssembler::restart(double time) {
   newest_ = made_ = -kInfinite;
+  for (Signal& signal : signals_) {
+    if (signal.newest > time) signal = Signal();
+    newest_ = std::max(newest_, signal.newest);
+  }
+  leader_times_.erase(std::upper_bound(leader_times_.begin(), leader_times_.end(), time), leader_times_.end());
+  begun_ = settled_ = finished_ = false;
+  before_ += number_;
   number_ = 0;
 }
 
@@ -168,7 +172,7 @@ void RowAssembler::make_rows() {
     made_ = time;
     const std::uint64_t number = number_++;
     if (!plan_.resample) leader_times_.pop_front();
-    if (any) deliver_(time, number, row_);
+    if (any) deliver_(time, before_ + number, row_);
   }
 }
 

@@ -2,7 +2,7 @@
 //
 // Common grid (`resample`): t_k = t_0 + k T, t_0 the first instant at which every signal has begun. Else: rows at the
 // stamps of one signal, `leader`; T is then only the period that rows should have.
-//   measured  between its neighbours t_a <= t < t_b linearly, if t_b - t_a <= g max(T, T_s): a longer gap stays one.
+//   measured  between its neighbours t_1 <= t < t_2 linearly, if t_2 - t_1 <= g max(T, T_s): a longer gap stays one.
 //             T_s: the signal's own period. Without the grid also only if the nearer of the two is within T/2 of t.
 //             Where T_s < 0.95 T, on the grid, the anti-alias filter (anti_alias.h) takes the place of the line.
 //   held      (commands, set points) the last value not after t: what holds an actuator is the last number sent, and a
@@ -59,9 +59,11 @@ class RowAssembler {
   // late: taken, but the row it belongs to is made. backward: not after the signal's last stamp, and left out. A
   // measured NaN is no value and left out.
   Taken push(std::size_t signal, double time, double value);
-  void settle();   // nothing is on its way: rows wait for no further held value
-  void finish();   // no more will come
-  void restart();  // forgets all signals; rows are counted from 0 again
+  void settle();  // nothing is on its way: rows wait for no further held value
+  void finish();  // no more will come
+  // Stamps jumped back: forgets signals whose newest value lies after `time`. Rows are counted on, so that nobody takes
+  // them for repeats.
+  void restart(double time);
 
   bool begun() const { return begun_; }
   double newest() const { return newest_; }  // s, of all signals; -infinite: none
@@ -104,7 +106,7 @@ class RowAssembler {
   bool begun_ = false, settled_ = false, finished_ = false;
   double start_ = 0, newest_ = -std::numeric_limits<double>::infinity();
   double made_ = -std::numeric_limits<double>::infinity();
-  std::uint64_t number_ = 0;
+  std::uint64_t number_ = 0, before_ = 0;  // rows since the last restart, and before it
 };
 
 }  // namespace faultline
