@@ -115,15 +115,13 @@ if MEASURED.is_file():
     class Measured(Tanks):
         def setUp(self):
             super().setUp()
-            with open(MEASURED, newline="") as file:
-                rows = [row for row in csv.DictReader(file) if row["uEst"].strip()]
-            self.assertEqual(len(rows), 1024)
             for name, part in (("estimation", "Est"), ("validation", "Val")):
-                with open(self.folder / f"{name}.csv", "w", newline="") as file:
-                    out = csv.writer(file)
-                    out.writerow(["t", "pump_voltage", "lower_level"])
-                    out.writerows([4 * i, row["u" + part], row["y" + part]] for i, row in enumerate(rows))
-                self.faultline("import", f"{name}.csv", "--rig", RIG, "-o", f"{name}.bag")
+                mapping = self.folder / f"{name}.yaml"
+                mapping.write_text(
+                    "time: {period: 4, unit: s}\n"
+                    f"channels: {{pump_voltage: u{part}, lower_level: y{part}}}\n"
+                )
+                self.faultline("import", MEASURED, "--rig", RIG, "--mapping", mapping, "-o", f"{name}.bag")
 
         def test_every_subcommand_takes_them(self):
             for words in (
