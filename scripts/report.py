@@ -21,6 +21,7 @@ if __name__ == "__main__":
 import argparse
 import datetime
 import hashlib
+import json
 import re
 import shutil
 import subprocess
@@ -118,6 +119,20 @@ def diagnose(program, chosen, folder):
             )
     shown = ["faultline", "diagnose", bag] + options + ["--json", "ANSWER", "--series", "SERIES"]
     return answer, series, " ".join(shown)
+
+
+def outside_datasheet(rig):
+    """Of a rig outside this tree, which the program finds; None where it knows none either."""
+    try:
+        said = subprocess.run(
+            [find_program(), "rigs", rig, "--json", "-"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        ).stdout
+        return json.loads(said.decode("utf-8", "replace"))["rigs"][0]["datasheet"]
+    except (ReportError, OSError, ValueError, LookupError):
+        return None
 
 
 def program_version():
@@ -390,7 +405,8 @@ def main(arguments):
             ),
             ("Written", datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")),
         ]
-        sheet = Datasheet(answer["rig"], chosen.config or datasheet_path(answer["rig"], HERE))
+        rig = answer["rig"]
+        sheet = Datasheet(rig, chosen.config or datasheet_path(rig, HERE) or outside_datasheet(rig))
         write_file(chosen.output, render(answer, series, sheet, facts))
         say("faultline: report written to {}".format(chosen.output))
         return 0

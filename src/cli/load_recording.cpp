@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -13,6 +14,7 @@
 #include "faultline/signal/csv.h"
 #include "faultline/signal/error.h"
 #include "faultline/signal/text.h"
+#include "nodes/rig_packages.h"
 
 namespace faultline {
 namespace {
@@ -240,8 +242,11 @@ class BagStream : public BagTaker {
 }  // namespace
 
 Datasheet load_datasheet(const std::string& rig, const std::string& config) {
-  if (config.empty()) return find_datasheet(share_folder() + "/config", rig);
-  Datasheet sheet = read_datasheet(config);
+  if (config.empty()) {
+    note_left_out(rig);
+    return find_datasheet(share_folder() + "/config", outside_rigs(), rig);
+  }
+  Datasheet sheet = read_datasheet(config, outside_rigs());
   if (!rig.empty() && sheet.rig != rig)
     throw InputError(fmt::format("{}: the datasheet is of the rig '{}', the recording of '{}'; give the right one",
                                  config, sheet.rig, rig));
@@ -262,6 +267,13 @@ LoadedRecording load_recording(const std::string& file, const std::string& rig, 
   for_each_sample(loaded.recording, [&](const Sample& sample) { check.add(sample); });
   check.finish(loaded, period);
   return loaded;
+}
+
+void note_left_out(const std::string& asked_for) {
+  static bool told = false;
+  if (!std::exchange(told, true))
+    for (const std::string& line : left_out(asked_for))
+      std::fprintf(stderr, "faultline: note: %s\n", printable(line).c_str());
 }
 
 RecordingFacts stream_recording(const std::string& file, const std::string& rig, const std::string& config,

@@ -27,8 +27,8 @@ struct LoadedRecording : RecordingFacts {
   std::vector<std::int64_t> stamp;  // ns since 1970, one per row: the times without rounding
 };
 
-// The datasheet of `rig` from the shared config folder, or that of the file `config` (whose rig must be `rig`, if that
-// is given).
+// The datasheet of `rig` from the shared config folder or from a package outside this tree, or that of the file
+// `config` (whose rig must be `rig`, if that is given).
 Datasheet load_datasheet(const std::string& rig, const std::string& config);
 
 // At which period samples must come: the datasheet's, or for what models are fitted to any, up to twenty times longer
@@ -53,6 +53,9 @@ class SampleTaker {
 // recording as a whole is told (InputError) in the end.
 RecordingFacts stream_recording(const std::string& file, const std::string& rig, const std::string& config,
                                 SampleTaker& taker);
+
+// Once: what is wrong with rigs outside this tree other than the one that is asked for, on stderr.
+void note_left_out(const std::string& asked_for);
 
 void print_remarks(const std::string& subcommand, const std::vector<std::string>& remarks);  // on stderr
 

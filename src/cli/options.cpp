@@ -10,6 +10,7 @@
 #include "cli/output_file.h"
 #include "cli/share_folder.h"
 #include "faultline/signal/error.h"
+#include "nodes/rig_packages.h"
 
 namespace faultline {
 namespace {
@@ -57,13 +58,17 @@ std::vector<NamedFile> files_of(const CLI::App& app, std::initializer_list<const
   return files;
 }
 
-// The folder of the program's own datasheets, with a / behind it; empty where there is none.
-std::string own_datasheets() {
+// The folders of the program's own datasheets and of those of rigs outside this tree, with a / behind them.
+std::vector<std::string> datasheet_folders() {
+  std::vector<std::string> folders;
   try {
-    return resolved(share_folder() + "/config") + "/";
+    folders.push_back(resolved(share_folder() + "/config") + "/");
   } catch (const InputError&) {
-    return "";  // whoever needs one will say so
+    // whoever needs one will say so
   }
+  for (const RigPlace& place : outside_rigs())
+    if (!place.config.empty()) folders.push_back(resolved(place.config) + "/");
+  return folders;
 }
 
 void check_output(const NamedFile& output, const std::vector<NamedFile>& inputs) {
@@ -72,9 +77,9 @@ void check_output(const NamedFile& output, const std::vector<NamedFile>& inputs)
   };
   for (const NamedFile& input : inputs)
     if (same_file(output.path, input.path)) refuse(fmt::format("this file is read, as {}", input.option));
-  const std::string own = own_datasheets();
-  if (is_file(output.path) && !own.empty() && output.path.compare(0, own.size(), own) == 0)
-    refuse("this is one of the program's own datasheets");
+  if (!is_file(output.path)) return;
+  for (const std::string& folder : datasheet_folders())
+    if (output.path.compare(0, folder.size(), folder) == 0) refuse("this is one of the program's own datasheets");
 }
 
 }  // namespace

@@ -19,6 +19,7 @@
 #include "faultline/rig/effect_unit.h"
 #include "faultline/rig/rig.h"
 #include "faultline/signal/error.h"
+#include "nodes/rig_packages.h"
 
 namespace faultline {
 namespace {
@@ -158,6 +159,21 @@ void print_rig(const Datasheet& sheet) {
                fmt::join(sheet.defaulted, ", "), sheet.defaulted.size() > 1 ? "are" : "is", sheet.rig);
 }
 
+std::vector<Datasheet> all_datasheets() {
+  const std::string own = share_folder() + "/config";
+  std::vector<Datasheet> sheets = read_datasheets(own);
+  for (const RigPlace& place : outside_rigs()) {
+    try {
+      if (!place.rig.empty()) sheets.push_back(find_datasheet(own, outside_rigs(), place.rig));
+    } catch (const InputError& error) {
+      print_remarks("rigs", {error.what()});
+    }
+    if (place.rig.empty()) print_remarks("rigs", {place.trouble});
+  }
+  std::sort(sheets.begin(), sheets.end(), [](const Datasheet& a, const Datasheet& b) { return a.rig < b.rig; });
+  return sheets;
+}
+
 struct Options {
   std::string rig, config, json;
   bool defaults = false;
@@ -170,7 +186,7 @@ void run(const Options& options) {
   if (!options.rig.empty() || !options.config.empty())
     sheets.push_back(load_datasheet(options.rig, options.config));
   else
-    sheets = read_datasheets(share_folder() + "/config");
+    sheets = all_datasheets();
   if (options.defaults) {
     fmt::print("{}", defaulted_text(sheets.front()));
     return;

@@ -21,7 +21,7 @@ struct Subcommand {
   std::function<void()> (*add)(CLI::App& app);
 };
 
-inline const std::vector<Subcommand>& subcommands() { return registry<Subcommand>().all(); }  // sorted by name
+inline const Registry<Subcommand>::Types& subcommands() { return registry<Subcommand>().all(); }  // sorted by name
 
 }  // namespace faultline
 

@@ -11,6 +11,7 @@
 #include <ros/ros.h>
 
 #include "faultline/signal/error.h"
+#include "nodes/rig_packages.h"
 
 namespace faultline {
 namespace {
@@ -59,7 +60,8 @@ int run_node(int argc, char** argv, const std::string& name, const std::function
 
 Datasheet read_rig(Parameters& parameters) {
   std::string folder = parameters.word("config", "");
-  if (folder.empty()) {
+  const bool given = !folder.empty();
+  if (!given) {
     const std::string package = ros::package::getPath("faultline");
     if (package.empty())
       throw InputError(
@@ -69,7 +71,11 @@ Datasheet read_rig(Parameters& parameters) {
   }
   if (!parameters.has("rig"))
     throw InputError(fmt::format("{}: parameter ~rig is missing; name a rig of {}", ros::this_node::getName(), folder));
-  return find_datasheet(folder, parameters.word("rig"));
+  const std::string rig = parameters.word("rig");
+  for (const std::string& line : left_out(rig)) ROS_WARN("%s", line.c_str());
+  if (!given) return find_datasheet(folder, outside_rigs(), rig);
+  load_rig(outside_rigs(), rig);
+  return find_datasheet(folder, rig);
 }
 
 void linger() {

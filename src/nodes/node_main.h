@@ -15,7 +15,8 @@ namespace faultline {
 // `body` gets the node's parameters, runs until the node is to end, and returns the exit code.
 int run_node(int argc, char** argv, const std::string& name, const std::function<int(Parameters&)>& body);
 
-// The datasheet of ~rig in ~config, by default the package's folder config.
+// The datasheet of ~rig in ~config; by default in the package's folder config, or where a rig outside this tree is
+// (rig_packages.h).
 Datasheet read_rig(Parameters& parameters);
 
 // Holds the start back until `publisher` has `count` subscribers, or `seconds` of wall time are over: ROS drops what is

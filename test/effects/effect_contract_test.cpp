@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <regex>
 #include <set>
 #include <string>
 #include <vector>
@@ -35,6 +36,9 @@ TEST(EffectContract, AllTypesAreRegisteredAndDescribed) {
     EXPECT_FALSE(type.family.empty());
     EXPECT_FALSE(type.meaning.empty());
     EXPECT_EQ(type.meaning.find('\n'), std::string::npos);
+    for (const EffectParameter& p : type.parameters)
+      EXPECT_TRUE(std::regex_search(type.meaning, std::regex("\\b" + p.name + "\\b")))
+          << "the formula does not say what " << p.name << " does: " << type.meaning;
     ASSERT_FALSE(type.fits.empty());
     ASSERT_FALSE(type.parameters.empty());
     EXPECT_LE(type.parameters.size(), static_cast<std::size_t>(kMaximumEffectParameters));

@@ -65,6 +65,8 @@ class BuildWays(unittest.TestCase):
                     target = workspace / "src/faultline" / name
                     target.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy2(ROOT / name, target)
+                # A rig's package beside faultline: built by the same CMake, found by ROS.
+                shutil.copytree(ROOT / "examples/cascaded_tanks", workspace / "src/cascaded_tanks")
                 environment = clean_environment(CXXFLAGS="-O0")
                 said = run(
                     [
@@ -89,6 +91,12 @@ class BuildWays(unittest.TestCase):
                 )
                 self.assertIn(str(workspace / "src/faultline"), shown)
                 self.assertIn("float64[] values", shown)
+                rig = run(
+                    ["bash", "-c", "source devel/setup.bash && rosrun faultline faultline rigs cascaded_tanks"],
+                    cwd=workspace,
+                    env=environment,
+                )
+                self.assertIn("simulated", rig)
             finally:
                 shutil.rmtree(workspace, ignore_errors=True)
 
@@ -102,7 +110,7 @@ class BuildWays(unittest.TestCase):
             self.assertTrue((prefix / "include/faultline/Sample.h").exists())
             self.assertTrue((prefix / "share/faultline/package.xml").exists())
             for name in repository_files():
-                if name.parts[0] in ("launch", "config", "bags"):
+                if name.parts[0] in ("launch", "config", "bags", "examples"):
                     self.assertTrue((prefix / "share/faultline" / name).exists(), name)
                 if re.fullmatch(r"src/nodes/\w+_node\.cpp", str(name)):
                     self.assertTrue(os.access(prefix / "lib/faultline" / name.stem, os.X_OK), name)

@@ -78,7 +78,7 @@ class Sizes(unittest.TestCase):
         long = [
             f"{name}: {text.count(chr(10))} lines"
             for name, text in text_files()
-            if name.parts[0] in ("src", "test", "scripts")
+            if name.parts[0] in ("src", "test", "scripts", "examples")
             and name.suffix in (".h", ".cpp", ".py")
             and text.count("\n") > 600
         ]
@@ -175,8 +175,10 @@ class Parsing(unittest.TestCase):
 
 
 class Package(unittest.TestCase):
-    def test_one_package_at_the_root(self):
-        self.assertEqual([str(name) for name in repository_files() if name.name == "package.xml"], ["package.xml"])
+    def test_one_package_at_the_root_and_examples_of_rigs_outside(self):
+        found = [name.parent.parts for name in repository_files() if name.name == "package.xml"]
+        self.assertIn((), found)
+        self.assertEqual([parts for parts in found if parts and (parts[0] != "examples" or len(parts) != 2)], [])
 
     def test_versions_agree(self):
         version = ElementTree.parse(ROOT / "package.xml").findtext("version")
@@ -197,7 +199,7 @@ class Format(unittest.TestCase):
         names = [
             str(name)
             for name in repository_files()
-            if name.suffix in (".h", ".cpp") and name.parts[0] in ("src", "test")
+            if name.suffix in (".h", ".cpp") and name.parts[0] in ("src", "test", "examples", "cmake")
         ]
         run = subprocess.run(
             ["clang-format", "--dry-run", *names], cwd=ROOT, capture_output=True, text=True, check=False

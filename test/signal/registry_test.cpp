@@ -20,12 +20,17 @@ struct Pump {
   std::string name;
 };
 
+struct Filter {
+  static constexpr const char* kKind = "filter";
+  std::string name;
+};
+
 namespace {
 
 TEST(Registry, IsSortedByName) {
   ASSERT_EQ(registry<Valve>().all().size(), 2u);
-  EXPECT_EQ(registry<Valve>().all()[0].name, "ball");
-  EXPECT_EQ(registry<Valve>().all()[1].area, 2e-5);
+  EXPECT_EQ(registry<Valve>().all().begin()->name, "ball");
+  EXPECT_EQ(registry<Valve>().all().rbegin()->area, 2e-5);
 }
 
 TEST(Registry, FindsByName) {
@@ -58,6 +63,22 @@ TEST(Registry, SaysWhereAndWhatThereIs) {
 TEST(Registry, RefusesASecondOfOneName) {
   EXPECT_THROW(registry<Valve>().add({"ball", 1}), std::logic_error);
   EXPECT_EQ(registry<Valve>().all().size(), 2u);
+}
+
+TEST(Registry, TellsASecondOfOneNameWhileALibraryIsLoaded) {
+  std::vector<std::string> told;
+  taken_names() = &told;
+  EXPECT_FALSE(registry<Valve>().add({"ball", 1}));
+  taken_names() = nullptr;
+  EXPECT_EQ(told, std::vector<std::string>{"two of the kind 'valve' are called 'ball'"});
+  EXPECT_EQ(registry<Valve>().find("ball")->area, 3e-4);
+}
+
+TEST(Registry, ReferencesStayGoodWhenMoreComes) {
+  registry<Filter>().add({"mesh"});
+  const Filter* mesh = registry<Filter>().find("mesh");
+  for (char c = 'a'; c <= 'z'; ++c) registry<Filter>().add({std::string(1, c)});
+  EXPECT_EQ(registry<Filter>().find("mesh"), mesh);
 }
 
 }  // namespace

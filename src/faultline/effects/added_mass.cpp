@@ -16,7 +16,7 @@ class AddedMass : public Effect {
 
 FAULTLINE_EFFECT(added_mass, {"added_mass",
                               "load",
-                              "mass added to the moving inertia",
+                              "moving inertia + mass",
                               {PortKind::force},
                               {{"mass", "kg or kg m^2", 0, 0, 1e6}},
                               &make_effect<AddedMass>});

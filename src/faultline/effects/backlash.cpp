@@ -18,7 +18,7 @@ class Backlash : public Effect {
 
 FAULTLINE_EFFECT(backlash, {"backlash",
                             "play",
-                            "driven side moves only outside the total play gap",
+                            "contact of the two sides only where they are more than gap/2 apart",
                             {PortKind::transmission},
                             {{"gap", "m or rad", 0, 0, 10}},
                             &make_effect<Backlash>});

@@ -17,7 +17,7 @@ class Clogging : public Effect {
 
 FAULTLINE_EFFECT(clogging, {"clogging",
                             "restriction",
-                            "area or coefficient times (1 - fraction)",
+                            "opening (1 - fraction), of an area or a coefficient",
                             {PortKind::restriction},
                             {{"fraction", "1", 0, -0.15, 1}},
                             &make_effect<Clogging>});

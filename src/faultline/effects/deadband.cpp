@@ -32,7 +32,7 @@ class Deadband : public Effect {
 
 FAULTLINE_EFFECT(deadband, {"deadband",
                             "deadzone",
-                            "0 inside +-width/2, offset removed outside",
+                            "u - sgn(u) width/2 where |u| > width/2, else 0",
                             {PortKind::command, PortKind::sensor, PortKind::restriction},
                             {{"width", "port", 0, 0, 1e9}},
                             &make_effect<Deadband>});

@@ -25,7 +25,7 @@ class Elasticity : public Effect {
 FAULTLINE_EFFECT(elasticity,
                  {"elasticity",
                   "play",
-                  "spring of the given compliance, with damping, between the two sides",
+                  "(x_1 - x_2)/compliance + damping (v_1 - v_2), between the two sides",
                   {PortKind::transmission},
                   {{"compliance", "m/N or rad/(N m)", 0, 0, 10}, {"damping", "N s/m or N m s/rad", kNoShape, 0, 1e7}},
                   &make_effect<Elasticity>});

@@ -46,7 +46,8 @@ class FlexibleCurve : public Effect {
 
 FAULTLINE_EFFECT(flexible_curve, {"flexible_curve",
                                   "flexible",
-                                  "u + range (piecewise linear curve of u/range with knots at -1, -1/4, 1/4, 1)",
+                                  "u + range c(u/range), c linear between at_minus_full at -1, at_minus_quarter at "
+                                  "-1/4, at_quarter at 1/4, at_full at 1",
                                   {PortKind::command, PortKind::sensor, PortKind::restriction},
                                   {{"at_minus_full", "1", 0, -0.5, 0.5},
                                    {"at_minus_quarter", "1", 0, -0.5, 0.5},

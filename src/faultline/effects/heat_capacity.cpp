@@ -17,7 +17,7 @@ class HeatCapacity : public Effect {
 
 FAULTLINE_EFFECT(heat_capacity, {"heat_capacity",
                                  "heat",
-                                 "heat capacity of a wall warmed with the fluid",
+                                 "capacity dT/dt into a wall that is warmed with the fluid",
                                  {PortKind::heat},
                                  {{"capacity", "J/K", 0, 0, 1e8}},
                                  &make_effect<HeatCapacity>});

@@ -56,11 +56,13 @@ class Hysteresis : public Effect {
 
 }  // namespace
 
-FAULTLINE_EFFECT(hysteresis, {"hysteresis",
-                              "hysteresis",
-                              "play operator of total width; at a force port a force loop of total width",
-                              {PortKind::command, PortKind::sensor, PortKind::force},
-                              {{"width", "port", 0, 0, 1e9}},
-                              &make_effect<Hysteresis>});
+FAULTLINE_EFFECT(
+    hysteresis,
+    {"hysteresis",
+     "hysteresis",
+     "play operator of total width: y = u -+ width/2, once u has moved so far; at a force port a force loop",
+     {PortKind::command, PortKind::sensor, PortKind::force},
+     {{"width", "port", 0, 0, 1e9}},
+     &make_effect<Hysteresis>});
 
 }  // namespace faultline

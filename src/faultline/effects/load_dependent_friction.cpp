@@ -26,7 +26,7 @@ class LoadDependentFriction : public Effect {
 
 FAULTLINE_EFFECT(load_dependent_friction, {"load_dependent_friction",
                                            "friction",
-                                           "Coulomb level grows by coefficient |load|",
+                                           "-coefficient |load| sgn(v)",
                                            {PortKind::force},
                                            {{"coefficient", "N or N m per unit of load", 0, 0, 1e3}},
                                            &make_effect<LoadDependentFriction>});

@@ -58,7 +58,7 @@ class Noise : public Effect {
 
 FAULTLINE_EFFECT(noise, {"noise",
                          "resolution",
-                         "signal + white normal noise of the given std",
+                         "u + std n(t), n white and normal",
                          {PortKind::command, PortKind::sensor},
                          {{"std", "port", 0, 0, 1e9}},
                          &make_effect<Noise>});

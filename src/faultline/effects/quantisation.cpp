@@ -25,7 +25,7 @@ class Quantisation : public Effect {
 
 FAULTLINE_EFFECT(quantisation, {"quantisation",
                                 "resolution",
-                                "rounded to multiples of step",
+                                "step round(u/step)",
                                 {PortKind::command, PortKind::sensor},
                                 {{"step", "port", 0, 0, 1e9}},
                                 &make_effect<Quantisation>});

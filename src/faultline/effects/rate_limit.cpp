@@ -36,7 +36,7 @@ class RateLimit : public Effect {
 
 FAULTLINE_EFFECT(rate_limit, {"rate_limit",
                               "limit",
-                              "slope bounded to +-rate",
+                              "u, with |du/dt| bounded to rate",
                               {PortKind::command, PortKind::sensor},
                               {{"rate", "port/s", kInfinity, 1e-12, kInfinity}},
                               &make_effect<RateLimit>});

@@ -26,7 +26,7 @@ class Saturation : public Effect {
 
 FAULTLINE_EFFECT(saturation, {"saturation",
                               "limit",
-                              "magnitude bounded to limit",
+                              "u where |u| < limit, else limit sgn(u)",
                               {PortKind::command, PortKind::sensor},
                               {{"limit", "port", kInfinity, 1e-12, kInfinity}},
                               &make_effect<Saturation>});

@@ -27,7 +27,7 @@ class Scale : public Effect {
 
 FAULTLINE_EFFECT(scale, {"scale",
                          "gain",
-                         "signal, handed-on motion or heat times factor",
+                         "factor u, of a signal, a motion that is handed on or a heat flux",
                          {PortKind::command, PortKind::sensor, PortKind::transmission, PortKind::heat},
                          {{"factor", "1", 1, 0, 10}},
                          &make_effect<Scale>});

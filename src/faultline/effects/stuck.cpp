@@ -30,7 +30,7 @@ class Stuck : public Effect {
 
 FAULTLINE_EFFECT(stuck, {"stuck",
                          "stuck",
-                         "holds its last value from that time on",
+                         "u(from), from that time on",
                          {PortKind::command, PortKind::sensor},
                          {{"from", "s", kInfinity, 0, kInfinity}},
                          &make_effect<Stuck>});

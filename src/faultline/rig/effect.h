@@ -84,7 +84,7 @@ struct EffectType {
   static constexpr const char* kKind = "effect";
   std::string name;
   std::string family;
-  std::string meaning;  // one line with the formula
+  std::string meaning;  // the formula, in one line that names every parameter; u: what passes the port
   std::vector<PortKind> fits;
   std::vector<EffectParameter> parameters;
   std::unique_ptr<Effect> (*make)();
@@ -94,7 +94,7 @@ struct EffectType {
 };
 
 // All effect types, sorted by name. Each effect's file adds its own with FAULTLINE_EFFECT.
-inline const std::vector<EffectType>& effect_types() { return registry<EffectType>().all(); }
+inline const Registry<EffectType>::Types& effect_types() { return registry<EffectType>().all(); }
 inline const EffectType* find_effect_type(const std::string& name) { return registry<EffectType>().find(name); }
 
 template <class T>

@@ -40,7 +40,7 @@ struct RigType {
   double model_substep = 0;
 };
 
-inline const std::vector<RigType>& rig_types() { return registry<RigType>().all(); }
+inline const Registry<RigType>::Types& rig_types() { return registry<RigType>().all(); }
 inline const RigType* find_rig_type(const std::string& name) { return registry<RigType>().find(name); }
 
 // InputError unless the datasheet's states bear these names in this order: the equations know them by their place.

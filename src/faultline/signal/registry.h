@@ -1,12 +1,14 @@
 // Types of one kind by name: effects, rigs, controllers, models, estimators, detectors, isolators. Each adds itself
-// from its own file before main starts, so that a new one needs no other file. A kind is a plain struct with `name`,
-// what makes one, and `static constexpr const char* kKind`, the word for it in messages.
+// from its own file before main starts, or when a library that holds it is loaded, so that a new one needs no other
+// file. A kind is a plain struct with `name`, what makes one, and `static constexpr const char* kKind`, the word for it
+// in messages.
 //
-// One list per kind in the whole process, shared libraries included; two of one name end the program before main.
-// References stay good once main runs.
+// One list per kind in the whole process, shared libraries included; two of one name end the program before main, or
+// make the library useless that is loaded later (rig/rig_library.h). References stay good whatever is added; but what
+// adds (loading a library) must not run beside what reads.
 #pragma once
 
-#include <algorithm>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -16,20 +18,46 @@
 
 namespace faultline {
 
+// Where names that are taken are told while a library is being loaded, since no exception may leave its initialisers;
+// else null, and they are an exception.
+inline std::vector<std::string>*& taken_names() {
+  static std::vector<std::string>* names = nullptr;
+  return names;
+}
+
+struct ByName {
+  using is_transparent = void;
+  template <class Type>
+  bool operator()(const Type& a, const Type& b) const {
+    return a.name < b.name;
+  }
+  template <class Type>
+  bool operator()(const Type& a, const std::string& b) const {
+    return a.name < b;
+  }
+  template <class Type>
+  bool operator()(const std::string& a, const Type& b) const {
+    return a < b.name;
+  }
+};
+
 template <class Type>
 class Registry {
  public:
+  using Types = std::set<Type, ByName>;
+
   bool add(Type type) {
-    const auto place = std::lower_bound(types_.begin(), types_.end(), type.name, before);
-    if (place != types_.end() && place->name == type.name)
-      throw std::logic_error(std::string("two of the kind '") + Type::kKind + "' are called '" + type.name + "'");
-    types_.insert(place, std::move(type));
-    return true;
+    const std::string name = type.name;
+    if (types_.insert(std::move(type)).second) return true;
+    const std::string text = std::string("two of the kind '") + Type::kKind + "' are called '" + name + "'";
+    if (!taken_names()) throw std::logic_error(text);
+    taken_names()->push_back(text);
+    return false;
   }
-  const std::vector<Type>& all() const { return types_; }  // sorted by name
-  const Type* find(const std::string& name) const {        // nullptr if there is none
-    const auto place = std::lower_bound(types_.begin(), types_.end(), name, before);
-    return place != types_.end() && place->name == name ? &*place : nullptr;
+  const Types& all() const { return types_; }        // sorted by name
+  const Type* find(const std::string& name) const {  // nullptr if there is none
+    const auto place = types_.find(name);
+    return place != types_.end() ? &*place : nullptr;
   }
   // InputError that begins with `where` (file, line and key) and lists what there is.
   const Type& require(const std::string& name, const std::string& where) const {
@@ -41,9 +69,7 @@ class Registry {
   }
 
  private:
-  static bool before(const Type& type, const std::string& name) { return type.name < name; }
-
-  std::vector<Type> types_;
+  Types types_;
 };
 
 template <class Type>
@@ -54,7 +80,7 @@ Registry<Type>& registry() {
 
 }  // namespace faultline
 
-// At namespace scope of the type's own file: registers it before main starts. `id`: unique among those of its kind in
-// that file.
+// At namespace scope of the type's own file: registers it before main starts, or when its library is loaded. `id`:
+// unique among those of its kind in that file.
 #define FAULTLINE_REGISTER(Type, id, ...) \
   const bool registered_##Type##_##id = ::faultline::registry<::faultline::Type>().add(::faultline::Type __VA_ARGS__)

@@ -1,0 +1,144 @@
+"""Every subcommand on a rig outside the tree: simulated runs of examples/cascaded_tanks, and the measured ones where
+they are (a folder data/cascaded_tanks in `shared` beside the checkout, or named by FAULTLINE_SHARED)."""
+
+import csv
+import json
+import os
+import pathlib
+import tempfile
+import unittest
+
+from packages import OutsideTest, ROOT, build, copied, plain_environment, program, run
+
+RIG = "cascaded_tanks"
+SHARED = pathlib.Path(os.environ.get("FAULTLINE_SHARED", ROOT.parent / "shared"))
+MEASURED = SHARED / "data/cascaded_tanks/tanque.csv"
+
+
+def setUpModule():
+    """The package, and runs of one rig that is off its datasheet: two healthy ones, one that clogs, one that overflows."""
+    global space, path, package
+    space = tempfile.TemporaryDirectory(prefix="faultline_tanks_")
+    path = pathlib.Path(space.name).resolve()
+    package = copied(RIG, path / RIG)
+    build(package)
+    rig = ("--off-nominal", "--rig-seed", "7", "--duration", "8000")
+    simulate("one", "--seed", "1", *rig)
+    simulate("two", "--seed", "2", *rig)
+    simulate("clogs", "--seed", "3", *rig, "--fault", "lower_outlet_clogged")
+    simulate("over_one", "--seed", "4", *rig, "--fault", "upper_tank_overflows")
+    simulate("over_two", "--seed", "5", *rig, "--fault", "upper_tank_overflows")
+
+
+def tearDownModule():
+    space.cleanup()
+
+
+def simulate(name, *options):
+    run(program(), "simulate", RIG, *options, "-o", f"{name}.bag", env=tanks(), cwd=path)
+
+
+def tanks():
+    return plain_environment(FAULTLINE_RIG_PATH=str(package), MPLBACKEND="Agg", MPLCONFIGDIR=str(path))
+
+
+class Tanks(OutsideTest):
+    @property
+    def env(self):
+        return tanks()
+
+    def bag(self, name):
+        return path / f"{name}.bag"
+
+    def answer(self, *words):
+        self.faultline(*words, "--json", "answer.json")
+        return json.loads((self.folder / "answer.json").read_text())
+
+
+class Simulated(Tanks):
+    def test_rigs(self):
+        rig = self.answer("rigs", RIG)["rigs"][0]
+        self.assertEqual(rig["sample_period"], 4)
+        self.assertTrue(rig["simulated"] and rig["diagnosed"])
+        self.assertGreaterEqual(len(rig["profiles"]), 1)
+
+    def test_simulate_is_repeatable(self):
+        for name in ("a.csv", "b.csv"):
+            self.faultline("simulate", RIG, "--seed", "3", "--duration", "400", "-o", name)
+        self.assertEqual((self.folder / "a.csv").read_bytes(), (self.folder / "b.csv").read_bytes())
+        rows = list(csv.DictReader((self.folder / "a.csv").read_text().splitlines()))
+        self.assertEqual(len(rows), 101)
+
+    def test_export_and_import_are_inverse(self):
+        self.faultline("export", self.bag("one"), "-o", "one.csv")
+        self.faultline("import", "one.csv", "--rig", RIG, "-o", "again.bag")
+        self.faultline("export", "again.bag", "-o", "again.csv")
+        self.assertEqual((self.folder / "one.csv").read_bytes(), (self.folder / "again.csv").read_bytes())
+
+    def test_diagnose(self):
+        self.assertEqual(self.answer("diagnose", self.bag("one"))["verdict"], "healthy")
+        alarms = self.answer("diagnose", self.bag("clogs"))["alarms"]
+        self.assertIn(("clogging", "restriction.lower_outlet"), [(a["effect"], a["port"]) for a in alarms])
+
+    def test_fit(self):
+        answer = self.answer("fit", RIG, self.bag("one"), self.bag("two"), "--patch", "fitted.yaml")
+        self.assertEqual(
+            {p["name"] for p in answer["parameters"]}, {"pump_gain", "upper_outlet", "lower_outlet", "outlet_drop"}
+        )
+        # The fitted datasheet is one, and knows the rig's equations.
+        fitted = self.answer("rigs", "--config", "fitted.yaml")["rigs"][0]
+        self.assertTrue(fitted["simulated"])
+        self.faultline("diagnose", self.bag("two"), "--config", "fitted.yaml")
+
+    def test_tune(self):
+        self.assertTrue(self.answer("tune", RIG, self.bag("one"), self.bag("two")))
+
+    def test_isolability(self):
+        self.assertTrue(self.answer("isolability", self.bag("two")))
+
+    def test_gap(self):
+        answer = self.answer("gap", self.bag("over_one"), "--holdout", self.bag("over_two"), "--report", "gap.html")
+        self.assertEqual([(e["effect"], e["port"]) for e in answer["cause"]["effects"]], [("overflow", "flow.upper_reservoir")])
+        self.assertGreater((self.folder / "gap.html").stat().st_size, 10000)
+
+    def test_report(self):
+        script = ROOT / "scripts/report.py"
+        env = dict(self.env, FAULTLINE_PROGRAM=program())
+        run("/usr/bin/python3", script, self.bag("clogs"), "-o", "report.html", env=env, cwd=self.folder)
+        text = (self.folder / "report.html").read_text()
+        self.assertIn("Two tanks, one above the other", text)  # the datasheet's title: it was found
+        self.assertIn("outlet of the lower tank", text)
+
+
+if MEASURED.is_file():
+
+    class Measured(Tanks):
+        def setUp(self):
+            super().setUp()
+            for name, part in (("estimation", "Est"), ("validation", "Val")):
+                mapping = self.folder / f"{name}.yaml"
+                mapping.write_text(
+                    "time: {period: 4, unit: s}\n"
+                    f"channels: {{pump_voltage: u{part}, lower_level: y{part}}}\n"
+                )
+                self.faultline("import", MEASURED, "--rig", RIG, "--mapping", mapping, "-o", f"{name}.bag")
+
+        def test_every_subcommand_takes_them(self):
+            for words in (
+                ("export", "estimation.bag", "-o", "again.csv"),
+                ("fit", RIG, "estimation.bag", "--json", "fit.json", "--patch", "fitted.yaml"),
+                ("diagnose", "validation.bag", "--json", "diagnose.json"),
+                ("isolability", "validation.bag", "--json", "isolability.json"),
+                ("tune", RIG, "estimation.bag", "--json", "tune.json"),
+                ("gap", "estimation.bag", "--holdout", "validation.bag", "--json", "gap.json"),
+                ("simulate", RIG, "--drive", "validation.bag", "-o", "driven.csv"),
+            ):
+                with self.subTest(subcommand=words[0]):
+                    print(" ".join(words), self.faultline(*words).stdout)
+
+else:
+    print(f"{MEASURED}: the measured tanks are not here; simulated ones only")
+
+
+if __name__ == "__main__":
+    unittest.main()
