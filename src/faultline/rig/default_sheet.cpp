@@ -38,7 +38,9 @@ constexpr double kInflation = 5;
 constexpr double kMargin = 9;          // samples between stretches, in which the last start is smoothed
 constexpr double kEffort = 2e4;        // samples of the model per second of recording that the responses may cost
 constexpr double kLongestLatency = 1;  // s: what a judgement takes
-constexpr double kFit = 3;             // times the mean square that a filter expects
+// Times the mean square that a filter expects: of a rig that is one tolerance off it is up to twice that
+// (estimators/rig_model.cpp), of one that is two off, as far as rigs are drawn, five times.
+constexpr double kFit = 5;
 constexpr double kFitSamples = 20;     // at least, over which that is averaged
 constexpr double kFrozenPerHour = 1e-3, kFewestEqual = 5, kMostEqual = 1000;
 constexpr double kRounded = 2;       // resolutions over noise, from which equal readings are nothing unusual
