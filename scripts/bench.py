@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """./faultline bench: the times of docs/benchmarks.md as tables. Runs faultline_bench (the core, and its numerics
-beside what libraries do, on one core of the processor), then measures the latency over ROS with
-test/bench/latency.py on samples of `faultline simulate`. With arguments of Google Benchmark (--benchmark_...) only
-faultline_bench runs, and prints what it prints."""
+beside what libraries do, on one core of the processor), diagnoses recordings of ten minutes from one end to the
+other, then measures the latency over ROS with test/bench/latency.py on samples of `faultline simulate`. With
+arguments of Google Benchmark (--benchmark_...) only faultline_bench runs, and prints what it prints."""
 import argparse
 import json
 import os
@@ -48,6 +48,22 @@ NUMERICS = [  # group of benchmarks, what it is, what it is done with
     ('triangle/10x30', 'root of a covariance, 10 x 30', 'our Householder'),
     ('correction/states', 'correction by four states of six', 'our Carlson'),
     ('correction/rows', 'correction by five rows of ten states', 'our Potter'),
+]
+
+# Whole recordings through `faultline diagnose`, reading and judging included: what it is, and how it is simulated.
+RECORDINGS = [
+    ('servo actuator, healthy', ['servo_actuator', '--profile', 'random', '--seed', '11']),
+    (
+        'servo actuator, leaking from 20 s',
+        ['servo_actuator', '--profile', 'random', '--seed', '15']
+        + ['--effect', 'orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8,from=20'],
+    ),
+    ('cooling circuit, healthy', ['cooling_circuit', '--profile', 'steady', '--seed', '43']),
+    (
+        'cooling circuit, leaking from 15 s',
+        ['cooling_circuit', '--profile', 'steady', '--seed', '43']
+        + ['--effect', 'orifice_leakage@flow.t_outlet_ambient:coefficient=1.28e-8,from=15'],
+    ),
 ]
 
 # What the latency is measured on.
@@ -101,6 +117,24 @@ def numerics_table(found):
             )
     if not any('sundials' in name for name in found):
         print('without SUNDIALS: install libsundials-dev (6 or later) and build anew to have it compared')
+
+
+def whole_recordings(programs, seconds):
+    """Processor time (user and system) of the whole program: others on the machine count little."""
+    print(f'\n{f"faultline diagnose, {seconds:g} s":40s} {"processor":>10s} {"x real time":>12s} {"memory":>8s}   aim')
+    program = os.path.join(programs, 'faultline')
+    with tempfile.TemporaryDirectory() as folder:
+        bag = os.path.join(folder, 'run.bag')
+        for title, words in RECORDINGS:
+            make = [program, 'simulate', *words, '--off-nominal', '--nuisance', '--compression', 'none', '--quiet']
+            subprocess.run([*make, '--duration', str(seconds), '-o', bag], check=True)
+            process = subprocess.Popen([program, 'diagnose', bag], stdout=subprocess.DEVNULL)
+            status, used = os.wait4(process.pid, 0)[1:]
+            if status:
+                sys.exit(f'./faultline bench: diagnose ended with {status}: {title}')
+            cpu = used.ru_utime + used.ru_stime
+            print(f'{title:40s} {cpu:8.2f} s {seconds / cpu:12.0f} {used.ru_maxrss / 1024:5.0f} MB   200 x')
+    print(f'load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores')
 
 
 def run_rate(run):
@@ -164,6 +198,7 @@ def main():
     found = measured(program, arguments.quick)
     core_table(found)
     numerics_table(found)
+    whole_recordings(programs, 5 if arguments.quick else 600)
     duration = arguments.duration if arguments.duration is not None else 0 if arguments.quick else 30
     return latency(root, programs, duration) if duration > 0 else 0
 

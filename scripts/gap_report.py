@@ -76,6 +76,8 @@ def size_of(effect):
         bounds = ""
         if interval and None not in interval:
             bounds = "{} to {}".format(*(show(scale.factor * end, decimals=decimals) for end in sorted(interval)))
+        if name in effect.get("at_bounds", []):
+            bounds += ", at its bound" if bounds else "at its bound"
         rows.append((words(name), " ".join(filter(None, [show(number, decimals=decimals), scale.unit])), bounds))
     return rows
 
@@ -193,8 +195,18 @@ def sentence_of(answer, sheet):
             "",
         )
     return (
-        "Rig and model differ{}, and the library has no effect that explains it: the nearest closes only {} of the gap."
-        .format(part, percent(max(0.0, heldout))),
+        "Rig and model differ{}, and the library has no effect that explains it: the nearest, {}, {} only {} of the gap."
+        .format(
+            part,
+            join(
+                [
+                    words(effect["effect"]) + " at the " + sheet.component(effect["port"])
+                    for effect in cause["effects"]
+                ]
+            ),
+            "closes" if len(cause["effects"]) == 1 else "close",
+            percent(max(0.0, heldout)),
+        ),
         after + ".",
     )
 
@@ -329,6 +341,7 @@ def render(answer, series, sheet, facts):
         interval=[percent(end or 0.0) for end in shrink["interval"]],
         closable=percent(shrink["closable"] or 0.0),
         next=next_rows(answer, sheet),
+        remarks=answer.get("remarks", []),
         drawing=markupsafe.Markup(drawing) if drawing else None,
         pictures={
             name: markupsafe.Markup(svg) if svg else None

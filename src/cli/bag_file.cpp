@@ -200,15 +200,14 @@ void BagWriter::close() {
   parts_->bag.reset();
 }
 
-BagContent read_bag(const std::string& file, const std::string& rig) {
-  BagContent content;
-  content.rig = rig;
+std::string read_bag(const std::string& file, const std::string& rig, BagTaker& taker) {
+  std::string chosen = rig;
   std::set<std::string> topics, rigs;
   const BagConnection* checked_sample = nullptr;
-  faultline_msgs::Sample sample;
+  faultline_msgs::Sample message_sample;
+  BagSample taken;
+  std::uint64_t samples = 0;
   bool any = false;
-  std::vector<ros::Time> received;
-  bool sorted = true;
 
   read_bag_messages(file, [&](const BagMessage& message) {
     any = true;
@@ -218,31 +217,32 @@ BagContent read_bag(const std::string& file, const std::string& rig) {
       if (topics.size() < 20) topics.insert(connection.topic + " (" + connection.type + ")");
       return;
     }
-    const std::string name = is_sample && &connection == checked_sample ? content.rig : rig_of(connection.topic);
-    if (is_sample) rigs.insert(name);
-    if (content.rig.empty()) content.rig = name;
-    if (name != content.rig) return;
+    if (!is_sample || &connection != checked_sample) {
+      const std::string name = rig_of(connection.topic);
+      if (is_sample) rigs.insert(name);
+      if (chosen.empty()) chosen = name;
+      if (name != chosen) return;
+    }
     if (!is_sample) {
       check_checksum<faultline_msgs::RigDescription>(file, connection);
       faultline_msgs::RigDescription description;
       deserialise(file, message, description);
-      content.description = from_message(description);
-      content.described = true;
+      taker.describe(from_message(description));
       return;
     }
     if (&connection != checked_sample) check_checksum<faultline_msgs::Sample>(file, connection);
     checked_sample = &connection;
-    deserialise(file, message, sample);
-    if (content.time.empty()) content.width = sample.values.size();
-    if (sample.values.size() != content.width)
-      throw InputError(fmt::format("{}: sample {} on {} has {} values, those before it have {}", file,
-                                   content.time.size(), connection.topic, sample.values.size(), content.width));
-    if (!received.empty() && message.received < received.back()) sorted = false;
-    received.push_back(message.received);
-    content.time.push_back(to_seconds(sample.header.stamp));
-    content.stamp.push_back(static_cast<std::int64_t>(sample.header.stamp.toNSec()));
-    content.sequence.push_back(sample.sequence);
-    content.values.insert(content.values.end(), sample.values.begin(), sample.values.end());
+    deserialise(file, message, message_sample);
+    if (samples > 0 && message_sample.values.size() != taken.sample.values.size())
+      throw InputError(fmt::format("{}: sample {} on {} has {} values, those before it have {}", file, samples,
+                                   connection.topic, message_sample.values.size(), taken.sample.values.size()));
+    ++samples;
+    taken.received = message.received;
+    taken.stamp = static_cast<std::int64_t>(message_sample.header.stamp.toNSec());
+    taken.sample.time = to_seconds(message_sample.header.stamp);
+    taken.sample.sequence = message_sample.sequence;
+    taken.sample.values.assign(message_sample.values.begin(), message_sample.values.end());
+    taker.take(taken);
   });
 
   if (!any) throw InputError(fmt::format("{}: the bag holds no messages", file));
@@ -250,11 +250,36 @@ BagContent read_bag(const std::string& file, const std::string& rig) {
     throw InputError(fmt::format("{}: the bag holds no topic of type {}{}", file, kSampleType,
                                  topics.empty() ? std::string() : "; it holds " + joined_names(topics)));
   }
-  if (content.time.empty() || (rig.empty() && rigs.size() > 1))
+  if (samples == 0 || (rig.empty() && rigs.size() > 1))
     throw InputError(
         fmt::format("{}: the bag holds samples of {}; choose one of them with --rig", file, joined_names(rigs)));
-  if (!sorted) {
+  return chosen;
+}
+
+BagContent read_bag(const std::string& file, const std::string& rig) {
+  struct Keeper : BagTaker {
+    BagContent content;
+    std::vector<ros::Time> received;
+    bool sorted = true;
+    void describe(const Description& description) override {
+      content.description = description;
+      content.described = true;
+    }
+    void take(const BagSample& taken) override {
+      content.width = taken.sample.values.size();
+      sorted = sorted && (received.empty() || taken.received >= received.back());
+      received.push_back(taken.received);
+      content.time.push_back(taken.sample.time);
+      content.stamp.push_back(taken.stamp);
+      content.sequence.push_back(taken.sample.sequence);
+      content.values.insert(content.values.end(), taken.sample.values.begin(), taken.sample.values.end());
+    }
+  } keeper;
+  BagContent& content = keeper.content;
+  content.rig = read_bag(file, rig, keeper);
+  if (!keeper.sorted) {
     // As replay does it: by receive time.
+    const std::vector<ros::Time>& received = keeper.received;
     std::vector<std::size_t> order(received.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
     std::stable_sort(order.begin(), order.end(),
@@ -269,7 +294,7 @@ BagContent read_bag(const std::string& file, const std::string& rig) {
     }
     content = std::move(arranged);
   }
-  return content;
+  return std::move(content);
 }
 
 }  // namespace faultline

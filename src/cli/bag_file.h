@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include <ros/time.h>
+
 #include "faultline/rig/datasheet.h"
 #include "faultline/signal/sample.h"
 #include "nodes/description.h"
@@ -37,6 +39,25 @@ class BagWriter {
   std::unique_ptr<Parts> parts_;
 };
 
+// One sample of a bag, as it stands there: time absolute, values in the order of the description.
+struct BagSample {
+  ros::Time received;
+  std::int64_t stamp = 0;  // ns since 1970, exact
+  Sample sample;           // its time in s since 1970, as a double: what the diagnosis sees
+};
+
+// Takes what a bag holds of one rig, in the order in which it was written.
+class BagTaker {
+ public:
+  virtual ~BagTaker() = default;
+  virtual void describe(const Description& description) = 0;
+  virtual void take(const BagSample& sample) = 0;
+};
+
+// `rig`: whose samples to take; empty: those of the one rig that the bag holds. Returns its name. InputError if there
+// are no samples, or of several rigs: in the end, when all were taken.
+std::string read_bag(const std::string& file, const std::string& rig, BagTaker& taker);
+
 // What a bag holds of one rig, as it stands there: times absolute, values in the order of the description.
 struct BagContent {
   std::string rig;
@@ -49,8 +70,7 @@ struct BagContent {
   std::vector<double> values;
 };
 
-// `rig`: whose samples to take; empty: those of the one rig that the bag holds. InputError if there are none, or of
-// several rigs.
+// All of it in memory, by receive time.
 BagContent read_bag(const std::string& file, const std::string& rig);
 
 }  // namespace faultline

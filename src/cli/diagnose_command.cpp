@@ -124,12 +124,12 @@ Json judgement_json(const Judgement& judgement, double start) {
           {"second", hypotheses_json(ranking.second)}};
 }
 
-Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, const Verdict& verdict,
+Json report_json(const RecordingFacts& facts, const Diagnosis& diagnosis, const Verdict& verdict,
                  const std::vector<Judgement>& judgements) {
-  const SampleFindings& found = loaded.findings;
+  const SampleFindings& found = facts.findings;
   const EstimatorCounts& used = diagnosis.estimator().counts();
-  Json json = {{"rig", loaded.sheet.rig},
-               {"duration", rounded(loaded.end - loaded.start)},
+  Json json = {{"rig", facts.sheet.rig},
+               {"duration", rounded(facts.end - facts.start)},
                {"verdict", to_string(verdict.kind)},
                {"sentence", verdict.sentence},
                {"alarms", Json::array()},
@@ -146,20 +146,20 @@ Json report_json(const LoadedRecording& loaded, const Diagnosis& diagnosis, cons
                  {"lost", found.lost},
                  {"duplicates", found.duplicates},
                  {"backward", found.backward}}},
-               {"made_by", loaded.made_by}};
-  for (const Alarm& alarm : diagnosis.report().alarms) json["alarms"].push_back(alarm_json(alarm, loaded.start));
+               {"made_by", facts.made_by}};
+  for (const Alarm& alarm : diagnosis.report().alarms) json["alarms"].push_back(alarm_json(alarm, facts.start));
   for (const Unobserved& u : diagnosis.report().unobserved)
     json["not_observable"].push_back({{"detector", u.detector},
                                       {"effect", u.effect},
                                       {"port", u.port},
                                       {"seconds", rounded(u.seconds)},
                                       {"at_the_end", u.now}});
-  for (const Judgement& judgement : judgements) json["rankings"].push_back(judgement_json(judgement, loaded.start));
+  for (const Judgement& judgement : judgements) json["rankings"].push_back(judgement_json(judgement, facts.start));
   return json;
 }
 
-void print_report(const LoadedRecording& loaded, const Diagnosis& diagnosis, const Verdict& verdict) {
-  fmt::print("{}, {:.1f} s: {}\n{}\n", loaded.sheet.rig, loaded.end - loaded.start, to_string(verdict.kind),
+void print_report(const RecordingFacts& facts, const Diagnosis& diagnosis, const Verdict& verdict) {
+  fmt::print("{}, {:.1f} s: {}\n{}\n", facts.sheet.rig, facts.end - facts.start, to_string(verdict.kind),
              verdict.sentence);
   for (const Unobserved& u : diagnosis.report().unobserved)
     if (u.seconds > kWorthSaying)
@@ -170,9 +170,9 @@ void print_report(const LoadedRecording& loaded, const Diagnosis& diagnosis, con
   fmt::print("\n{:>9} {:>9} {:>9}  {:<8} {}\n", "since", "until", "raised", "kind", "what");
   for (const Alarm& alarm : diagnosis.report().alarms) {
     const std::string place = alarm.effect.empty() ? alarm.port : alarm.effect + "@" + alarm.port;
-    std::string line = fmt::format("{:>9.2f} {:>9} {:>9.2f}  {:<8} {}", alarm.since - loaded.start,
-                                   alarm.active ? "end" : fmt::format("{:.2f}", alarm.until - loaded.start),
-                                   alarm.raised - loaded.start, to_string(alarm.kind), place);
+    std::string line = fmt::format("{:>9.2f} {:>9} {:>9.2f}  {:<8} {}", alarm.since - facts.start,
+                                   alarm.active ? "end" : fmt::format("{:.2f}", alarm.until - facts.start),
+                                   alarm.raised - facts.start, to_string(alarm.kind), place);
     if (alarm.has_size)
       line += fmt::format("{}{}={:.3g} {} (90 %: {:.3g} to {:.3g})", place.empty() ? "" : " ", alarm.size_name,
                           alarm.size, alarm.size_unit, alarm.low, alarm.high);
@@ -192,38 +192,52 @@ void keep_reference(const Diagnosis& diagnosis, const std::string& file, std::ve
     remarks.push_back(file + ": learnt from a recording with alarms; take a healthy run to learn what is normal");
 }
 
-void run(const Options& options) {
-  const LoadedRecording loaded = load_recording(options.input, options.rig, options.config);
-  const Recording& recording = loaded.recording;
-  if (!options.keep_reference.empty()) check_replaceable(options.keep_reference, loaded.sheet.rig);
-  Diagnosis diagnosis(loaded.sheet);
-  if (!options.reference.empty()) diagnosis.restore(read_references(options.reference, loaded.sheet.rig));
-  std::unique_ptr<Series> series;
-  if (!options.series.empty()) series = std::make_unique<Series>(loaded.sheet, diagnosis, recording.rows());
+// The stages, as samples come.
+class Course : public SampleTaker {
+ public:
+  explicit Course(const Options& options) : options_(options) {}
 
-  Judgements judgements(diagnosis);
-  Sample sample;
-  sample.values.resize(recording.columns());
-  for (std::size_t row = 0; row < recording.rows(); ++row) {
-    sample.time = recording.time[row];
-    sample.sequence = recording.sequence[row];
-    std::copy_n(recording.row(row), recording.columns(), sample.values.begin());
-    if (!diagnosis.process(sample)) continue;
-    judgements.add();
-    if (series) series->add(sample.time - loaded.start, sample);
+  void begin(const Datasheet& sheet, double start) override {
+    if (!options_.keep_reference.empty()) check_replaceable(options_.keep_reference, sheet.rig);
+    start_ = start;
+    sheet_ = sheet;
+    diagnosis = std::make_unique<Diagnosis>(sheet_);
+    if (!options_.reference.empty()) diagnosis->restore(read_references(options_.reference, sheet.rig));
+    judgements = options_.json.empty() ? nullptr : std::make_unique<Judgements>(*diagnosis);
+    series = options_.series.empty() ? nullptr : std::make_unique<Series>(sheet, *diagnosis);
   }
 
-  const Verdict verdict = verdict_of(diagnosis.report(), loaded.start, loaded.end);
-  if (series) write_text(options.series, series->csv());
-  if (!options.json.empty())
-    write_text(options.json, json_text(report_json(loaded, diagnosis, verdict, judgements.all())));
-  std::vector<std::string> remarks = loaded.remarks;
-  if (loaded.findings.backward > 0)
+  void take(const Sample& sample) override {
+    if (!diagnosis->process(sample)) return;
+    if (judgements) judgements->add();
+    if (series) series->add(sample.time - start_, sample);
+  }
+
+  std::unique_ptr<Diagnosis> diagnosis;
+  std::unique_ptr<Judgements> judgements;  // where they are asked for
+  std::unique_ptr<Series> series;
+
+ private:
+  const Options& options_;
+  Datasheet sheet_;
+  double start_ = 0;
+};
+
+void run(const Options& options) {
+  Course course(options);
+  const RecordingFacts facts = stream_recording(options.input, options.rig, options.config, course);
+  const Diagnosis& diagnosis = *course.diagnosis;
+  const Verdict verdict = verdict_of(diagnosis.report(), facts.start, facts.end);
+  if (course.series) write_text(options.series, course.series->csv());
+  if (course.judgements)
+    write_text(options.json, json_text(report_json(facts, diagnosis, verdict, course.judgements->all())));
+  std::vector<std::string> remarks = facts.remarks;
+  if (facts.findings.backward > 0)
     remarks.push_back(options.input +
                       ": after a jump back in time the diagnosis starts over; only what follows the last jump is told");
   if (!options.keep_reference.empty()) keep_reference(diagnosis, options.keep_reference, remarks);
   print_remarks("diagnose", remarks);
-  if (options.json != "-" && options.series != "-") print_report(loaded, diagnosis, verdict);
+  if (options.json != "-" && options.series != "-") print_report(facts, diagnosis, verdict);
 }
 
 std::function<void()> add(CLI::App& app) {

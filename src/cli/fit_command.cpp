@@ -30,8 +30,10 @@ struct Options {
 };
 
 Json result_json(const Datasheet& sheet, const std::vector<std::string>& runs, const ParameterFit& fit) {
-  Json json = {
-      {"rig", sheet.rig}, {"runs", runs}, {"segments", fit.segments}, {"segment_duration", fit.segment_duration}};
+  Json json = {{"rig", sheet.rig},           {"runs", runs},
+               {"segments", fit.segments},   {"segment_duration", fit.segment_duration},
+               {"converged", fit.converged}, {"freedom", fit.freedom},
+               {"remarks", fit.remarks}};
   json["parameters"] = Json::array();
   for (const FittedParameter& p : fit.parameters)
     json["parameters"].push_back({{"name", p.name},
@@ -39,6 +41,7 @@ Json result_json(const Datasheet& sheet, const std::vector<std::string>& runs, c
                                   {"nominal", p.nominal},
                                   {"tolerance", p.tolerance},
                                   {"determined", p.determined},
+                                  {"at_bound", p.at_bound},
                                   {"estimate", p.estimate},
                                   {"low", p.low},
                                   {"high", p.high},
@@ -46,8 +49,12 @@ Json result_json(const Datasheet& sheet, const std::vector<std::string>& runs, c
                                   {"reason", p.reason}});
   json["channels"] = Json::array();
   for (const ChannelMisfit& c : fit.channels)
-    json["channels"].push_back(
-        {{"channel", c.channel}, {"unit", c.unit}, {"noise", c.noise}, {"before", c.before}, {"after", c.after}});
+    json["channels"].push_back({{"channel", c.channel},
+                                {"unit", c.unit},
+                                {"noise", c.noise},
+                                {"before", c.before},
+                                {"after", c.after},
+                                {"free", c.free}});
   return json;
 }
 
@@ -61,17 +68,22 @@ void print_result(const Datasheet& sheet, const ParameterFit& fit) {
                p.low, p.high, p.unit, 100 * (p.estimate / p.nominal - 1));
   }
   for (const FittedParameter& p : fit.parameters)
-    if (!p.determined) fmt::print("{:<26} {:>11.4g} not determined: {}\n", p.name, p.nominal, p.reason);
-  fmt::print("\n{:<26} {:>11} {:>11} {:>11}  {}\n", "residual, rms", "noise", "before", "after", "unit");
+    if (!p.determined)
+      fmt::print("{:<26} {:>11.4g} {:>11.4g} not determined: {}\n", p.name, p.nominal, p.estimate, p.reason);
+  fmt::print("\n{:<26} {:>11} {:>11} {:>11} {:>11}  {}\n", "residual, rms", "noise", "before", "after", "free run",
+             "unit");
   for (const ChannelMisfit& c : fit.channels)
-    fmt::print("{:<26} {:>11.3g} {:>11.3g} {:>11.3g}  {}\n", c.channel, c.noise, c.before, c.after, c.unit);
+    fmt::print("{:<26} {:>11.3g} {:>11.3g} {:>11.3g} {:>11.3g}  {}\n", c.channel, c.noise, c.before, c.after, c.free,
+               c.unit);
+  if (!fit.remarks.empty()) fmt::print("\n");
+  for (const std::string& remark : fit.remarks) fmt::print("{}\n", remark);
 }
 
 // The datasheet with what was found as nominal values and tolerances.
 void write_patch(const Datasheet& sheet, const ParameterFit& fit, const std::string& file) {
   std::string text = datasheet_text(sheet);
   for (const FittedParameter& p : fit.parameters) {
-    if (!p.determined) continue;
+    // Those of a combination belong together, so all are written.
     set_parameter(sheet, text, p.name, "nominal", p.estimate);
     set_parameter(sheet, text, p.name, "tolerance",
                   0.5 * (p.high - p.low) / kNinetyPercentSigmas / std::abs(p.estimate));
@@ -83,7 +95,7 @@ void run(const Options& options) {
   std::vector<std::pair<std::string, Recording>> runs;
   const Datasheet sheet = load_datasheet(options.rig, options.config);
   for (const std::string& file : options.runs) {
-    LoadedRecording loaded = load_recording(file, options.rig, options.config);
+    LoadedRecording loaded = load_recording(file, options.rig, options.config, Period::of_run);
     print_remarks("fit", loaded.remarks);
     runs.emplace_back(file, std::move(loaded.recording));
   }

@@ -20,7 +20,7 @@
 #include "cli/subcommand.h"
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/rig/effect_unit.h"
-#include "faultline/segments/time_scales.h"
+#include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -43,8 +43,8 @@ Json effect_json(const Datasheet& sheet, const NamedEffect& e) {
   for (const EffectParameter& p : find_effect_type(e.effect)->parameters)
     units[p.name] = effect_unit(sheet, sheet.port(e.port), p.unit);
   for (const auto& [name, interval] : e.intervals) intervals[name] = interval_json(interval);
-  return {{"effect", e.effect}, {"port", e.port},         {"family", e.family},          {"parameters", parameters},
-          {"units", units},     {"intervals", intervals}, {"probability", e.probability}};
+  return {{"effect", e.effect}, {"port", e.port},         {"family", e.family},       {"parameters", parameters},
+          {"units", units},     {"intervals", intervals}, {"at_bounds", e.at_bounds}, {"probability", e.probability}};
 }
 
 Json regions_json(const std::vector<Region>& regions) {
@@ -112,6 +112,7 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
     next.push_back(
         {{"excitation", run.excitation}, {"duration", run.duration}, {"gain", run.gain}, {"between", run.between}});
   json["next"] = next;
+  json["remarks"] = result.remarks;
   json["seconds"] = result.seconds;
   return json;
 }
@@ -149,6 +150,10 @@ std::string command_text(const Options& options) {
   return text;
 }
 
+bool is_at_bound(const NamedEffect& effect, const std::string& parameter) {
+  return std::find(effect.at_bounds.begin(), effect.at_bounds.end(), parameter) != effect.at_bounds.end();
+}
+
 void print_result(const GapResult& result) {
   fmt::print("{}: {}\n{}\n", result.rig, result.verdict, result.sentence);
   fmt::print("\n{:<22} {:>12} {:>12} {:>12} {:>12}\n", "rms over a segment", "noise", "nominal", "refit", "explained");
@@ -168,17 +173,20 @@ void print_result(const GapResult& result) {
       const RankedCause& cause = result.ranked[i];
       std::string parameters;
       for (const auto& [name, value] : cause.effect.parameters)
-        parameters += fmt::format("{}{}={:.4g}", parameters.empty() ? "" : ",", name, value);
+        parameters += fmt::format("{}{}={:.4g}{}", parameters.empty() ? "" : ",", name, value,
+                                  is_at_bound(cause.effect, name) ? " (at its bound)" : "");
       fmt::print("{:>6.2f} {:>10.0f}  {}@{}:{}\n", cause.effect.probability, cause.gain, cause.effect.effect,
                  cause.effect.port, parameters);
     }
-    fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n",
-               100 * result.shrink_refit, 100 * result.shrink_interval.low, 100 * result.shrink_interval.high,
-               100 * result.shrink_nominal);
+    if (!result.effects.empty())
+      fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n",
+                 100 * result.shrink_refit, 100 * result.shrink_interval.low, 100 * result.shrink_interval.high,
+                 100 * result.shrink_nominal);
   }
   for (const NextRun& run : result.next)
     fmt::print("next: record {} for {:g} s; it tells {} apart (predicted log likelihood {:.0f})\n", run.excitation,
                run.duration, run.between, run.gain);
+  for (const std::string& remark : result.remarks) fmt::print("{}\n", remark);
 }
 
 void run(const Options& options) {
@@ -188,7 +196,7 @@ void run(const Options& options) {
   if (!options.report.empty()) check_gap_report();  // now, not after the diagnosis
   const auto load = [&](const std::vector<std::string>& files, std::vector<LoadedRecording>& list) {
     for (const std::string& file : files) {
-      LoadedRecording loaded = load_recording(file, options.rig, options.config);
+      LoadedRecording loaded = load_recording(file, options.rig, options.config, Period::of_run);
       if (have_sheet && loaded.sheet.rig != sheet.rig)
         throw InputError(fmt::format("{}: is of {}, the runs before it of {}; give runs of one rig", file,
                                      loaded.sheet.rig, sheet.rig));
@@ -218,24 +226,22 @@ void run(const Options& options) {
   const double segment = segment_length(sheet, recordings);
   const auto cut = [&](const std::vector<std::string>& files, std::vector<LoadedRecording>& list) {
     std::vector<GapRun> result;
-    for (std::size_t i = 0; i < list.size(); ++i) {
+    for (std::size_t i = 0; i < list.size(); ++i)
       result.push_back(cut_run(sheet, files[i], std::move(list[i].recording), segment));
-      if (!result.back().remark.empty()) print_remarks("gap", {result.back().remark});
-    }
     return result;
   };
   std::vector<GapRun> learned = cut(options.runs, runs), held_out = cut(options.holdout, holdout);
   const bool show = isatty(STDERR_FILENO) != 0;
   std::mutex guard;
   int shown = -1;
-  const GapResult result =
-      diagnose_gap(sheet, std::move(learned), std::move(held_out), settings, [&](double share, const std::string& text) {
-        const std::lock_guard<std::mutex> lock(guard);
-        const int percent = static_cast<int>(100 * share);
-        if (!show || percent == shown) return;
-        shown = percent;
-        std::fputs(fmt::format("\r{:>3} % {:<28}", percent, text).c_str(), stderr);
-      });
+  const GapResult result = diagnose_gap(sheet, std::move(learned), std::move(held_out), settings,
+                                        [&](double share, const std::string& text) {
+                                          const std::lock_guard<std::mutex> lock(guard);
+                                          const int percent = static_cast<int>(100 * share);
+                                          if (!show || percent == shown) return;
+                                          shown = percent;
+                                          std::fputs(fmt::format("\r{:>3} % {:<28}", percent, text).c_str(), stderr);
+                                        });
   if (show) std::fputs(fmt::format("\r{:<40}\r", "").c_str(), stderr);
 
   const std::string answer = json_text(result_json(sheet, result));

@@ -1,8 +1,13 @@
-// `faultline import`: a CSV file of a DAQ becomes a bag.
+// `faultline import`: what a stand recorded in its own way becomes a recording of a rig.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
 #include <memory>
 
 #include <fmt/format.h>
 
+#include "cli/import_mapped.h"
 #include "cli/load_recording.h"
 #include "cli/options.h"
 #include "cli/output_file.h"
@@ -16,54 +21,108 @@ namespace faultline {
 namespace {
 
 struct Options {
-  std::string input, output, rig, config, compression = "bz2";
+  std::vector<std::string> inputs;
+  std::string output, rig, config, mapping, resample, compression = "bz2";
 };
 
-void run(const Options& options) {
-  if (!ends_with(options.output, ".bag"))
-    throw InputError(fmt::format("{}: import writes a bag; give a name ending in .bag", options.output));
-  const Datasheet sheet = load_datasheet(options.rig, options.config);
-  const CsvContent content = read_csv(read_text(options.input), options.input, sheet.rig, sheet.channels);
-  const Recording& recording = content.recording;
-  SampleCheck check(sheet.sample_period);
+SampleFindings check(const Recording& recording, double period) {
+  SampleCheck check(period);
   for (std::size_t row = 0; row < recording.rows(); ++row) check.add(recording.sample(row));
-  const SampleFindings findings = check.findings();
-  if (!period_fits(findings, sheet.sample_period))
-    throw InputError(fmt::format(
-        "{}: samples come every {:.4g} s, {} says {:.4g} s; resample the file, or give the unit of t as in t[ms]",
-        options.input, findings.period, sheet.file, sheet.sample_period));
+  return check.findings();
+}
 
-  const auto writer = make_sample_writer(options.output, sheet, "faultline import", recording.time.front(),
+void write(const Options& options, const Datasheet& sheet, const Recording& recording, const std::string& made_by) {
+  const auto writer = make_sample_writer(options.output, sheet, made_by, recording.time.front(),
                                          bag_compression(options.compression), true);
-  for (std::size_t row = 0; row < recording.rows(); ++row) {
-    writer->write(recording.sample(row));
-  }
+  for (std::size_t row = 0; row < recording.rows(); ++row) writer->write(recording.sample(row));
   writer->commit();
+}
 
+void finish(const Options& options, const Recording& recording, std::vector<std::string> remarks,
+            const SampleFindings& findings, double period, const std::string& resampled) {
+  for (const std::string& line : describe(findings, period, recording.time.front())) remarks.push_back(line);
+  print_remarks("import", remarks);
+  fmt::print("{}: {} samples, {:.6g} s of {}{}\n", options.output, recording.rows(),
+             recording.time.back() - recording.time.front(), recording.rig, resampled);
+}
+
+// A table whose header names the rig's channels.
+void run_plain(const Options& options, const Datasheet& sheet) {
+  const std::string& input = options.inputs.front();
+  if (ends_with(input, ".bag"))
+    throw InputError(fmt::format("{}: bags are imported with --mapping, which says where each channel is", input));
+  if (options.inputs.size() > 1)
+    throw InputError(fmt::format("{}: several files are imported with --mapping only", options.inputs[1]));
+  if (!options.resample.empty()) throw InputError("--resample goes with --mapping");
+  const CsvContent content = read_csv(read_text(input), input, sheet.rig, sheet.channels);
+  const SampleFindings findings = check(content.recording, sheet.sample_period);
+  if (!period_fits(findings, sheet.sample_period))
+    throw InputError(
+        fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; import with --mapping and --resample, or give "
+                    "the unit of t as in t[ms]",
+                    input, findings.period, sheet.file, sheet.sample_period));
+  write(options, sheet, content.recording, "faultline import");
   std::vector<std::string> remarks;
   for (const std::string& name : content.filled)
     remarks.push_back(fmt::format("no column '{}'; it is written as 0", name));
   for (const std::string& name : content.converted)
     remarks.push_back(fmt::format("column '{}' is converted to SI", name));
-  for (const std::string& line : describe(findings, sheet.sample_period, recording.time.front()))
-    remarks.push_back(line);
-  print_remarks("import", remarks);
-  fmt::print("{}: {} samples, {:.6g} s of {}\n", options.output, recording.rows(),
-             recording.time.back() - recording.time.front(), sheet.rig);
+  finish(options, content.recording, remarks, findings, sheet.sample_period, "");
+}
+
+void run_mapped(const Options& options, Datasheet sheet) {
+  double resample = std::numeric_limits<double>::quiet_NaN();
+  if (!options.resample.empty()) resample = options.resample == "rig" ? 0 : std::stod(options.resample);
+  const Mapping mapping = read_mapping(options.mapping, sheet, resample);
+  MappedImport imported = import_mapped(options.inputs, mapping, sheet);
+
+  std::string resampled;
+  if (mapping.resample) {
+    resampled = fmt::format(", resampled to {:.6g} s, anti-alias filter: {}", mapping.period,
+                            imported.filter.empty() ? "none needed" : imported.filter);
+    sheet.sample_period = mapping.period;  // what the bag's description says
+  }
+  const std::string name = std::filesystem::path(options.mapping).filename().string();
+  write(options, sheet, imported.recording, fmt::format("faultline import --mapping {}{}", name, resampled));
+  const SampleFindings findings = check(imported.recording, sheet.sample_period);
+  finish(options, imported.recording, std::move(imported.remarks), findings, sheet.sample_period, resampled);
+}
+
+void run(const Options& options) {
+  if (!ends_with(options.output, ".bag") && !ends_with(options.output, ".csv"))
+    throw InputError(
+        fmt::format("{}: import writes a bag or a table; give a name ending in .bag or .csv", options.output));
+  const Datasheet sheet = load_datasheet(options.rig, options.config);
+  if (options.mapping.empty())
+    run_plain(options, sheet);
+  else
+    run_mapped(options, sheet);
+}
+
+// SECONDS, or nothing for the rig's own sample period.
+CLI::Validator period_or_none() {
+  const CLI::Validator number = number_between(1e-6, 1e6);
+  return CLI::Validator([number](std::string& text) mutable { return text == "rig" ? std::string() : number(text); },
+                        "");
 }
 
 std::function<void()> add(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  add_input(app, "CSV", options->input, "header t,channel,... in SI units, or channel[unit]")->required();
+  add_input(app, "FILE", options->inputs, "a table, its header t,channel,...; with --mapping any tables, or bags")
+      ->required();
   app.add_option("--rig", options->rig, "the rig it was recorded on")->required();
-  add_output(app, "-o,--output", options->output, "NAME.bag")->required();
+  add_output(app, "-o,--output", options->output, "NAME.bag or NAME.csv")->required();
+  add_input(app, "--mapping", options->mapping, "which topic or column is which channel (docs/import.md)");
+  app.add_option("--resample", options->resample,
+                 "put all signals on a common grid: SECONDS, or `rig` for the rig's sample period")
+      ->check(period_or_none());
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
   app.add_option("--compression", options->compression, "of the bag: bz2 (default, smallest), lz4 or none");
   return [options] { run(*options); };
 }
 
-FAULTLINE_SUBCOMMAND(import_csv,
-                     {"import", "make a bag of a CSV file", "faultline import run7.csv --rig RIG -o run7.bag", add});
+FAULTLINE_SUBCOMMAND(import_recordings, {"import", "make a recording of a rig from somebody's own bags or tables",
+                                         "faultline import run7.csv --rig RIG --mapping stand.yaml -o run7.bag", add});
 
 }  // namespace
 }  // namespace faultline

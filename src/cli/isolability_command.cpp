@@ -30,6 +30,7 @@ struct Options {
 ResponseSettings settings_of(const Datasheet& sheet) {
   ResponseSettings settings = response_settings(sheet);
   settings.memory_stretches = kAllStretches;
+  settings.refresh_stretches = 1;  // every stretch counts
   settings.jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   return settings;
 }
@@ -63,8 +64,7 @@ void run(const Options& options) {
   if (options.trace) return;
   if (stretches == 0)
     throw InputError(fmt::format("{}: too short; at least {:g} s without a gap or a missing number are needed",
-                                 options.run,
-                                 static_cast<double>(settings.stretch_samples()) * loaded.sheet.sample_period));
+                                 options.run, settings.stretch_s()));
   const std::vector<FaultHypothesis>& hypotheses = responses.hypotheses();
   const Eigen::MatrixXd cosines = responses.cosines();
   const std::vector<double> errors = responses.amplitude_errors();

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <functional>
+#include <memory>
 
 #include <fmt/format.h>
 
@@ -15,46 +17,73 @@
 namespace faultline {
 namespace {
 
+// Where the values of a bag's samples stand in the datasheet's order; empty: where they are.
+class Arrangement {
+ public:
+  Arrangement(const std::string& file, const Datasheet& sheet, const Description* description,
+              std::vector<std::string>& remarks)
+      : file_(file), sheet_(sheet) {
+    if (description == nullptr) {
+      remarks.push_back(fmt::format("{}: no /{}/description in the bag; channels are taken in the datasheet's order",
+                                    file, sheet.rig));
+      return;
+    }
+    described_ = description->names.size();
+    try {
+      places_ = match_channels(sheet, *description);
+    } catch (const InputError& error) {
+      throw InputError(fmt::format("{}: {}", file, error.what()));
+    }
+    bool same = places_.size() == described_;
+    for (std::size_t i = 0; same && i < places_.size(); ++i) same = places_[i] == i;
+    if (same) places_.clear();
+  }
+
+  void check(std::size_t width) const {
+    if (described_ == 0 && width != sheet_.channels.size())
+      throw InputError(
+          fmt::format("{}: samples have {} values, {} has {} channels, and the bag holds no /{}/description that would "
+                      "tell which is which",
+                      file_, width, sheet_.rig, sheet_.channels.size(), sheet_.rig));
+    if (described_ > 0 && width != described_)
+      throw InputError(
+          fmt::format("{}: samples have {} values, the description names {} channels", file_, width, described_));
+  }
+
+  bool changes() const { return !places_.empty(); }
+  void arrange(const double* from, std::vector<double>& to) const {
+    to.clear();
+    for (const std::size_t place : places_) to.push_back(from[place]);
+  }
+
+ private:
+  const std::string& file_;
+  const Datasheet& sheet_;
+  std::size_t described_ = 0;
+  std::vector<std::size_t> places_;
+};
+
 void take_bag(const std::string& file, const std::string& rig, const std::string& config, LoadedRecording& loaded) {
   BagContent content = read_bag(file, rig);
   loaded.sheet = load_datasheet(content.described && rig.empty() ? content.description.rig : content.rig, config);
   loaded.recording.rig = loaded.sheet.rig;
   loaded.recording.channels = loaded.sheet.channels;
+  loaded.made_by = content.description.made_by;
+  const Arrangement arrangement(file, loaded.sheet, content.described ? &content.description : nullptr, loaded.remarks);
+  arrangement.check(content.width);
   loaded.recording.time = std::move(content.time);
   loaded.stamp = std::move(content.stamp);
   loaded.recording.sequence = std::move(content.sequence);
-  const std::size_t width = loaded.sheet.channels.size();
-  if (!content.described) {
-    if (content.width != width)
-      throw InputError(
-          fmt::format("{}: samples have {} values, {} has {} channels, and the bag holds no /{}/description that would "
-                      "tell which is which",
-                      file, content.width, loaded.sheet.rig, width, loaded.sheet.rig));
-    loaded.remarks.push_back(fmt::format(
-        "{}: no /{}/description in the bag; channels are taken in the datasheet's order", file, loaded.sheet.rig));
+  if (!arrangement.changes()) {
     loaded.recording.values = std::move(content.values);
     return;
   }
-  loaded.made_by = content.description.made_by;
-  std::vector<std::size_t> places;
-  try {
-    places = match_channels(loaded.sheet, content.description);
-  } catch (const InputError& error) {
-    throw InputError(fmt::format("{}: {}", file, error.what()));
+  loaded.recording.values.reserve(loaded.recording.time.size() * loaded.sheet.channels.size());
+  std::vector<double> row;
+  for (std::size_t at = 0; at < content.values.size(); at += content.width) {
+    arrangement.arrange(content.values.data() + at, row);
+    loaded.recording.values.insert(loaded.recording.values.end(), row.begin(), row.end());
   }
-  if (content.width != content.description.names.size())
-    throw InputError(fmt::format("{}: samples have {} values, the description names {} channels", file, content.width,
-                                 content.description.names.size()));
-  bool same = places.size() == content.width;
-  for (std::size_t i = 0; same && i < places.size(); ++i) same = places[i] == i;
-  if (same) {
-    loaded.recording.values = std::move(content.values);
-    return;
-  }
-  loaded.recording.values.reserve(loaded.recording.time.size() * width);
-  for (std::size_t row = 0; row < loaded.recording.time.size(); ++row)
-    for (const std::size_t place : places)
-      loaded.recording.values.push_back(content.values[row * content.width + place]);
 }
 
 void take_csv(const std::string& file, const std::string& rig, const std::string& config, LoadedRecording& loaded) {
@@ -72,22 +101,141 @@ void take_csv(const std::string& file, const std::string& rig, const std::string
     loaded.remarks.push_back(fmt::format("{}: no column '{}'; it is taken as 0", file, name));
 }
 
-// Numbers in another unit than the datasheet's lie outside its ranges.
-void remark_ranges(const std::string& file, LoadedRecording& loaded) {
-  const Recording& recording = loaded.recording;
-  for (std::size_t c = 0; c < recording.columns(); ++c) {
-    const Channel& channel = recording.channels[c];
-    std::size_t outside = 0;
-    for (std::size_t row = 0; row < recording.rows(); ++row) {
-      const double value = recording.row(row)[c];
-      outside += value < channel.minimum || value > channel.maximum;
+constexpr double kLargestRatio = 20;  // of a run's sample period to the datasheet's: beyond, times are in another unit
+
+// What a recording must stand before it is believed, sample by sample.
+class RecordingCheck {
+ public:
+  RecordingCheck(const std::string& file, const Datasheet& sheet)
+      : file_(file), sheet_(sheet), check_(sheet.sample_period), outside_(sheet.channels.size()) {}
+
+  void add(const Sample& sample) {
+    if (samples_++ == 0) start_ = end_ = sample.time;
+    end_ = std::max(end_, sample.time);
+    check_.add(sample);
+    for (std::size_t c = 0; c < outside_.size(); ++c)
+      outside_[c] += sample.values[c] < sheet_.channels[c].minimum || sample.values[c] > sheet_.channels[c].maximum;
+  }
+
+  void finish(RecordingFacts& facts, Period period = Period::of_rig) const {
+    facts.findings = check_.findings();
+    facts.start = start_;
+    facts.end = end_;
+    const double ratio = facts.findings.period / sheet_.sample_period;
+    if (!period_fits(facts.findings, sheet_.sample_period)) {
+      if (period == Period::of_run && ratio < kLargestRatio && ratio > 1 / kLargestRatio) {
+        facts.remarks.push_back(fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; the run keeps its own",
+                                            file_, facts.findings.period, sheet_.file, sheet_.sample_period));
+        return;
+      }
+      throw InputError(
+          fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; resample the recording or give the right "
+                      "datasheet with --config",
+                      file_, facts.findings.period, sheet_.file, sheet_.sample_period));
     }
-    if (2 * outside > recording.rows())
-      loaded.remarks.push_back(
-          fmt::format("{}: {} of {} numbers of '{}' are outside {:g} to {:g} {}: is that its unit?", file, outside,
-                      recording.rows(), channel.name, channel.minimum, channel.maximum, channel.unit));
+    for (const std::string& line : describe(facts.findings, sheet_.sample_period, start_))
+      facts.remarks.push_back(file_ + ": " + line);
+    // Numbers in another unit than the datasheet's lie outside its ranges.
+    for (std::size_t c = 0; c < outside_.size(); ++c) {
+      const Channel& channel = sheet_.channels[c];
+      if (2 * outside_[c] > samples_)
+        facts.remarks.push_back(
+            fmt::format("{}: {} of {} numbers of '{}' are outside {:g} to {:g} {}: is that its unit?", file_,
+                        outside_[c], samples_, channel.name, channel.minimum, channel.maximum, channel.unit));
+    }
+  }
+
+ private:
+  const std::string& file_;
+  const Datasheet& sheet_;
+  SampleCheck check_;
+  std::vector<std::size_t> outside_;
+  std::size_t samples_ = 0;
+  double start_ = 0, end_ = 0;
+};
+
+void for_each_sample(const Recording& recording, const std::function<void(const Sample&)>& take) {
+  Sample sample;
+  sample.values.resize(recording.columns());
+  for (std::size_t row = 0; row < recording.rows(); ++row) {
+    sample.time = recording.time[row];
+    sample.sequence = recording.sequence[row];
+    std::copy_n(recording.row(row), recording.columns(), sample.values.begin());
+    take(sample);
   }
 }
+
+struct OutOfOrder {};
+
+// A bag's samples, checked and handed on. Those before the description wait for it.
+class BagStream : public BagTaker {
+ public:
+  BagStream(const std::string& file, const std::string& rig, const std::string& config, RecordingFacts& facts,
+            SampleTaker& taker)
+      : file_(file), rig_(rig), config_(config), facts_(facts), taker_(taker) {}
+
+  void describe(const Description& description) override {
+    if (check_) {
+      if (description.names != description_.names || description.units != description_.units) throw OutOfOrder();
+      return;
+    }
+    description_ = description;
+    begin(rig_.empty() ? description.rig : rig_, &description_);
+  }
+
+  void take(const BagSample& taken) override {
+    if (any_ && taken.received < last_) throw OutOfOrder();
+    last_ = taken.received;
+    any_ = true;
+    if (check_)
+      hand_on(taken.sample);
+    else
+      waiting_.push_back(taken.sample);
+  }
+
+  void finish(const std::string& rig) {
+    if (!check_) begin(rig, nullptr);
+    check_->finish(facts_);
+  }
+
+ private:
+  void begin(const std::string& rig, const Description* description) {
+    facts_.sheet = load_datasheet(rig, config_);
+    if (description != nullptr) facts_.made_by = description->made_by;
+    arrangement_ = std::make_unique<Arrangement>(file_, facts_.sheet, description, facts_.remarks);
+    check_ = std::make_unique<RecordingCheck>(file_, facts_.sheet);
+    for (const Sample& sample : waiting_) hand_on(sample);
+    waiting_ = {};
+  }
+
+  void hand_on(const Sample& given) {
+    if (!begun_) {
+      arrangement_->check(given.values.size());
+      taker_.begin(facts_.sheet, given.time);
+      begun_ = true;
+    }
+    const Sample* sample = &given;
+    if (arrangement_->changes()) {
+      arranged_.time = given.time;
+      arranged_.sequence = given.sequence;
+      arrangement_->arrange(given.values.data(), arranged_.values);
+      sample = &arranged_;
+    }
+    check_->add(*sample);
+    taker_.take(*sample);
+  }
+
+  const std::string &file_, &rig_, &config_;
+  RecordingFacts& facts_;
+  SampleTaker& taker_;
+  Description description_;
+  std::unique_ptr<Arrangement> arrangement_;
+  std::unique_ptr<RecordingCheck> check_;
+  std::vector<Sample> waiting_;
+  Sample arranged_;
+  ros::Time last_;
+  bool any_ = false, begun_ = false;
+};
 
 }  // namespace
 
@@ -100,7 +248,8 @@ Datasheet load_datasheet(const std::string& rig, const std::string& config) {
   return sheet;
 }
 
-LoadedRecording load_recording(const std::string& file, const std::string& rig, const std::string& config) {
+LoadedRecording load_recording(const std::string& file, const std::string& rig, const std::string& config,
+                               Period period) {
   LoadedRecording loaded;
   if (ends_with(file, ".bag"))
     take_bag(file, rig, config, loaded);
@@ -109,28 +258,27 @@ LoadedRecording load_recording(const std::string& file, const std::string& rig, 
   else
     throw InputError(fmt::format("{}: a recording is a .bag or a .csv file", file));
 
-  const Recording& recording = loaded.recording;
-  SampleCheck check(loaded.sheet.sample_period);
-  Sample sample;
-  sample.values.resize(recording.columns());
-  for (std::size_t row = 0; row < recording.rows(); ++row) {
-    sample.time = recording.time[row];
-    sample.sequence = recording.sequence[row];
-    std::copy_n(recording.row(row), recording.columns(), sample.values.begin());
-    check.add(sample);
-  }
-  loaded.findings = check.findings();
-  loaded.start = recording.time.front();
-  loaded.end = *std::max_element(recording.time.begin(), recording.time.end());
-  if (!period_fits(loaded.findings, loaded.sheet.sample_period))
-    throw InputError(
-        fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; resample the recording or give the right "
-                    "datasheet with --config",
-                    file, loaded.findings.period, loaded.sheet.file, loaded.sheet.sample_period));
-  for (const std::string& line : describe(loaded.findings, loaded.sheet.sample_period, loaded.start))
-    loaded.remarks.push_back(file + ": " + line);
-  remark_ranges(file, loaded);
+  RecordingCheck check(file, loaded.sheet);
+  for_each_sample(loaded.recording, [&](const Sample& sample) { check.add(sample); });
+  check.finish(loaded, period);
   return loaded;
+}
+
+RecordingFacts stream_recording(const std::string& file, const std::string& rig, const std::string& config,
+                                SampleTaker& taker) {
+  if (ends_with(file, ".bag")) {
+    try {
+      RecordingFacts facts;
+      BagStream stream(file, rig, config, facts, taker);
+      stream.finish(read_bag(file, rig, stream));
+      return facts;
+    } catch (const OutOfOrder&) {  // it must be sorted, so all of it must be there
+    }
+  }
+  LoadedRecording loaded = load_recording(file, rig, config);
+  taker.begin(loaded.sheet, loaded.start);
+  for_each_sample(loaded.recording, [&](const Sample& sample) { taker.take(sample); });
+  return std::move(loaded);
 }
 
 void print_remarks(const std::string& subcommand, const std::vector<std::string>& remarks) {

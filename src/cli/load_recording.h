@@ -12,23 +12,47 @@
 
 namespace faultline {
 
-struct LoadedRecording {
+// What is told of a recording beside its samples.
+struct RecordingFacts {
   Datasheet sheet;
-  Recording recording;              // in the datasheet's order of channels; times as a live node would see them
-  std::vector<std::int64_t> stamp;  // ns since 1970, one per row: the times without rounding
-  double start = 0;                 // s, time of the first sample
-  double end = 0;                   // s, the latest time
+  double start = 0;  // s, time of the first sample
+  double end = 0;    // s, the latest time
   SampleFindings findings;
   std::vector<std::string> remarks;  // what a user should know, one line each
   std::string made_by;               // from the bag's description
+};
+
+struct LoadedRecording : RecordingFacts {
+  Recording recording;              // in the datasheet's order of channels; times as a live node would see them
+  std::vector<std::int64_t> stamp;  // ns since 1970, one per row: the times without rounding
 };
 
 // The datasheet of `rig` from the shared config folder, or that of the file `config` (whose rig must be `rig`, if that
 // is given).
 Datasheet load_datasheet(const std::string& rig, const std::string& config);
 
+// At which period samples must come: the datasheet's, or for what models are fitted to any, up to twenty times longer
+// or shorter than that.
+enum class Period { of_rig, of_run };
+
 // `rig` may be empty for a bag, which says itself; a CSV file needs it or `config`.
-LoadedRecording load_recording(const std::string& file, const std::string& rig, const std::string& config);
+LoadedRecording load_recording(const std::string& file, const std::string& rig, const std::string& config,
+                               Period period = Period::of_rig);
+
+// Takes samples one by one, in the datasheet's order of channels.
+class SampleTaker {
+ public:
+  virtual ~SampleTaker() = default;
+  // Before the first sample; it is of time `start`. A second time where a bag turned out not to be in the order of its
+  // receive times: all begins anew.
+  virtual void begin(const Datasheet& sheet, double start) = 0;
+  virtual void take(const Sample& sample) = 0;
+};
+
+// The same checks, without keeping the samples: those of a bag are taken as they are read. What is wrong with the
+// recording as a whole is told (InputError) in the end.
+RecordingFacts stream_recording(const std::string& file, const std::string& rig, const std::string& config,
+                                SampleTaker& taker);
 
 void print_remarks(const std::string& subcommand, const std::vector<std::string>& remarks);  // on stderr
 

@@ -16,8 +16,7 @@ double root(double variance) { return std::sqrt(std::max(0.0, variance)); }
 
 }  // namespace
 
-Series::Series(const Datasheet& sheet, const Diagnosis& diagnosis, std::size_t rows)
-    : diagnosis_(diagnosis), stretch_(rows <= kRows ? 1 : (rows + kRows / 2 - 1) / (kRows / 2)) {
+Series::Series(const Datasheet& sheet, const Diagnosis& diagnosis) : diagnosis_(diagnosis) {
   for (const Channel& channel : sheet.channels) channels_.push_back(channel.name);
 }
 
@@ -55,50 +54,87 @@ void Series::add(double time, const Sample& sample) {
     }
     if (!estimate.innovation.empty()) values_.push_back(estimate.normalised_innovation);
   }
-  if (stretch_ == 1) {
-    row(time, values_);
-    return;
+  if (length_ == 1) {
+    if (times_.size() < kRows) {
+      times_.push_back(time);
+      rows_.insert(rows_.end(), values_.begin(), values_.end());
+      return;
+    }
+    start_stretches();
   }
-  extremes_.resize(values_.size());
+  if (samples_ % length_ == 0) {
+    if (stretches_.size() == kRows / 2) join_pairs();
+    if (samples_ % length_ == 0) start(time);
+  }
+  add_to_last(time);
+}
+
+void Series::start(double time) {
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  stretches_.push_back({time, time});
+  extremes_.resize(extremes_.size() + values_.size(), {none, none, 0, 0});
+}
+
+void Series::add_to_last(double time) {
+  stretches_.back().end = time;
+  Extremes* extremes = extremes_.data() + extremes_.size() - values_.size();
   for (std::size_t c = 0; c < values_.size(); ++c) {
-    Extremes& e = extremes_[c];
+    Extremes& e = extremes[c];
     const double value = values_[c];
     if (std::isnan(value)) continue;
-    if (!e.any || value < e.low) {
+    if (!(value >= e.low)) {
       e.low = value;
-      e.low_at = in_stretch_;
+      e.low_at = samples_;
     }
-    if (!e.any || value > e.high) {
+    if (!(value <= e.high)) {
       e.high = value;
-      e.high_at = in_stretch_;
+      e.high_at = samples_;
     }
-    e.any = true;
   }
-  times_.push_back(time);
-  if (++in_stretch_ == stretch_) end_stretch();
+  ++samples_;
 }
 
-void Series::end_stretch() {
-  if (in_stretch_ == 0) return;
-  const double none = std::numeric_limits<double>::quiet_NaN();
-  first_.assign(extremes_.size(), none);
-  second_.assign(extremes_.size(), none);
-  for (std::size_t c = 0; c < extremes_.size(); ++c) {
-    const Extremes& e = extremes_[c];
-    if (!e.any) continue;
-    first_[c] = e.low_at <= e.high_at ? e.low : e.high;
-    second_[c] = e.low_at <= e.high_at ? e.high : e.low;
+void Series::start_stretches() {
+  const std::vector<double> newest = values_;
+  length_ = 4;
+  for (std::size_t i = 0; i < times_.size(); ++i) {
+    const auto first = rows_.begin() + static_cast<std::ptrdiff_t>(i * newest.size());
+    values_.assign(first, first + static_cast<std::ptrdiff_t>(newest.size()));
+    if (samples_ % length_ == 0) start(times_[i]);
+    add_to_last(times_[i]);
   }
-  row(times_[in_stretch_ / 4], first_);
-  if (in_stretch_ > 1) row(times_[3 * in_stretch_ / 4], second_);
-  std::fill(extremes_.begin(), extremes_.end(), Extremes());
-  times_.clear();
-  in_stretch_ = 0;
+  values_ = newest;
+  times_ = {};
+  rows_ = {};
 }
 
-void Series::row(double time, const std::vector<double>& values) {
+void Series::join_pairs() {
+  const std::size_t columns = values_.size();
+  for (std::size_t i = 0; i < stretches_.size() / 2; ++i) {
+    stretches_[i] = {stretches_[2 * i].begin, stretches_[2 * i + 1].end};
+    for (std::size_t c = 0; c < columns; ++c) {
+      Extremes joined = extremes_[2 * i * columns + c];
+      const Extremes& next = extremes_[(2 * i + 1) * columns + c];
+      if (!(next.low >= joined.low) && !std::isnan(next.low)) {
+        joined.low = next.low;
+        joined.low_at = next.low_at;
+      }
+      if (!(next.high <= joined.high) && !std::isnan(next.high)) {
+        joined.high = next.high;
+        joined.high_at = next.high_at;
+      }
+      extremes_[i * columns + c] = joined;
+    }
+  }
+  stretches_.resize(stretches_.size() / 2);
+  extremes_.resize(stretches_.size() * columns);
+  length_ *= 2;
+}
+
+void Series::row(double time, const double* values) {
   fmt::format_to(std::back_inserter(text_), "{:.6f}", time);
-  for (const double value : values) {
+  for (std::size_t c = 0; c < values_.size(); ++c) {
+    const double value = values[c];
     if (std::isnan(value))
       text_ += ",nan";
     else
@@ -108,7 +144,20 @@ void Series::row(double time, const std::vector<double>& values) {
 }
 
 std::string Series::csv() {
-  end_stretch();
+  const std::size_t columns = values_.size();
+  for (std::size_t i = 0; i < times_.size(); ++i) row(times_[i], rows_.data() + i * columns);
+  std::vector<double> first(columns), second(columns);
+  for (std::size_t i = 0; i < stretches_.size(); ++i) {
+    for (std::size_t c = 0; c < columns; ++c) {
+      const Extremes& e = extremes_[i * columns + c];
+      const bool rising = e.low_at <= e.high_at;
+      first[c] = rising ? e.low : e.high;
+      second[c] = rising ? e.high : e.low;
+    }
+    const auto [begin, end] = stretches_[i];
+    row(begin + 0.25 * (end - begin), first.data());
+    if (end > begin) row(begin + 0.75 * (end - begin), second.data());
+  }
   return std::move(text_);
 }
 

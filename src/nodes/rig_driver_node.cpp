@@ -1,26 +1,53 @@
-// rig_driver_node: LCM, or a log of it -> /RIG/sample. Parameters, topics and LCM channels: docs/nodes.md.
+// rig_driver_node: LCM, a log of it, or a stand's own topics by a mapping -> /RIG/sample. Parameters, topics and LCM
+// channels: docs/nodes.md.
 #include <fmt/format.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
 
+#include "faultline/rig/mapping.h"
 #include "faultline/signal/error.h"
 #include "nodes/lcm_source.h"
 #include "nodes/node_main.h"
 #include "nodes/rig_driver.h"
+#include "nodes/topic_driver.h"
 
 namespace faultline {
 namespace {
 
 constexpr double kSubscriberWait = 10;  // s
+// s: topics of one machine arrive within milliseconds of each other, over a network within some ten.
+constexpr double kTopicWait = 0.1;
+
+int drive_topics(const Datasheet& sheet, const std::string& file, double wait, int wait_for) {
+  const Mapping mapping = read_mapping(file, sheet);
+  check_topics(mapping);
+  Datasheet described = sheet;
+  described.sample_period = mapping.period;
+  TopicDriver driver(described, mapping, "rig_driver_node: topics by " + file, wait);
+  const NodeHealth health(sheet.rig, "driver",
+                          [&](diagnostic_updater::DiagnosticStatusWrapper& status) { driver.tell(status); });
+  if (wait_for > 0) wait_for_subscribers(driver.samples(), wait_for, kSubscriberWait);
+  driver.start();
+  while (ros::ok() && !driver.ended()) ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.05));
+  if (ros::ok() && !driver.trouble().empty()) throw InputError(driver.trouble());
+  return 0;
+}
 
 int drive(Parameters& parameters) {
   const Datasheet sheet = read_rig(parameters);
   const std::string url = parameters.word("lcm_url", "");
   const std::string log = parameters.word("log", "");
+  const std::string mapping = parameters.word("mapping", "");
+  const double wait = parameters.number("wait", kTopicWait, 0, 60);
   const double rate = parameters.number("rate", 1, 0.01, 100);
   const int wait_for = static_cast<int>(parameters.integer("wait_for", 0, 0, 100));
   parameters.check_used();
   if (!log.empty() && !url.empty()) throw InputError("parameters ~log and ~lcm_url exclude each other; give one");
+  if (!mapping.empty()) {
+    if (!log.empty() || !url.empty())
+      throw InputError("parameters ~mapping, ~log and ~lcm_url exclude each other; give one");
+    return drive_topics(sheet, mapping, wait, wait_for);
+  }
 
   RigDriver driver(
       sheet, "rig_driver_node: " + (log.empty() ? "LCM " + (url.empty() ? "default network" : url) : "LCM log " + log));

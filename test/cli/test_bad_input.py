@@ -71,7 +71,7 @@ class Usage(ProgramTest):
             (good + ["--command", "leak_valve_command:1=1", "--fault", "internal_leak_ramp"], "already"),
             (good + ["--compression", "zip"], "'zip'", "lz4"),
             (good + ["--config", "nowhere.yaml"], "nowhere.yaml"),
-            (["import", "a.csv", "--rig", RIG, "-o", "b.csv"], ".bag"),
+            (["import", "a.csv", "--rig", RIG, "-o", "b.txt"], ".bag or .csv"),
             (["import", "nowhere.csv", "--rig", RIG, "-o", "a.bag"], "nowhere.csv", "cannot be read"),
             (["export", "nowhere.bag", "-o", "a.csv"], "nowhere.bag", "cannot be read"),
             (["diagnose", "nowhere.bag"], "nowhere.bag"),

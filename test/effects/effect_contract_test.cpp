@@ -187,6 +187,7 @@ TEST(EffectContract, HalvingTheStepConverges) {
 
 // Whether what comes out depends on nothing but what goes in at the time.
 bool forgets(const EffectType& type) {
+  if (type.name == "noise") return false;  // nor does it say what went in
   const auto effect = made(type, typical_parameters(type)), other = made(type, typical_parameters(type));
   bool same = true;
   for (int k = 0; k < 200; ++k) {

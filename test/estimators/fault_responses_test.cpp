@@ -21,7 +21,7 @@ const FaultHypothesis& hypothesis(const std::string& name) {
 ResponseSettings shipped() {
   for (const StageSpec& stage : servo().estimators) {
     if (stage.type != "fault_response") continue;
-    ResponseSettings settings = read_response_settings(stage.settings, servo().sample_period);
+    ResponseSettings settings = read_response_settings(stage.settings, servo());
     settings.jobs = 2;
     return settings;
   }
@@ -125,6 +125,51 @@ TEST(FaultResponses, ABadSampleDropsTheStretchOnly) {
   int judged = 0;
   for (std::size_t k = 0; k < run.rows(); ++k) judged += responses.add(run.time[k], run.row(k), k != 100);
   EXPECT_EQ(judged, 2);
+}
+
+// Runs of the model by stretches, of which most say nothing new.
+std::vector<std::uint64_t> runs_by_stretch(const Recording& run, const ResponseSettings& settings) {
+  FaultResponses responses(servo(), settings);
+  std::vector<std::uint64_t> counts;
+  std::uint64_t before = 0;
+  for (std::size_t k = 0; k < run.rows(); ++k) {
+    if (!responses.add(run.time[k], run.row(k), true)) continue;
+    counts.push_back(responses.runs() - before);
+    before = responses.runs();
+  }
+  return counts;
+}
+
+std::uint64_t median_after(const std::vector<std::uint64_t>& counts, std::size_t first) {
+  std::vector<std::uint64_t> rest(counts.begin() + static_cast<std::ptrdiff_t>(first), counts.end());
+  std::nth_element(rest.begin(), rest.begin() + static_cast<std::ptrdiff_t>(rest.size() / 2), rest.end());
+  return rest[rest.size() / 2];
+}
+
+TEST(FaultResponses, AStretchThatSaysNothingNewCostsFewRuns) {
+  // One run of what is known; where the start states of another motion do not fit, one more and one for each of them.
+  const std::size_t states_shown = 6;
+  const Recording run = simulate(servo(), off_nominal("random", 31), 30);
+  const std::vector<std::uint64_t> counts = runs_by_stretch(run, shipped());
+  ASSERT_EQ(counts.size(), 15u);
+  EXPECT_GT(counts[0], 60u);  // the first is looked at closely
+  EXPECT_LE(median_after(counts, shipped().early_stretches), 2 + states_shown);
+}
+
+TEST(FaultResponses, AFaultThatIsKnownCostsFewRuns) {
+  SimulationSetup setup = off_nominal("random", 36);
+  setup.effects.push_back(parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8,from=8"));
+  const std::vector<std::uint64_t> counts = runs_by_stretch(simulate(servo(), setup, 40), shipped());
+  ASSERT_EQ(counts.size(), 20u);
+  EXPECT_GT(counts[4], 60u);  // it is found
+  EXPECT_LE(median_after(counts, 8), 8u);
+}
+
+TEST(FaultResponses, EveryStretchIsLookedAtWhereThatIsAsked) {
+  ResponseSettings settings = shipped();
+  settings.refresh_stretches = 1;
+  for (const std::uint64_t count : runs_by_stretch(simulate(servo(), off_nominal("square", 32), 20), settings))
+    EXPECT_GT(count, 60u);
 }
 
 TEST(FaultResponses, ResetIsComplete) {

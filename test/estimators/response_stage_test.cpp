@@ -82,7 +82,7 @@ TEST(ResponseStage, RanksTheLeakOnceItIsThere) {
 TEST(ResponseStage, IsolabilityAsksWithTheSettingsOfTheStage) {
   const ResponseSettings given = response_settings(servo());
   EXPECT_EQ(given.threshold_evidence, 15);
-  EXPECT_EQ(given.segment_samples, 100u);
+  EXPECT_EQ(given.segment_s, 0.1);
   EXPECT_EQ(response_settings(servo_filter()).threshold_evidence, ResponseSettings().threshold_evidence);
 }
 

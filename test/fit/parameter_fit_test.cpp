@@ -62,8 +62,8 @@ TEST(ParameterFit, SaysWhatStandstillCannotTell) {
   ASSERT_EQ(fit.parameters.size(), 2u);
   for (const FittedParameter& p : fit.parameters) {
     EXPECT_FALSE(p.determined) << p.name;
-    EXPECT_EQ(p.estimate, p.nominal);
-    EXPECT_NEAR((p.high - p.nominal) / p.nominal, kNinetyPercentSigmas * p.tolerance, 1e-9);
+    EXPECT_NEAR(p.estimate / p.nominal, 1, 0.01 * p.tolerance);
+    EXPECT_NEAR(std::log(p.high / p.nominal), kNinetyPercentSigmas * p.tolerance, 0.05 * p.tolerance);
     EXPECT_FALSE(p.reason.empty());
   }
 }
@@ -81,22 +81,17 @@ TEST(ParameterFit, RefusesWhatItCannotUse) {
   EXPECT_THROW(fit_parameters(with_marks({}), {{"a", run}}, 1), InputError);
   EXPECT_THROW(fit_parameters(servo(), {}, 1), InputError);
   EXPECT_THROW(fit_parameters(servo(), {{"a", simulate(servo(), servo_setup("prbs"), 0.2)}}, 1), InputError);
-  Recording holes = run;
-  holes.values[1000 * holes.columns() + column("velocity")] = std::nan("");
-  EXPECT_THROW(fit_parameters(servo(), {{"a", holes}}, 1), InputError);
-  Recording jump = run;
-  for (std::size_t k = 1500; k < jump.rows(); ++k) jump.time[k] += 0.5;
-  EXPECT_THROW(fit_parameters(servo(), {{"a", jump}}, 1), InputError);
 }
 
-// (I + S S')^(-1/2) x, against the eigenvalues of the large matrix.
-TEST(SegmentModel, ProjectsAsTheLargeMatrixWould) {
-  const Eigen::MatrixXd s = Eigen::MatrixXd::Random(12, 3) * 3;
-  Eigen::MatrixXd x = Eigen::MatrixXd::Random(12, 2);
-  const Eigen::MatrixXd square = Eigen::MatrixXd::Identity(12, 12) + s * s.transpose();
-  const Eigen::MatrixXd wanted = x.transpose() * square.inverse() * x;
-  SegmentModel::project(s, x);
-  EXPECT_LT((x.transpose() * x - wanted).norm(), 1e-10 * wanted.norm());
+TEST(ParameterFit, UsesWhatABrokenRunHolds) {
+  Recording run = simulate(servo(), servo_setup("prbs"), 4);
+  run.values[1000 * run.columns() + column("velocity")] = std::nan("");
+  for (std::size_t k = 1600; k < run.rows(); ++k) run.time[k] += 0.5;
+  const ParameterFit fit = fit_parameters(with_marks({"compliance"}), {{"a", run}}, 2);
+  EXPECT_EQ(fit.segments, 15u);
+  ASSERT_FALSE(fit.remarks.empty());
+  EXPECT_NE(fit.remarks[0].find("1 breaks"), std::string::npos) << fit.remarks[0];
+  EXPECT_NEAR(fit.parameters[0].estimate / fit.parameters[0].nominal, 1, 0.05);
 }
 
 TEST(InParallel, DoesEverythingOnceAndThrowsOn) {

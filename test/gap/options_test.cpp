@@ -67,9 +67,9 @@ TEST(Options, OfTheSignatureIsolatorAreTheDatasheets) {
 TEST(Options, OfTheFaultResponsesAreTheDatasheets) {
   for (const StageSpec& stage : servo().estimators) {
     if (stage.type != "fault_response") continue;
-    const ResponseSettings settings = read_response_settings(stage.settings, servo().sample_period);
+    const ResponseSettings settings = read_response_settings(stage.settings, servo());
     EXPECT_EQ(settings.threshold_evidence, 15);
-    EXPECT_EQ(settings.stretch_samples(), 508u);
+    EXPECT_DOUBLE_EQ(settings.stretch_s(), 0.5);
   }
 }
 

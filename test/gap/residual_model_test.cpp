@@ -71,8 +71,7 @@ TEST(ResidualModel, StartStatesSettleWhereTheyFitBest) {
     return sum;
   };
   const auto loss = [&] {
-    return 0.5 * static_cast<double>(model.residuals(nominal(), 0).squaredNorm()) +
-           0.5 * shifted();
+    return 0.5 * static_cast<double>(model.residuals(nominal(), 0).squaredNorm()) + 0.5 * shifted();
   };
   EXPECT_EQ(shifted(), 0);
   const double before = loss();

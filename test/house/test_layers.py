@@ -7,9 +7,22 @@ import unittest
 from sources import ROOT, sources_below
 
 # Data flow from each room to the next; a room may include those before it.
-ORDER = ("signal", "numerics", "rig", "effects", "fit", "estimators", "detectors", "isolation", "alarms", "tuning")
+ORDER = (
+    "signal",
+    "numerics",
+    "rig",
+    "effects",
+    "segments",
+    "attribution",
+    "fit",
+    "estimators",
+    "detectors",
+    "isolation",
+    "alarms",
+    "tuning",
+)
 ALLOWED = {room: set(ORDER[:place]) for place, room in enumerate(ORDER)}
-ALLOWED["gap"] = {"signal", "numerics", "rig", "effects", "fit"}
+ALLOWED["gap"] = {"signal", "numerics", "rig", "effects", "segments", "attribution", "fit"}
 # Transport and what belongs to it stay at the rim.
 RIM_ONLY = re.compile(
     r"^(ros|rosbag|roscpp|rosgraph|lcm|faultline_lcm|tf2|tf2_ros|diagnostic_updater|topic_tools)/"

@@ -97,6 +97,7 @@ estimators:
 detectors: [{name: seal, type: leak, effect: orifice_leakage, port: flow.a_ambient}]
 isolators: [{name: table, type: signatures}]
 normal_gap: {a_level: 0.1}
+segment: 0.5
 conventions: prose
 layout: prose
 equations: prose
@@ -145,6 +146,7 @@ TEST_F(SmallDatasheet, IsRead) {
   EXPECT_EQ(sheet.estimators.at(0).settings.word("kind"), "fast");
   EXPECT_EQ(sheet.estimators.at(0).settings.list("gains", 2, 0, 9), (std::vector<double>{1, 2}));
   EXPECT_DOUBLE_EQ(sheet.normal_gap.at("a_level"), 0.1);
+  EXPECT_EQ(sheet.segment, 0.5);
 }
 
 struct Case {
@@ -260,6 +262,7 @@ const Case kCases[] = {
     {"type: leak", "type: Leak", "detectors[0].type", "lower-case"},
     {"{a_level: 0.1}", "{a_level: -1}", "normal_gap.a_level", "0 or more"},
     {"{a_level: 0.1}", "{c_level: 1}", "normal_gap.c_level", "channels are"},
+    {"segment: 0.5", "segment: 0.0001", "segment", "at least 4 sample periods"},
     {"notes: [made up]", "notes: made up", "notes", "must be a list"},
     // units and signs
     {"symbol: u, unit: V", "symbol: u, unit: Vlt", "channels[0].unit", "'Vlt' is not known"},

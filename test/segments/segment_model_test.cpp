@@ -25,7 +25,8 @@ struct Prepared {
 
 ModelChange nominal(const std::vector<EffectSpec>& effects = {}) { return {servo().nominal(), effects}; }
 
-// The middle of an effect's range at a port; a time from which it is stuck is left out.
+// The middle of an effect's range at a port. Not stuck, which has no size, nor quantisation: it rounds the model's value
+// as well, which is noise again.
 std::vector<EffectSpec> sensor_effects() {
   std::vector<EffectSpec> result;
   for (const Port& port : servo().ports) {
@@ -34,7 +35,7 @@ std::vector<EffectSpec> sensor_effects() {
       EffectSpec spec;
       spec.effect = fitting.effect;
       spec.port = port.name;
-      if (spec.effect == "stuck") continue;
+      if (spec.effect == "stuck" || spec.effect == "quantisation") continue;
       for (const EffectParameter& p : find_effect_type(spec.effect)->parameters) {
         const Bounds& b = fitting.bounds.at(p.name);
         spec.parameters.push_back(b.minimum > 0 ? std::sqrt(b.minimum * b.maximum) : 0.5 * b.maximum);
@@ -63,7 +64,8 @@ TEST(SegmentModel, LeavesNoiseWithAnyEffectAtASensor) {
     const Eigen::MatrixXf r = model.residuals(nominal({effect}), run, noise, 1);
     for (Eigen::Index o = 0; o < r.cols(); ++o)
       EXPECT_LT(std::sqrt(r.col(o).squaredNorm() / static_cast<float>(r.rows())), 1.4f)
-          << to_string(effect) << " " << sheet.channels[static_cast<std::size_t>(model.outputs()[static_cast<std::size_t>(o)])].name;
+          << to_string(effect) << " "
+          << sheet.channels[static_cast<std::size_t>(model.outputs()[static_cast<std::size_t>(o)])].name;
   }
 }
 
@@ -77,8 +79,9 @@ TEST(SegmentModel, TakesNothingFromReadingsThatAreMissing) {
   const Eigen::MatrixXf r = settled(cut.run, cut.model.start_columns(nominal(), cut.run, cut.noise),
                                     cut.model.residuals(nominal(), cut.run, cut.noise));
   EXPECT_TRUE(r.allFinite());
-  const auto velocity = std::find(cut.model.outputs().begin(), cut.model.outputs().end(), static_cast<int>(column("velocity"))) -
-                        cut.model.outputs().begin();
+  const auto velocity =
+      std::find(cut.model.outputs().begin(), cut.model.outputs().end(), static_cast<int>(column("velocity"))) -
+      cut.model.outputs().begin();
   EXPECT_EQ(r.col(velocity).segment(600, 100).squaredNorm(), 0);
   double square = 0, counted = 0;
   for (std::size_t g = 0; g < cut.run.segments(); ++g) {
@@ -126,8 +129,10 @@ TEST(SegmentModel, ABoundCountsOnTheInsideOnly) {
   const SegmentModel model(sheet);
   const std::vector<double> noise = noise_of(sheet, {run});
   model.place_starts(run, noise, model.nominal());
-  const Eigen::MatrixXf r = settled(run, model.start_columns(nominal(), run, noise), model.residuals(nominal(), run, noise));
-  const auto output = std::find(model.outputs().begin(), model.outputs().end(), static_cast<int>(position)) - model.outputs().begin();
+  const Eigen::MatrixXf r =
+      settled(run, model.start_columns(nominal(), run, noise), model.residuals(nominal(), run, noise));
+  const auto output =
+      std::find(model.outputs().begin(), model.outputs().end(), static_cast<int>(position)) - model.outputs().begin();
   EXPECT_LT(r.col(output).squaredNorm() / static_cast<float>(r.rows()), 1.3f);
 }
 
@@ -142,7 +147,8 @@ TEST(StartProjection, IsTheMarginalLikelihoodOverTheStart) {
     Eigen::MatrixXd all(static_cast<Eigen::Index>(values), static_cast<Eigen::Index>(starts.columns().size()));
     for (Eigen::Index i = 0; i < all.cols(); ++i)
       for (Eigen::Index o = 0; o < r.cols(); ++o)
-        all.col(i).segment(o * 40, 40) = starts.columns()[static_cast<std::size_t>(i)].col(o).segment(40, 40).cast<double>();
+        all.col(i).segment(o * 40, 40) =
+            starts.columns()[static_cast<std::size_t>(i)].col(o).segment(40, 40).cast<double>();
     return all;
   }();
   Eigen::VectorXd column(s.rows());

@@ -83,7 +83,6 @@ TEST(Csv, BadFilesAreRefusedWithPlaceAndReason) {
       {"t,position[V],pressure\n0,1,2\n", "'V' cannot be converted to 'm'"},
       {"t,position[mm,pressure\n0,1,2\n", "brackets"},
       {"t,position[ell],pressure\n0,1,2\n", "'ell' is not known"},
-      {"t;position;pressure\n0;1;2\n", "commas"},
       {"t,position,pressure\n0,1,2\n1,two,2\n", "run.csv:3: column 'position': 'two' is not a number"},
       {"t,position,pressure\n0,1,0x10\n", "run.csv:2: column 'pressure'"},
       {"t,position,pressure\n0,1,2 3\n", "'2 3' is not a number"},

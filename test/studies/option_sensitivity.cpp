@@ -264,7 +264,7 @@ Engine responses_engine() {
   }
   ResponseSettings shipped;
   for (const StageSpec& stage : servo().estimators)
-    if (stage.type == "fault_response") shipped = read_response_settings(stage.settings, servo().sample_period);
+    if (stage.type == "fault_response") shipped = read_response_settings(stage.settings, servo());
   return {list_options(shipped), [recordings, shipped](const std::string& option, double factor) {
             ResponseSettings settings = shipped;
             multiply_option(settings, option, factor);

@@ -43,8 +43,20 @@ std::string size_text(const Alarm& alarm) {
 
 std::string named(const std::string& effect, const std::string& port) { return effect + "@" + port; }
 
+// Whether `name` is effect@port, without making that string.
+bool is_named(const std::string& name, const std::string& effect, const std::string& port) {
+  const std::size_t at = effect.size();
+  return name.size() == at + 1 + port.size() && name[at] == '@' && name.compare(0, at, effect) == 0 &&
+         name.compare(at + 1, port.size(), port) == 0;
+}
+
 bool among(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+bool same_words(const Finding& a, const Finding& b) {
+  return a.kind == b.kind && a.effect == b.effect && a.port == b.port && a.text == b.text &&
+         a.equivalent == b.equivalent && a.size_name == b.size_name && a.size_unit == b.size_unit;
 }
 
 }  // namespace
@@ -94,7 +106,7 @@ void AlarmStage::reset() {
     i.isolator->reset();
     i.finding = Finding();
     i.reason = Reason::absent;
-    i.alarm = i.told_for = -1;
+    i.alarm = i.told_for = i.shown_for = -1;
   }
   data_.reset();
   model_fits_ = true;
@@ -175,11 +187,13 @@ void AlarmStage::detect(const Estimate* estimates) {
   };
   for (Watched& w : watched_) {
     w.detector->process(estimates[w.stage], w.detection);
-    watch_blindness(w, estimates[0].time);
+    if (w.detection.blind || w.unobserved >= 0) watch_blindness(w, estimates[0].time);
     if (w.withholds && w.detection.active) model_fits_ = false;
     if (w.detection.active && w.finding.kind == AlarmKind::sensor) doubt(w);
   }
   for (Watched& w : watched_) {
+    w.stands = false;
+    if (w.claims_nothing()) continue;
     w.claim = Claim();
     w.claim.kind = w.finding.kind;
     w.claim.holds = w.detection.active;
@@ -200,6 +214,8 @@ void AlarmStage::isolate(const Estimate* estimates) {
 
 void AlarmStage::tell_detections(double time) {
   for (Watched& w : watched_) {
+    w.reason = Reason::absent;
+    if (w.claims_nothing()) continue;
     w.claim.raised = w.alarm >= 0;
     w.claim.model_fits = model_fits_;
     if (w.stands) {
@@ -248,28 +264,35 @@ void AlarmStage::tell_findings(double time) {
     }
     // By the detector's name: of what explains it equally well, that is what the rig is watched for.
     Finding& f = i.shown;
-    f = i.finding;
-    const bool own_name = f.effect == w->finding.effect && f.port == w->finding.port;
-    f.equivalent.erase(std::remove(f.equivalent.begin(), f.equivalent.end(), w->named), f.equivalent.end());
-    if (!own_name) f.equivalent.insert(f.equivalent.begin(), named(f.effect, f.port));
+    const bool own_name = i.finding.effect == w->finding.effect && i.finding.port == w->finding.port;
+    const auto place = static_cast<int>(w - watched_.data());
+    if (i.shown_for != place || !same_words(i.finding, i.shown_of)) {
+      i.shown_for = place;
+      f = i.shown_of = i.finding;
+      f.equivalent.erase(std::remove(f.equivalent.begin(), f.equivalent.end(), w->named), f.equivalent.end());
+      if (!own_name) f.equivalent.insert(f.equivalent.begin(), named(f.effect, f.port));
+      f.effect = w->finding.effect;
+      f.port = w->finding.port;
+      f.text = w->finding.text;
+      f.size_name = w->detector->size_name();
+      f.size_unit = w->detector->size_unit();
+    }
     if (i.reason == Reason::told_by_another) {
       w->finding.equivalent = book_.at(w->alarm).equivalent = f.equivalent;
       continue;
     }
-    i.told_for = static_cast<int>(w - watched_.data());
+    i.told_for = place;
     if (i.reason != Reason::told) continue;
-    f.effect = w->finding.effect;
-    f.port = w->finding.port;
-    f.text = w->finding.text;
+    f.since = i.finding.since;
     f.confidence = w->detection.confidence;
-    f.size_name = w->detector->size_name();
-    f.size_unit = w->detector->size_unit();
-    // The isolator's size, in the detector's words, where it weighed that very effect.
     f.none = 0;
-    if (own_name && f.has_size && w->detection.per_effect > 0) {
-      f.size *= w->detection.per_effect;
-      f.low *= w->detection.per_effect;
-      f.high *= w->detection.per_effect;
+    // The isolator's size, in the detector's words, where it weighed that very effect.
+    const double per_effect = w->detection.per_effect;
+    if (own_name && i.finding.has_size && per_effect > 0) {
+      f.has_size = true;
+      f.size = i.finding.size * per_effect;
+      f.low = i.finding.low * per_effect;
+      f.high = i.finding.high * per_effect;
     } else {
       f.has_size = w->detection.has_size;
       f.size = w->detection.size;
@@ -281,7 +304,6 @@ void AlarmStage::tell_findings(double time) {
 }
 
 void AlarmStage::watch_blindness(Watched& w, double time) {
-  if (!w.detection.blind && w.unobserved < 0) return;
   if (w.unobserved < 0) {
     w.unobserved = static_cast<int>(book_.report.unobserved.size());
     book_.report.unobserved.push_back({w.name, w.finding.effect, w.finding.port, 0, false});
@@ -303,7 +325,7 @@ bool AlarmStage::explained(const Watched& w) const {
       case AlarmKind::sensor:
         return w.finding.effect.empty() && f.kind == AlarmKind::sensor;
       case AlarmKind::fault:
-        return w.named != named(f.effect, f.port) && !among(f.equivalent, w.named);
+        return !is_named(w.named, f.effect, f.port) && !among(f.equivalent, w.named);
       case AlarmKind::model:
       case AlarmKind::data:
         break;
@@ -341,7 +363,7 @@ void AlarmStage::hand_over() {
 const AlarmStage::Watched* AlarmStage::detected(const Finding& finding) const {
   for (const Watched& w : watched_)
     if (w.stands && w.finding.kind == AlarmKind::fault && !w.finding.effect.empty() &&
-        (w.named == named(finding.effect, finding.port) || among(finding.equivalent, w.named)))
+        (is_named(w.named, finding.effect, finding.port) || among(finding.equivalent, w.named)))
       return &w;
   return nullptr;
 }

@@ -72,11 +72,14 @@ class AlarmStage {
     std::vector<std::size_t> doubts;  // channels that isolators leave out while it stands
     int unobserved = -1;              // of the report
     double watched_to = 0;
+    bool claims_nothing() const { return !detection.active && alarm < 0; }
   };
   struct Isolated : Source {
     std::unique_ptr<Isolator> isolator;
     int told_for = -1;  // the detector that found the same, while this alarm tells it
-    Finding shown;      // the finding in that detector's words; kept, since its strings then keep their memory
+    // The finding in that detector's words, and what it was made of: words are made anew only where they change.
+    Finding shown, shown_of;
+    int shown_for = -1;
     // Names a cause, having weighed every other.
     bool names_the_cause() const { return isolator->overrules() && finding.active; }
   };

@@ -1,8 +1,8 @@
 // Gain curve: y = u (1 + curvature (|u|/range - 1)): exact at 0 and at full scale, bent between.
 //
 // curvature [1]: positive is weaker at small signals. Monotone for |curvature| < 1. range is the port's full scale.
-// Smooth but for the second derivative at 0; linear in `curvature`; can be undone up to where a negative curvature turns
-// the parabola. Limit: odd; beyond range it keeps its parabola.
+// Smooth but for the second derivative at 0; linear in `curvature`; can be undone up to where a negative curvature
+// turns the parabola. Limit: odd; beyond range it keeps its parabola.
 
 #include <cmath>
 

@@ -8,15 +8,9 @@
 namespace faultline {
 namespace {
 
-constexpr double kLeastAmplitude = 1e-12;  // so that a size that falls with the amplitude stays finite
-constexpr double kLeastFraction = 1e-3;    // of the amplitude, where the interval of such a size would reach zero
+constexpr double kLeastFraction = 1e-3;  // of the amplitude, where the interval of such a size would reach zero
 
 }  // namespace
-
-double effect_size(double none, double full, double amplitude) {
-  if (std::isinf(none)) return full / std::max(amplitude, kLeastAmplitude);
-  return none + amplitude * (full - none);
-}
 
 SizeInterval RankedHypothesis::sizes(double amplitude_std) const {
   const double least = std::isinf(none) ? kLeastFraction * amplitude : lowest;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "faultline/attribution/fault_hypothesis.h"
 #include "faultline/rig/alarm_kind.h"
 
 namespace faultline {
@@ -27,10 +28,6 @@ struct Quantity {
 struct SizeInterval {
   double low = 0, high = 0;
 };
-
-// The size of an effect at amplitude a: none + a (full - none), or full/a where its no-effect value is infinite
-// (rig/effect.h).
-double effect_size(double none, double full, double amplitude);
 
 // A fault that may be there: an effect at a port, how much of it, and how well it explains what was measured. Its
 // errors are normal in the amplitude, so intervals are taken there.

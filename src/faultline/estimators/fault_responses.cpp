@@ -34,7 +34,11 @@ void FaultResponses::reset() {
   stretches_ = age_ = 0;
   first_.clear();
   second_.clear();
+  candidates_.clear();
   evidence_ = 0;
+  model_.forget_starts();
+  healthy_misfits_.clear();
+  know_healthy();
 }
 
 bool FaultResponses::add(double time, const double* channels, bool good) {
@@ -44,7 +48,8 @@ bool FaultResponses::add(double time, const double* channels, bool good) {
 }
 
 bool FaultResponses::collect(double time, const double* channels, bool good) {
-  const std::size_t rows = settings_.stretch_samples();
+  const std::size_t rows =
+      (settings_.segments + 1) * static_cast<std::size_t>(std::lround(settings_.segment_s / sheet_.sample_period));
   if (!started_) {
     started_ = true;
     next_ = time;
@@ -77,8 +82,89 @@ bool FaultResponses::collect(double time, const double* channels, bool good) {
 
 Stretches FaultResponses::latest(std::size_t count) const {
   Stretches stretches;
-  for (std::size_t i = recent_.size() - count; i < recent_.size(); ++i) stretches.push_back(recent_[i].get());
+  for (std::size_t i = 0; i < count; ++i) stretches.push_back(recent_[recent_.size() - 1 - i].get());
   return stretches;
+}
+
+// ---- what is known, and what is news
+
+std::vector<EffectSpec> FaultResponses::found_effects() const {
+  std::vector<EffectSpec> effects;
+  for (const auto* found : {&first_, &second_})
+    if (!found->empty()) effects.push_back(hypotheses()[found->front().hypothesis].at(found->front().amplitude));
+  return effects;
+}
+
+void FaultResponses::know_healthy() {
+  ResponsePrior all = model_.tolerances(point_);
+  all.add(reference_);
+  for (const auto& stretch : recent_)
+    if (stretch->responded) all.add(stretch->sums);
+  const Eigen::VectorXd theta = all.theta();
+  known_ = model_.known(point_, theta, {});
+  for (const auto& stretch : recent_)
+    if (stretch->responded) stretch->misfit = model_.misfit(*stretch, theta);
+  if (!recent_.empty()) {
+    healthy_misfits_.push_back(recent_.back()->misfit);
+    if (static_cast<double>(healthy_misfits_.size()) > settings_.memory_stretches) healthy_misfits_.pop_front();
+  }
+  healthy_usual_ = model_.noise_misfit();
+  if (!healthy_misfits_.empty()) {
+    std::vector<double> sorted(healthy_misfits_.begin(), healthy_misfits_.end());
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    healthy_usual_ = *middle;
+  }
+  usual_ = healthy_usual_;
+}
+
+void FaultResponses::know_fault(const Scene& scene) {
+  ResponsePrior after;
+  model_.loss(scene.prior, scene.stretches, scene.point, found_effects(), kInfinity, &after);
+  known_ = model_.known(point_, after.theta(), found_effects());
+  usual_ = 0;
+  for (std::size_t i = recent_.size() - window_.stretches; i < recent_.size(); ++i) {
+    recent_[i]->misfit = model_.misfit(*recent_[i], known_, 0);
+    usual_ += recent_[i]->misfit / static_cast<double>(window_.stretches);
+  }
+  usual_ = std::max(usual_, healthy_usual_);
+}
+
+bool FaultResponses::says_nothing_new() {
+  Stretch& last = *recent_.back();
+  const double suspicion = settings_.suspicion_fraction * settings_.threshold_evidence;
+  const double news = settings_.new_fraction * settings_.threshold_evidence;
+  last.misfit = model_.misfit(last, known_, usual_ + news);
+  double beyond = 0, most = 0;
+  for (auto stretch = recent_.rbegin(); stretch != recent_.rend(); ++stretch) {
+    beyond += (*stretch)->misfit - usual_;
+    most = std::max(most, beyond);
+  }
+  if (!event_) {
+    if (last.misfit - usual_ <= news || most <= suspicion) {
+      evidence_ = std::min(most, suspicion);
+      return true;
+    }
+    return false;
+  }
+  return last.misfit - usual_ <= std::max(news, settings_.followed_fraction * first_.front().evidence);
+}
+
+// The latest stretch is what was known already.
+void FaultResponses::pass_over() {
+  if (event_) ++age_;
+  forget_oldest();
+}
+
+void FaultResponses::respond_all() {
+  for (auto& stretch : recent_)
+    if (!stretch->responded) model_.respond(*stretch, point_);
+}
+
+void FaultResponses::weigh_all() {
+  respond_all();
+  for (auto& stretch : recent_)
+    if (!stretch->weighed) model_.weigh(*stretch, point_);
 }
 
 // ---- parameters
@@ -108,14 +194,14 @@ bool FaultResponses::relinearise() {
 // One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model.
 bool FaultResponses::search_parameters() {
   const Stretches all = latest(recent_.size());
-  double least = model_.loss(model_.tolerances(point_), all, point_, {}) - settings_.worthwhile_evidence;
+  double least = model_.loss(model_.tolerances(point_), all) - settings_.worthwhile_evidence;
   Eigen::VectorXd best = Eigen::VectorXd::Zero(point_.shift.size());
   for (std::size_t i = 0; i < model_.free_parameters(); ++i)
     for (const double reach : settings_.reach_tolerances) {
       Eigen::VectorXd step = Eigen::VectorXd::Zero(point_.shift.size());
       step[static_cast<Eigen::Index>(i)] = reach;
       const ModelPoint tried = model_.at(point_.shift + step);
-      const double found = model_.loss(model_.tolerances(tried), all, tried, {});
+      const double found = model_.loss(model_.tolerances(tried), all, tried, {}, least);
       if (found >= least) continue;
       least = found;
       best = step;
@@ -130,12 +216,14 @@ void FaultResponses::move(const Eigen::VectorXd& step) {
   point_ = model_.at((point_.shift + step).cwiseMax(-farthest).cwiseMin(farthest));
   // What was summed around other parameters would pull towards them: it is learnt anew.
   reference_ = model_.no_sums();
-  for (auto& stretch : recent_) stretch = model_.respond(stretch->run.recording, point_);
+  healthy_misfits_.clear();
+  for (auto& stretch : recent_) model_.respond(*stretch, point_);
 }
 
 void FaultResponses::forget_oldest() {
   if (recent_.size() <= settings_.recent_stretches) return;
-  if (!event_) {
+  if (!event_ && recent_.front()->responded) {
+    if (!recent_.front()->weighed) model_.weigh(*recent_.front(), point_);
     reference_.scale(1 - 1 / settings_.memory_stretches);
     reference_.add(recent_.front()->sums);
   }
@@ -188,10 +276,7 @@ std::vector<RankedFault> FaultResponses::screen(const Window& window) const {
 
 std::vector<RankedFault> FaultResponses::find_window() {
   // Once there is a fault, the way it was found stays: what follows belongs to it.
-  if (event_) {
-    window_.stretches = std::min(window_.stretches + 1, recent_.size());
-    return screen(window_);
-  }
+  if (event_) return screen(window_);
   std::vector<RankedFault> best;
   Window best_window{false, recent_.size()};
   const auto attempt = [&](const Window& window) {
@@ -209,7 +294,7 @@ std::vector<RankedFault> FaultResponses::find_window() {
 
 FaultResponses::Scene FaultResponses::scene() const {
   Scene scene{prior(window_), latest(window_.stretches), point_, 0};
-  scene.healthy_loss = model_.loss(scene.prior, scene.stretches, scene.point, {});
+  scene.healthy_loss = model_.loss(scene.prior, scene.stretches);
   return scene;
 }
 
@@ -272,23 +357,33 @@ std::vector<RankedFault> FaultResponses::best_of(const Scene& scene, std::vector
                                   [&](const RankedFault& f) { return candidates_.count(f.hypothesis) == 0; }),
                    screened.end());
   }
-  in_parallel(screened.size(), settings_.jobs, [&](std::size_t i) {
+  // Those that screening puts first tell how good the others would have to be: most of them end after few rows.
+  const std::size_t first =
+      std::min(screened.size(), std::max(settings_.kept_hypotheses, settings_.refined_hypotheses));
+  double worth = kInfinity;
+  const auto attempt = [&](std::size_t i) {
     const FaultHypothesis& h = hypotheses()[screened[i].hypothesis];
-    double least = kInfinity;
+    double least = worth;
     std::vector<double> sizes = {screened[i].amplitude};
     const auto before = candidates_.find(screened[i].hypothesis);
     const double coarse = settings_.coarse_fraction;
     if (known && before != candidates_.end()) sizes.push_back(before->second);
     if (!known) sizes.insert(sizes.end(), {coarse * h.highest, h.highest, coarse * h.lowest, h.lowest});
+    bool any = false;
     for (const double a : sizes) {
       if (a == 0 || (std::isinf(h.none) && a < h.lowest)) continue;
-      const double found = model_.loss(scene.prior, scene.stretches, scene.point, {h.at(a)});
+      const double found = model_.loss(scene.prior, scene.stretches, scene.point, {h.at(a)}, least);
       if (found >= least) continue;
       least = found;
       screened[i].amplitude = a;
+      any = true;
     }
-    screened[i].evidence = scene.healthy_loss - least;
-  });
+    screened[i].evidence = any ? scene.healthy_loss - least : -kInfinity;
+  };
+  in_parallel(first, settings_.jobs, attempt);
+  worth = -kInfinity;
+  for (std::size_t i = 0; i < first; ++i) worth = std::max(worth, scene.healthy_loss - screened[i].evidence);
+  in_parallel(screened.size() - first, settings_.jobs, [&](std::size_t i) { attempt(first + i); });
   std::sort(screened.begin(), screened.end(), by_evidence);
   if (closely != nullptr) {
     closely->clear();
@@ -309,19 +404,25 @@ bool FaultResponses::over() const {
   if (window_.change) before.add(reference_);
   const Stretches last = latest(1);
   const double with = model_.loss(before, last, point_, {hypotheses()[first.hypothesis].at(first.amplitude)});
-  return with > model_.loss(before, last, point_, {}) + settings_.over_evidence;
+  return with > model_.loss(before, last) + settings_.over_evidence;
 }
 
 // The model with the first fault in it, and all looked for anew around that: segments count by what is left of them.
 void FaultResponses::look_beside(const ResponsePrior& before) {
-  second_.clear();
   const std::vector<FaultHypothesis>& all = hypotheses();
   const RankedFault first = first_.front();
+  const double limit = std::max(settings_.threshold_evidence, settings_.second_evidence_fraction * first.evidence);
+  // No second fault explains more than the first leaves.
+  double left = 0;
+  for (const Stretch* stretch : latest(window_.stretches)) left += stretch->misfit - healthy_usual_;
+  if (left < settings_.second_misfit_fraction * limit) return;
   Scene scene{before, {}, point_, 0};
   scene.point.effects = {all[first.hypothesis].at(first.amplitude)};
   std::vector<std::unique_ptr<Stretch>> stretches;
   for (const Stretch* stretch : latest(window_.stretches)) {
-    stretches.push_back(model_.respond(stretch->run.recording, scene.point));
+    stretches.push_back(model_.prepare(stretch->run.recording));
+    model_.respond(*stretches.back(), scene.point);
+    model_.weigh(*stretches.back(), scene.point);
     scene.stretches.push_back(stretches.back().get());
   }
   std::vector<RankedFault> beside = screen(before, scene.stretches, false);
@@ -336,22 +437,27 @@ void FaultResponses::look_beside(const ResponsePrior& before) {
                               });
                      }),
       beside.end());
-  const double limit = std::max(settings_.threshold_evidence, settings_.second_evidence_fraction * first.evidence);
   if (beside.empty() || beside.front().evidence <= limit) return;
   beside.resize(std::min(beside.size(), settings_.kept_hypotheses));
-  scene.healthy_loss = model_.loss(before, scene.stretches, scene.point, {});
+  scene.healthy_loss = model_.loss(before, scene.stretches);
   beside = best_of(scene, beside);
   if (beside.front().evidence > limit) second_ = beside;
 }
 
 // Between refinements the size is followed; how the other hypotheses stand to it stays.
-void FaultResponses::follow_size() {
-  if (first_.empty()) return;
-  const RankedFault followed = refine(scene(), first_.front());
+bool FaultResponses::follow() {
+  const Scene now = scene();
+  const RankedFault followed = refine(now, first_.front());
+  const double least = settings_.release_fraction * settings_.threshold_evidence;
+  if (followed.evidence < least || followed.evidence > settings_.grown_ratio * refined_at_ ||
+      followed.evidence * settings_.grown_ratio < refined_at_)
+    return false;
   const double ratio = followed.evidence / first_.front().evidence;
   for (RankedFault& f : first_) f.evidence *= ratio;
   first_.front() = followed;
   evidence_ = followed.evidence;
+  know_fault(now);
+  return true;
 }
 
 void FaultResponses::end_event() {
@@ -359,61 +465,90 @@ void FaultResponses::end_event() {
   age_ = 0;
   first_.clear();
   second_.clear();
+  know_healthy();
 }
 
 void FaultResponses::judge(const Recording& recording) {
-  const auto early = [&](unsigned count) { return count <= settings_.early_stretches; };
-  recent_.push_back(model_.respond(recording, point_));
+  recent_.push_back(model_.prepare(recording));
   ++stretches_;
+  const bool growing = event_ && window_.stretches < settings_.recent_stretches;
+  const unsigned age = event_ ? age_ + 1 : stretches_;
+  const bool early = !event_ && stretches_ <= settings_.early_stretches;
+  const bool due = early || power_of_two(age) || age % settings_.refresh_stretches == 0;
+  if (!growing && !early && says_nothing_new()) {
+    if (event_ || !due) {
+      pass_over();
+      if (!event_ || !due) return;
+      respond_all();
+      // How two faults share what is seen is worth another look where the motion shows them.
+      if (!follow() || second_.empty()) return;
+      weigh_all();
+      find_healthy_or_fault();
+      return;
+    }
+    // What was not looked at so far said nothing either.
+    recent_.erase(std::remove_if(recent_.begin(), recent_.end() - 1, [](const auto& s) { return !s->responded; }),
+                  recent_.end() - 1);
+  }
+  if (recent_.size() > settings_.recent_stretches && !recent_.front()->responded) forget_oldest();
+  respond_all();
   learn_parameters();
   forget_oldest();
-  if (event_ && !first_.empty() && over()) {
+  if (event_ && over()) {
     // What the recent stretches hold belongs to neither state.
     recent_.erase(recent_.begin(), recent_.end() - 1);
     event_ = false;
     age_ = 0;
   }
+  if (event_) {
+    ++age_;
+    window_.stretches = std::min(window_.stretches + 1, recent_.size());
+    // While a fault lasts, all causes are weighed ever more rarely, unless it grows.
+    if (!growing && !power_of_two(age_) && follow()) return;
+  }
+  weigh_all();
+  find_healthy_or_fault();
+}
+
+void FaultResponses::find_healthy_or_fault() {
   std::vector<RankedFault> screened = find_window();
   // Before anything is blamed on the first stretches: are the parameters further off than the linear model can tell?
   const double suspicion = settings_.suspicion_fraction * settings_.threshold_evidence;
-  for (std::size_t i = 0; i < settings_.parameter_moves && early(stretches_) && !event_ && !screened.empty() &&
-                          screened.front().evidence > suspicion && search_parameters();
+  for (std::size_t i = 0; i < settings_.parameter_moves && stretches_ <= settings_.early_stretches && !event_ &&
+                          !screened.empty() && screened.front().evidence > suspicion && search_parameters();
        ++i) {
     relinearise();
+    weigh_all();
     screened = find_window();
   }
   // Screening takes the model's answer for linear and so finds too much, never too little by far.
-  const double screened_evidence = screened.empty() ? 0 : screened.front().evidence;
+  evidence_ = screened.empty() ? 0 : screened.front().evidence;
   const double limit = (event_ ? settings_.release_fraction : 1.0) * settings_.threshold_evidence;
-  if (screened_evidence < limit) {
-    evidence_ = screened_evidence;
+  if (evidence_ < limit) {
     end_event();
     return;
   }
-  // While a fault lasts, ever more rarely, unless it grows.
-  ++age_;
-  const bool due = !event_ || early(age_) || power_of_two(age_) ||
-                   screened_evidence > settings_.grown_ratio * refined_at_ ||
-                   screened_evidence * settings_.grown_ratio < refined_at_;
-  if (!due) {
-    follow_size();
-    return;
-  }
-  refined_at_ = screened_evidence;
   const Scene now = scene();
   std::map<std::size_t, double> closely;
   const std::vector<RankedFault> ranked = best_of(now, screened, &closely);
   candidates_ = closely;
   for (const RankedFault& f : ranked) candidates_[f.hypothesis] = f.amplitude;
-  evidence_ = ranked.empty() ? screened_evidence : ranked.front().evidence;
+  if (!ranked.empty()) evidence_ = ranked.front().evidence;
   if (ranked.empty() || evidence_ < limit) {
     end_event();
     return;
   }
   first_ = ranked;
+  second_.clear();
+  refined_at_ = evidence_;
+  know_fault(now);
   look_beside(now.prior);
-  if (age_ == 1) since_ = recent_[recent_.size() - window_.stretches]->begin;
-  event_ = true;
+  if (!second_.empty()) know_fault(now);
+  if (!event_) {
+    since_ = recent_[recent_.size() - window_.stretches]->begin;
+    event_ = true;
+    age_ = 1;
+  }
 }
 
 // ---- what could be seen
@@ -421,7 +556,8 @@ void FaultResponses::judge(const Recording& recording) {
 // Parameters are known to their tolerance and from as much healthy motion as there is with the fault.
 Eigen::MatrixXd FaultResponses::information() const {
   ResponseSums sums = reference_;
-  for (const auto& stretch : recent_) sums.add(stretch->sums);
+  for (const auto& stretch : recent_)
+    if (stretch->weighed) sums.add(stretch->sums);
   const Eigen::Index t = point_.shift.size();
   return sums.dd - sums.td.transpose() *
                        Eigen::LDLT<Eigen::MatrixXd>(Eigen::MatrixXd::Identity(t, t) + 2 * sums.tt).solve(sums.td);

@@ -16,11 +16,18 @@
 // anew around what it learnt of the parameters. The best few hypotheses are refined by Gauss-Newton steps on the model
 // with the effect in it, and a second fault is searched for beside the first.
 //
+// Most stretches say what those before them said. After every judgement there is a model of all that is known:
+// parameters, nuisance effects, the faults that were found. A stretch whose misfit with it (stretch_model.h) is the
+// usual one cannot win evidence for any other cause, so it costs one run of the model and is not looked at further,
+// while well or while a fault lasts. What is usual: the median misfit of healthy stretches that were looked at closely.
+//
 // Units: amplitudes as in FaultHypothesis; evidence is twice a log-likelihood ratio (response_settings.h). D_h says
 // what could be seen: a fault whose least amplitude at the threshold lies beyond its range is not observable in this
 // motion.
 #pragma once
 
+#include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <vector>
@@ -54,8 +61,10 @@ class FaultResponses {
   const std::vector<RankedFault>& first() const { return first_; }
   // The same for what is wrong beside the first.
   const std::vector<RankedFault>& second() const { return second_; }
-  double since() const { return since_; }        // s, start of the first stretch that shows it
-  double evidence() const { return evidence_; }  // of the best, refined or not
+  double since() const { return since_; }  // s, start of the first stretch that shows it
+  // Of the best, refined or not; of a stretch not looked at closely, what there could be at most.
+  double evidence() const { return evidence_; }
+  std::uint64_t runs() const { return model_.runs(); }  // of the model so far
   // Per hypothesis, over all stretches so far (forgetting as set): standard error of the amplitude of a fault that
   // comes after as much healthy motion. Large where the motion does not show it.
   std::vector<double> amplitude_errors() const;
@@ -75,7 +84,11 @@ class FaultResponses {
     ModelPoint point;
     double healthy_loss;  // without any fault beside those of the point
   };
-  Stretches latest(std::size_t count) const;
+  Stretches latest(std::size_t count) const;  // newest first
+  bool says_nothing_new();                    // the latest stretch
+  void pass_over();
+  void respond_all();
+  void weigh_all();
   void learn_parameters();  // around what they seem to be, the model is made linear anew
   bool relinearise();       // whether anything moved
   bool search_parameters();
@@ -92,9 +105,14 @@ class FaultResponses {
   // the best before that.
   std::vector<RankedFault> best_of(const Scene& scene, std::vector<RankedFault> screened,
                                    std::map<std::size_t, double>* closely = nullptr) const;
-  void follow_size();
+  void find_healthy_or_fault();
+  bool follow();  // the fault that is there; false: all causes must be weighed anew
+  void follow_all();
   void look_beside(const ResponsePrior& before);
   void end_event();
+  std::vector<EffectSpec> found_effects() const;
+  void know_healthy();
+  void know_fault(const Scene& scene);
   Eigen::MatrixXd information() const;
 
   Datasheet sheet_;
@@ -111,6 +129,10 @@ class FaultResponses {
   std::vector<RankedFault> first_, second_;
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0;
+  ModelPoint known_;  // with all that was found
+  double usual_ = 0;  // misfit of what holds nothing but that
+  std::deque<double> healthy_misfits_;
+  double healthy_usual_ = 0;
   unsigned age_ = 0;        // of the event, in stretches
   unsigned stretches_ = 0;  // since the beginning
 };

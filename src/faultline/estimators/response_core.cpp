@@ -2,8 +2,8 @@
 // found last is told until the next judgement. That comes `latency` s after a stretch ended, whenever it is ready: a
 // thread of its own works it out, so that samples are not held up, and live and offline say the same at the same
 // sample. Its estimates hold a ranking only.
-// Settings: segment, segments, every, recent, memory, inflation, threshold (response_settings.h); latency [half of
-// every].
+// Settings: segment [s], segments, every [s], recent, memory, inflation, threshold (response_settings.h); latency [s,
+// half of every].
 #include "faultline/estimators/response_core.h"
 
 #include <future>
@@ -128,7 +128,7 @@ FAULTLINE_ESTIMATOR(fault_response, {"fault_response", kFamily, true, make_estim
 }  // namespace
 
 ResponseSettings response_settings(const Datasheet& sheet, const StageSpec& spec) {
-  ResponseSettings s = read_response_settings(spec.settings, sheet.sample_period);
+  ResponseSettings s = read_response_settings(spec.settings, sheet);
   s.refined_hypotheses = kRankedFirst;
   s.jobs = 2;
   return s;
@@ -137,7 +137,7 @@ ResponseSettings response_settings(const Datasheet& sheet, const StageSpec& spec
 ResponseSettings response_settings(const Datasheet& sheet) {
   for (const StageSpec& stage : sheet.estimators)
     if (estimator_type(stage).family == kFamily) return response_settings(sheet, stage);
-  return ResponseSettings();
+  return read_response_settings(Settings(), sheet);
 }
 
 }  // namespace faultline

@@ -10,23 +10,38 @@
 #include <cstddef>
 #include <string>
 
-#include "faultline/estimators/fault_hypothesis.h"
+#include "faultline/attribution/fault_hypothesis.h"
 #include "faultline/segments/segment_options.h"
 
 namespace faultline {
 
+// Start states are known as well as the smoothing says: in a short segment a wider prior takes most of what an effect
+// shows.
+inline SegmentOptions of_short_segments() {
+  SegmentOptions options;
+  options.start_prior_sigma = 0.4;
+  return options;
+}
+
 struct ResponseSettings {
   // ---- stretches
-  std::size_t segment_samples =
-      100;  // from one restart of the states to the next: longer shows more, until stick and slip part ways
-  std::size_t segments = 4;        // counted per stretch; one more runs before them, so that effects with memory settle
-  std::size_t margin_samples = 8;  // after a stretch: the last start state is smoothed over them
-  double every_s = 2;              // between the beginnings of stretches: bounds the effort
+  double segment_s =
+      0.1;  // from one restart of the states to the next: longer shows more, until stick and slip part ways
+  std::size_t segments = 4;  // counted per stretch; one more runs before them, so that effects with memory settle
+  double every_s = 2;        // between the beginnings of stretches: bounds the effort
   std::size_t recent_stretches = 3;              // in which a fault is looked for
   double memory_stretches = 10;                  // how long earlier ones speak for the parameters
   double inflation_variances = 30;               // residuals of a model that is a little wrong are not independent
   double parameter_difference_tolerances = 0.5;  // step of the differences by a parameter
   double least_response = 1e-6;  // information about an amplitude below which nothing is said: standstill
+
+  // ---- which stretches are looked at closely
+  std::size_t refresh_stretches = 16;      // one in so many is, whatever it holds: what is learnt must not age
+  std::size_t smooth_terms = 10;           // cosines per segment and output that hold what an effect does: up to 45 Hz
+                                           // in segments of 0.1 s, where a plant that stands in it no longer follows
+  double new_fraction = 0.1;               // of the threshold: misfit of a stretch by which it says something new
+  double followed_fraction = 0.02;         // of the evidence of a fault that is known: misfit from which it is followed
+  double least_nuisance_amplitude = 0.05;  // of a nuisance effect, from which it is in the model of what is known
 
   // ---- parameters
   double relinearise_tolerances = 0.3;  // move of a parameter from which the model is made linear anew
@@ -49,35 +64,39 @@ struct ResponseSettings {
   double refine_step_sigma = 0.2;         // ... and at least this, in standard errors of the amplitude
   double refine_reach_sigma = 3;          // move of one step, where that is more than the amplitude itself
   double refine_settled_fraction = 0.01;  // of the evidence, gained by a step, below which it is the last
-  double grown_ratio = 1.5;           // of the evidence to that at the last refinement, from which it is refined anew
-  std::size_t looked_hypotheses = 6;  // by evidence, looked at closely while a fault lasts ...
-  std::size_t kept_hypotheses = 12;   // ... beside those that explained it best when it was found
+  double grown_ratio = 1.5;             // of the evidence to that at the last refinement, from which it is refined anew
+  std::size_t looked_hypotheses = 6;    // by evidence, looked at closely while a fault lasts ...
+  std::size_t kept_hypotheses = 12;     // ... beside those that explained it best when it was found
+  double second_misfit_fraction = 0.5;  // of what a second must have, that the first must leave: a margin of two
   double second_evidence_fraction = 0.3;  // of the first fault's, that a second must have beyond the threshold
   double alternative_evidence_fraction =
       0.5;  // of the first fault's, from which a hypothesis is an alternative, not a second
 
   HypothesisOptions hypotheses;
-  SegmentOptions segment;
+  SegmentOptions segment = of_short_segments();
   int jobs = 1;  // threads; no answer depends on it
 
-  std::size_t stretch_samples() const { return (segments + 1) * segment_samples + margin_samples; }
+  double stretch_s() const { return static_cast<double>(segments + 1) * segment_s; }
 };
 
 template <class Visit>
 void for_each_option(ResponseSettings& options, Visit&& visit) {
-  for_each_option(options.segment, [&](const char* name, auto& value) {
-    visit((std::string("segment.") + name).c_str(), value);
-  });
+  for_each_option(options.segment,
+                  [&](const char* name, auto& value) { visit((std::string("segment.") + name).c_str(), value); });
 #define FAULTLINE_OPTION(member) visit(#member, options.member)
-  FAULTLINE_OPTION(segment_samples);
+  FAULTLINE_OPTION(segment_s);
   FAULTLINE_OPTION(segments);
-  FAULTLINE_OPTION(margin_samples);
   FAULTLINE_OPTION(every_s);
   FAULTLINE_OPTION(recent_stretches);
   FAULTLINE_OPTION(memory_stretches);
   FAULTLINE_OPTION(inflation_variances);
   FAULTLINE_OPTION(parameter_difference_tolerances);
   FAULTLINE_OPTION(least_response);
+  FAULTLINE_OPTION(refresh_stretches);
+  FAULTLINE_OPTION(smooth_terms);
+  FAULTLINE_OPTION(new_fraction);
+  FAULTLINE_OPTION(followed_fraction);
+  FAULTLINE_OPTION(least_nuisance_amplitude);
   FAULTLINE_OPTION(relinearise_tolerances);
   FAULTLINE_OPTION(farthest_tolerances);
   FAULTLINE_OPTION(parameter_moves);
@@ -98,6 +117,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(grown_ratio);
   FAULTLINE_OPTION(looked_hypotheses);
   FAULTLINE_OPTION(kept_hypotheses);
+  FAULTLINE_OPTION(second_misfit_fraction);
   FAULTLINE_OPTION(second_evidence_fraction);
   FAULTLINE_OPTION(alternative_evidence_fraction);
   FAULTLINE_OPTION(hypotheses.logarithmic_ratio);
@@ -107,8 +127,8 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
 #undef FAULTLINE_OPTION
 }
 
-// Those that a datasheet may set, by its keys: segment, segments, every, recent, memory, inflation, threshold.
-// `period`: s, of samples.
-ResponseSettings read_response_settings(const Settings& settings, double period);
+// Those that a datasheet may set, by its keys: segment [s], segments, every [s], recent, memory, inflation, threshold.
+// Without `segment` two fifths of the rig's (segments/segment_length.h), without `every` four stretches.
+ResponseSettings read_response_settings(const Settings& settings, const Datasheet& sheet);
 
 }  // namespace faultline

@@ -4,77 +4,114 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 
-#include "faultline/fit/segment_solver.h"
+#include "faultline/fit/fit_errors.h"
 #include "faultline/numerics/quantiles.h"
-#include "faultline/segments/time_scales.h"
+#include "faultline/numerics/random.h"
+#include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
 
-constexpr double kRidge = 1e-9;  // added to the Hessian's diagonal: a guard against what no run shows
-
 double scale_of(const Parameter& p, const FitOptions& options) {
   return p.tolerance > 0 ? p.tolerance : options.unmarked_tolerance_fraction;
 }
 
-struct Marked {
-  std::size_t index;
-  bool free = true;
-  std::string reason;
-};
-
-// Errors of the free parameters, in tolerances.
-struct Errors {
-  Eigen::MatrixXd statistical, systematic;
-  Eigen::VectorXd conditional;  // with all others known
-};
-
-Errors errors_of(const SegmentSolver& solver, const Datasheet& sheet, const std::vector<double>& values,
-                 const std::vector<std::size_t>& free) {
-  Errors e;
-  const SegmentSolver::Information info = solver.information(values, free);
-  const Eigen::Index n = info.hessian.rows();
-  const Eigen::LDLT<Eigen::MatrixXd> factor(info.hessian + kRidge * Eigen::MatrixXd::Identity(n, n));
-  const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(n, n));
-  e.statistical = inverse * info.scatter * inverse;
-  e.conditional.resize(n);
-  for (Eigen::Index i = 0; i < n; ++i)
-    e.conditional[i] = std::sqrt(info.scatter(i, i)) / std::max(info.hessian(i, i), 1e-12);
-  std::vector<SegmentSolver::Change> changes;
+std::vector<std::size_t> marked_parameters(const Datasheet& sheet) {
+  std::vector<std::size_t> marked;
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
-    if (sheet.parameters[i].tolerance <= 0 || std::find(free.begin(), free.end(), i) != free.end()) continue;
-    std::vector<double> plus = values, minus = values;
-    plus[i] *= 1 + 0.5 * sheet.parameters[i].tolerance;
-    minus[i] *= 1 - 0.5 * sheet.parameters[i].tolerance;
-    changes.push_back({{plus, {}}, {minus, {}}});
+    if (!sheet.parameters[i].identify) continue;
+    if (sheet.parameters[i].nominal == 0)
+      throw InputError(fmt::format("{}: parameter {} is to be identified but its nominal value is 0; give it a scale",
+                                   sheet.file, sheet.parameters[i].name));
+    marked.push_back(i);
   }
-  for (const std::string& text : sheet.nuisance) changes.push_back({{values, {parse_effect(text)}}, {values, {}}});
-  const Eigen::MatrixXd shifts = inverse * solver.responses(values, free, changes);
-  e.systematic = shifts * shifts.transpose();
-  return e;
+  if (marked.empty())
+    throw InputError(
+        fmt::format("{}: no parameter is marked 'identify: true'; mark those that `fit` shall estimate", sheet.file));
+  return marked;
 }
 
-std::string reason_for(const Datasheet& sheet, const std::vector<std::size_t>& free, const Errors& e,
-                       Eigen::Index worst, const FitOptions& options) {
-  const Eigen::MatrixXd total = e.statistical + e.systematic;
-  if (e.conditional[worst] > options.seen_error_tolerances)
-    return fmt::format("these runs hardly respond to it: alone it would be known to {:.2g} tolerances",
-                       e.conditional[worst]);
-  std::string with;
-  for (Eigen::Index j = 0; j < total.rows(); ++j) {
-    if (j == worst) continue;
-    const double correlation = e.statistical(worst, j) / std::sqrt(e.statistical(worst, worst) * e.statistical(j, j));
-    if (std::abs(correlation) < options.named_correlation) continue;
-    with += (with.empty() ? "" : ", ") +
-            fmt::format("{} ({:+.2f})", sheet.parameters[free[static_cast<std::size_t>(j)]].name, correlation);
+// Scatter and parameters in turn. Returns the largest move of the last round, in tolerances.
+double settle(SegmentSolver& solver, std::vector<double>& values, const std::vector<std::size_t>& free, bool correlated,
+              const FitOptions& options) {
+  double moved = 0;
+  for (std::size_t round = 0; round < options.rounds; ++round) {
+    const std::vector<double> before = values;
+    solver.set_scatter(values);
+    if (correlated) {
+      solver.set_correlation(values);
+      solver.set_weights(values, free);
+    }
+    const bool solved = solver.solve(values, free, round == 0 ? options.first_iterations : options.next_iterations);
+    moved = 0;
+    for (const std::size_t i : free)
+      moved = std::max(moved, std::abs(solver.coordinate(i, values[i]) - solver.coordinate(i, before[i])));
+    if (solved && moved < options.settled_tolerances) break;
   }
-  if (!with.empty()) return "only a combination is determined; correlated with " + with;
-  if (e.systematic(worst, worst) > e.statistical(worst, worst))
-    return "what else may be off in the model (tolerances, nuisance effects) moves it by more than its tolerance";
-  return "these runs are too short or too poorly explained to know it better than the datasheet";
+  return moved;
+}
+
+// Other starts, drawn around the datasheet's values; `values` becomes the best. Returns how many ended lower.
+std::size_t try_other_starts(SegmentSolver& solver, std::vector<double>& values, const std::vector<std::size_t>& free,
+                             const FitOptions& options) {
+  Random random(1);
+  std::size_t better = 0;
+  solver.set_scatter(values);
+  for (std::size_t s = 0; s < options.other_starts; ++s) {
+    std::vector<double> other = values;
+    for (const std::size_t i : free) {
+      const double least = solver.coordinate(i, options.lowest_ratio * solver.value(i, 0));
+      const double most = solver.coordinate(i, options.highest_ratio * solver.value(i, 0));
+      other[i] = solver.value(i, std::clamp(options.other_start_tolerances * random.normal(), least, most));
+    }
+    solver.solve(other, free, options.first_iterations);
+    if (solver.cost(other, free) > (1 - options.better_cost_fraction) * solver.cost(values, free)) continue;
+    settle(solver, other, free, false, options);
+    values = other;
+    solver.set_scatter(values);
+    ++better;
+  }
+  return better;
+}
+
+FittedParameter fitted_parameter(const Datasheet& sheet, const SegmentSolver& solver, const FitErrors& errors,
+                                 const std::vector<double>& scales, const std::vector<double>& values,
+                                 const std::vector<std::size_t>& free, std::size_t at, const FitOptions& options) {
+  const std::size_t index = free[at];
+  const auto i = static_cast<Eigen::Index>(at);
+  const Parameter& p = sheet.parameters[index];
+  FittedParameter fitted;
+  fitted.name = p.name;
+  fitted.unit = p.unit;
+  fitted.nominal = p.nominal;
+  fitted.tolerance = p.tolerance;
+  fitted.estimate = values[index];
+  fitted.statistical = errors.posterior[i] * scales[index];
+  fitted.systematic = std::sqrt(errors.systematic[i]) * scales[index];
+  const double half_width = std::hypot(student_ninety_percent(errors.freedom) * errors.posterior[i],
+                                       kNinetyPercentSigmas * std::sqrt(errors.systematic[i]));
+  Widening wider;
+  if (errors.variance(i, i) + errors.systematic[i] > 1) {
+    fitted.reason = reason_undetermined(sheet, scales, errors, free, at, options);
+  } else {
+    // Beyond this the data do not know it to one tolerance.
+    const double farthest = std::max(half_width, kNinetyPercentSigmas);
+    wider = profile(solver, errors, values, free, at, half_width, farthest, options);
+    if (std::max(wider.below, wider.above) * half_width >= farthest && farthest > half_width)
+      fitted.reason =
+          fmt::format("its curvature says +-{:.2g} tolerances, but a fit with it {} by a whole one is as good",
+                      half_width, wider.below > wider.above ? "lower" : "higher");
+  }
+  fitted.determined = fitted.reason.empty();
+  const double z = solver.coordinate(index, values[index]);
+  fitted.low = solver.value(index, z - wider.below * half_width);
+  fitted.high = solver.value(index, z + wider.above * half_width);
+  if (fitted.low > fitted.high) std::swap(fitted.low, fitted.high);  // a negative value
+  const double ratio = values[index] / p.nominal;
+  fitted.at_bound = ratio < 1.001 * options.lowest_ratio || ratio > 0.999 * options.highest_ratio;
+  return fitted;
 }
 
 }  // namespace
@@ -82,17 +119,7 @@ std::string reason_for(const Datasheet& sheet, const std::vector<std::size_t>& f
 ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::string, Recording>> runs, int jobs,
                             const FitProgress& progress, const FitOptions& options) {
   if (runs.empty()) throw InputError("fit: no run was given");
-  std::vector<Marked> marked;
-  for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
-    if (sheet.parameters[i].identify) {
-      if (sheet.parameters[i].nominal == 0)
-        throw InputError(fmt::format("{}: parameter {} is to be identified but its nominal value is 0; give it a scale",
-                                     sheet.file, sheet.parameters[i].name));
-      marked.push_back({i, true, ""});
-    }
-  if (marked.empty())
-    throw InputError(
-        fmt::format("{}: no parameter is marked 'identify: true' or has a tolerance; mark those that `fit` shall estimate", sheet.file));
+  const std::vector<std::size_t> free = marked_parameters(sheet);
   const SegmentModel model(sheet, options.segments);
   std::vector<const Recording*> recordings;
   for (const auto& run : runs) recordings.push_back(&run.second);
@@ -101,7 +128,11 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   for (auto& [name, recording] : runs)
     prepared.push_back(cut_run(sheet, name, std::move(recording), segment, options.segments));
   const std::vector<double> noise = noise_of(sheet, prepared, options.segments);
-  for (SegmentedRun& run : prepared) model.place_starts(run, noise, model.nominal());
+  std::vector<std::string> remarks;
+  for (SegmentedRun& run : prepared) {
+    model.place_starts(run, noise, model.nominal());
+    if (!run.remark.empty()) remarks.push_back(run.remark);
+  }
   std::vector<double> scales;
   for (const Parameter& p : sheet.parameters) scales.push_back(scale_of(p, options));
   SegmentSolver solver(model, std::move(prepared), noise, scales, options, jobs);
@@ -112,69 +143,53 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   ParameterFit result;
   result.values = sheet.nominal();
   const std::vector<double> before = solver.misfit(result.values);
-  Errors errors;
-  std::vector<std::size_t> free;
-  bool first = true;
-  while (true) {
-    free.clear();
-    for (const Marked& m : marked)
-      if (m.free) free.push_back(m.index);
-    if (free.empty()) break;
-    tell(fmt::format("{} parameters, {} segments", free.size(), solver.segments()));
-    // Scatter and parameters in turn.
-    solver.set_scatter(result.values);
-    solver.solve(result.values, free, first ? options.first_iterations : options.next_iterations);
-    solver.set_scatter(result.values);
-    solver.solve(result.values, free, options.next_iterations);
-    first = false;
-    errors = errors_of(solver, sheet, result.values, free);
-    // The worst of those that are not determined goes; the others may be determined without it.
-    Eigen::Index worst = -1;
-    double largest = 1;
-    for (Eigen::Index j = 0; j < errors.statistical.rows(); ++j) {
-      const double error = std::sqrt(errors.statistical(j, j) + errors.systematic(j, j));
-      if (error > largest) {
-        largest = error;
-        worst = j;
-      }
-    }
-    if (worst < 0) break;
-    const std::size_t index = free[static_cast<std::size_t>(worst)];
-    const auto place = std::find_if(marked.begin(), marked.end(), [&](const Marked& m) { return m.index == index; });
-    place->free = false;
-    place->reason = reason_for(sheet, free, errors, worst, options);
-    tell(fmt::format("{} is not determined", sheet.parameters[index].name));
-    result.values[index] = sheet.parameters[index].nominal;
+  tell(fmt::format("{} parameters, {} segments", free.size(), solver.segments()));
+  // Far from the minimum what is left is one long correlated error, which would hold the parameters where they are.
+  settle(solver, result.values, free, false, options);
+  tell(fmt::format("{} other starts", options.other_starts));
+  const std::size_t better = try_other_starts(solver, result.values, free, options);
+  const double moved = settle(solver, result.values, free, true, options);
+  result.converged = moved < options.settled_tolerances;
+  tell("errors");
+  const FitErrors errors = fit_errors(solver, sheet, result.values, free);
+  for (std::size_t at = 0; at < free.size(); ++at) {
+    tell(fmt::format("interval of {}", sheet.parameters[free[at]].name));
+    result.parameters.push_back(fitted_parameter(sheet, solver, errors, scales, result.values, free, at, options));
   }
-
-  for (const Marked& m : marked) {
-    const Parameter& p = sheet.parameters[m.index];
-    FittedParameter fitted;
-    fitted.name = p.name;
-    fitted.unit = p.unit;
-    fitted.nominal = p.nominal;
-    fitted.tolerance = p.tolerance;
-    fitted.determined = m.free;
-    fitted.reason = m.reason;
-    fitted.estimate = result.values[m.index];
-    double error = scale_of(p, options) * p.nominal;  // of the estimate, in its unit
-    if (m.free) {
-      const Eigen::Index at = std::find(free.begin(), free.end(), m.index) - free.begin();
-      fitted.statistical = std::sqrt(errors.statistical(at, at)) * error / fitted.estimate;
-      fitted.systematic = std::sqrt(errors.systematic(at, at)) * error / fitted.estimate;
-      error *= std::sqrt(errors.statistical(at, at) + errors.systematic(at, at));
-    }
-    fitted.low = fitted.estimate - kNinetyPercentSigmas * std::abs(error);
-    fitted.high = fitted.estimate + kNinetyPercentSigmas * std::abs(error);
-    result.parameters.push_back(fitted);
-  }
-  const std::vector<double> after = solver.misfit(result.values);
+  const std::vector<double> after = solver.misfit(result.values), free_run = solver.free_misfit(result.values);
   for (std::size_t i = 0; i < model.outputs().size(); ++i) {
     const Channel& channel = sheet.channels[static_cast<std::size_t>(model.outputs()[i])];
-    result.channels.push_back({channel.name, channel.unit, noise[i], before[i], after[i]});
+    result.channels.push_back({channel.name, channel.unit, noise[i], before[i], after[i], free_run[i]});
   }
   result.segments = solver.segments();
+  result.remarks = remarks;
   result.segment_duration = segment;
+  result.freedom = errors.freedom;
+  if (!result.converged)
+    result.remarks.push_back(
+        fmt::format("not converged: after {} rounds a parameter still moves by {:.2g} tolerances in a round; give more "
+                    "or longer runs, or mark fewer parameters",
+                    options.rounds, moved));
+  if (better > 0)
+    result.remarks.push_back(
+        fmt::format("{} of {} other starts ended at a better minimum than the datasheet's values did; check the "
+                    "answer on another run",
+                    better, options.other_starts));
+  if (errors.freedom < 10)
+    result.remarks.push_back(
+        fmt::format("few data: what is left is worth {:.2g} independent values beyond the parameters, and the "
+                    "intervals are wider for it; give more or longer runs",
+                    errors.freedom));
+  for (std::size_t i = 0; i < after.size(); ++i)
+    if (after[i] > options.wrong_model_ratio * noise[i])
+      result.remarks.push_back(
+          fmt::format("{}: what is left is {:.2g} times the noise; the model lacks something (faultline gap), and the "
+                      "estimates make up for it as far as they can",
+                      result.channels[i].channel, after[i] / noise[i]));
+  for (const FittedParameter& p : result.parameters)
+    if (p.at_bound)
+      result.remarks.push_back(
+          fmt::format("{} ended at its bound, {:.3g} of the datasheet's value", p.name, p.estimate / p.nominal));
   return result;
 }
 

@@ -18,10 +18,11 @@ namespace faultline {
 namespace {
 
 // `apart`: how far fits of single runs lie from each other, in the effect's coordinates.
-NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart,
+// `ninety`: half width of 90 % bounds in standard errors.
+NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart, double ninety,
                   const GapOptions::Verdict& options) {
   // The covariance knows nothing of what the model lacks.
-  const double width = kNinetyPercentSigmas * options.interval_ratio;
+  const double width = ninety * options.interval_ratio;
   const Candidate& candidate = fit.effects[position];
   NamedEffect result;
   result.effect = candidate.effect.effect;
@@ -35,13 +36,15 @@ NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::Vecto
   for (std::size_t p = 0; p < candidate.effect.parameters.size(); ++p) {
     const double value = candidate.effect.parameters[p];
     result.parameters[type->parameters[p].name] = value;
-    if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum || fit.covariance.rows() == 0) continue;
+    if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum) continue;
+    const double place = candidate.to_coordinate(p, value);
+    if (std::abs(place - 0.5) > 0.5 - options.bound_coordinate) result.at_bounds.push_back(type->parameters[p].name);
+    if (fit.covariance.rows() == 0) continue;
     const double between = static_cast<Eigen::Index>(p) < apart.size() ? apart[static_cast<Eigen::Index>(p)] : 0.0;
     const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)) + between * between);
     ++at;
-    const double c = candidate.to_coordinate(p, value);
-    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, c - width * std),
-                                                  candidate.from_coordinate(p, c + width * std)};
+    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, place - width * std),
+                                                  candidate.from_coordinate(p, place + width * std)};
   }
   return result;
 }
@@ -60,6 +63,17 @@ double quiet_excess(const ResidualModel& model) {
   }
   const double noisy = options.quiet_noisy_fraction;
   return options.quiet_excess_variances * (noisy + (1 - noisy) / std::max(1.0, count > 0 ? ratio / count : 1.0));
+}
+
+// What chance alone makes of the excess: the scatter of the segments' losses, and the error of the noise level that they
+// are counted in. A robust level from the third differences of N samples is off by 1.8/sqrt(N), one standard deviation.
+double chance_excess(const ResidualModel& model, const std::vector<double>& losses, double values) {
+  const double count = static_cast<double>(losses.size()), mean = sum(losses) / count;
+  double scatter = 0, rows = 0;
+  for (const double loss : losses) scatter += (loss - mean) * (loss - mean);
+  for (const GapRun& run : model.runs()) rows += static_cast<double>(run.recording.rows());
+  const double level = 2 * 1.8 / std::sqrt(rows * static_cast<double>(model.outputs().size()));
+  return std::hypot(2 * std::sqrt(scatter) / values, level);
 }
 
 std::string kind_of(const Datasheet& sheet, const std::string& port) {
@@ -135,7 +149,12 @@ Interval shrink_interval(const std::vector<double>& before, const std::vector<do
   }
   if (shrinks.empty()) return {};
   std::sort(shrinks.begin(), shrinks.end());
-  return {shrinks[shrinks.size() / 20], shrinks[shrinks.size() - 1 - shrinks.size() / 20]};
+  // Few segments drawn from themselves scatter too little.
+  const double few = static_cast<double>(before.size()), middle = shrinks[shrinks.size() / 2];
+  const double wider =
+      few > 1 ? student_ninety_percent(few - 1) / kNinetyPercentSigmas * std::sqrt(few / (few - 1)) : 1;
+  const double low = shrinks[shrinks.size() / 20], high = shrinks[shrinks.size() - 1 - shrinks.size() / 20];
+  return {middle + wider * (low - middle), std::min(1.0, middle + wider * (high - middle))};
 }
 
 // The finalists of the first round with their distances and probabilities. Those that were not followed to the end
@@ -149,7 +168,7 @@ std::vector<RankedCause> rank_causes(const GapTrials& work, const EffectSearch& 
   double weights = 0, last = 0;
   for (const Structure& s : search.ranked) {
     RankedCause cause;
-    cause.effect = named(s.fit, s.fit.effects.size() - 1, s.apart, options);
+    cause.effect = named(s.fit, s.fit.effects.size() - 1, s.apart, work.ninety_percent(), options);
     if (!s.score.empty()) {
       const std::vector<double> behind = minus(s.score, best.score);
       cause.behind = sum(behind);
@@ -201,10 +220,10 @@ std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<St
 bool same_cause(const NamedEffect& a, const NamedEffect& b) { return a.effect == b.effect && a.port == b.port; }
 
 // The effects that were found, and the rivals of the first.
-void name_effects(const EffectSearch& search, const GapOptions::Verdict& options, GapResult& result) {
+void name_effects(const EffectSearch& search, double ninety, const GapOptions::Verdict& options, GapResult& result) {
   for (std::size_t round = 0; round < search.round_of.size(); ++round) {
     const std::size_t e = position_of(search, round);
-    NamedEffect effect = named(search.base, e, search.apart[e], options);
+    NamedEffect effect = named(search.base, e, search.apart[e], ninety, options);
     effect.probability = 1;
     if (round == 0)
       for (const RankedCause& cause : result.ranked)
@@ -246,11 +265,19 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   result.rig = sheet.rig;
   for (const GapRun& run : runs) result.runs.push_back(run.name);
   for (const GapRun& run : holdout) result.holdout.push_back(run.name);
+  for (const auto* list : {&runs, &holdout})
+    for (const GapRun& run : *list)
+      if (!run.remark.empty()) result.remarks.push_back(run.remark);
   Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.segments);
 
   GapTrials work(sheet, std::move(split.runs), split.folds, split.learn, settings, progress);
   const double values = work.held_out_values();
   const double quiet = quiet_excess(work.model());
+  if (work.learned_segments() < verdict.few_segments)
+    result.remarks.push_back(fmt::format(
+        "few data: {:g} segments of {:g} s to learn from; intervals are wider for it, and small effects do not show",
+        work.learned_segments(),
+        static_cast<double>(work.model().runs().front().segment) * work.model().runs().front().period));
   work.tell(0.02, "refitting parameters");
   const EffectSearch search = search_effects(work, settings.most_effects, quiet);
   GapModel nominal;
@@ -279,11 +306,13 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
   result.closable = found && closure_gain > 0 ? std::clamp(named_gain / closure_gain, 0.0, 1.0) : 0;
   result.ranked = rank_causes(work, search);
   result.places = rank_places(sheet, search.screened, result.ranked, verdict.place_probability);
-  if (found) name_effects(search, verdict, result);
+  if (found) name_effects(search, work.ninety_percent(), verdict, result);
 
   // Doubt that what was found is the cause, or that nothing need be found: what is left, and how far the parameters
   // had to bend for it.
-  double doubt = there_was / (verdict.unexplained_quiet_ratio * quiet);
+  double doubt =
+      there_was / (verdict.unexplained_quiet_ratio * quiet +
+                   verdict.chance_standard_errors * chance_excess(work.model(), search.plain.held_out, values));
   if (found) {
     doubt = std::max(0.0, left - quiet) / std::max(there_was, 1e-9) / verdict.left_excess_fraction +
             strain_of(sheet, search.base.model.parameters) / verdict.strain_squared_tolerances;
@@ -329,7 +358,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
     const NamedEffect& best = result.ranked.front().effect;
     result.next = separating_runs(sheet, model_of(best).model, model_of(rival).model,
                                   best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port, options,
-                                  settings.jobs);
+                                  settings.jobs, result.remarks);
   }
   measure_levels(work.model(), nominal, search.plain.fit.model, search.base, result);
   describe(sheet, result);

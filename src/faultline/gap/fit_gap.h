@@ -6,7 +6,7 @@
 // (candidates.h), known beforehand to about its range. W, n: linearisation.h.
 #pragma once
 
-#include "faultline/gap/candidates.h"
+#include "faultline/attribution/candidates.h"
 #include "faultline/gap/linearisation.h"
 
 namespace faultline {

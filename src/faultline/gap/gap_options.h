@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <string>
 
+#include "faultline/attribution/candidates.h"
 #include "faultline/segments/segment_options.h"
 
 namespace faultline {
@@ -49,19 +50,7 @@ struct GapOptions {
         0.5;  // gain of a step below which the fit has converged: no decision rests on so little
   } fit;
 
-  // candidates.h: coordinates and starting points of effects.
-  struct Candidates {
-    // Ratio of a range's bounds from which its coordinate is logarithmic.
-    double logarithmic_ratio = 20;
-    // Starting points of a shape (a second parameter), coordinates.
-    std::array<double, 3> shape_coordinates = {0.15, 0.5, 0.85};
-    // ... of a size over a logarithmic range, coordinates,
-    std::array<double, 5> logarithmic_coordinates = {0.1, 0.3, 0.5, 0.7, 0.9};
-    // ... and of other sizes: fractions of the range on each side of no effect. Small effects are the more frequent.
-    std::array<double, 3> size_fractions = {0.06, 0.25, 0.7};
-    // ... of the time from which a signal is stuck, evenly spread: its loss has a narrow valley.
-    std::size_t stuck_times = 12;
-  } candidates;
+  CandidateOptions candidates;
 
   // spectral_lines.h.
   struct Spectrum {
@@ -87,9 +76,9 @@ struct GapOptions {
     // of a residual that is not white (development).
     double correlated_fraction = 0.08;
     std::size_t steps = 4;          // Gauss-Newton steps around one linearisation
-    std::size_t quick_steps = 3;    // ... of a finalist
+    std::size_t quick_steps = 8;    // ... of a finalist, at most: few need more than six to converge
     std::size_t refit_rounds = 5;   // linearisations of the refit, at most
-    std::size_t refine_rounds = 3;  // ... and of a structure that is followed
+    std::size_t refine_rounds = 6;  // ... and of a structure that is followed
     // Move up to which sensitivities stay valid: of a parameter in tolerances, of an effect as a fraction of its size.
     double same_sensitivity_fraction = 0.35;
     // Information about an effect's size, as a fraction of that of all runs, below which a fold does not fit it.
@@ -111,8 +100,8 @@ struct GapOptions {
   // effect_search.h: which effects are kept.
   struct Search {
     std::size_t finalists = 10;               // candidates that are fitted after screening
-    std::size_t followed = 3;                 // ... and that are refined, at most
-    double followed_gain_fraction = 0.75;     // of the best quick gain, from which a finalist is refined
+    std::size_t followed = 5;                 // ... and that are refined, at most
+    double followed_gain_fraction = 0.5;      // of the best quick gain, from which a finalist is refined
     double significance_standard_errors = 3;  // by which the held-out gain of an effect must exceed 0
     double material_fraction = 0.04;        // of the typical squared residual that an effect must remove (development),
     double material_rest_fraction = 0.3;    // ... and a further one of the excess that the others leave,
@@ -128,6 +117,7 @@ struct GapOptions {
     // ... and the fraction of it that does not fall with the recording's noise.
     double quiet_noisy_fraction = 0.2;
     double unexplained_quiet_ratio = 3;  // times the quiet excess from which an unexplained gap is told as unknown
+    double chance_standard_errors = 2;   // ... beside what chance makes of it: short runs scatter
     double miscalibrated_excess_variances =
         0.05;  // that the refit must remove to speak of miscalibration: the quiet excess
     double left_excess_fraction =
@@ -140,8 +130,11 @@ struct GapOptions {
     double rival_standard_errors = 2;     // within which a rival cannot be told apart: 95 %
     double rival_gain_fraction = 0.02;    // ... or within this fraction of the gain
     double interval_ratio = 4;  // of an interval to what the fit's covariance says: it ignores what the model lacks
+    double few_segments = 16;   // to learn from, below which the answer says so
     double place_probability = 0.15;  // of a second place, from which it is told as inseparable
-    std::size_t bootstraps = 400;     // of the shrink's interval: its ends then scatter by 5 % of its width
+    // Distance from an end of a parameter's range, in its coordinate, up to which its value is told to be at the bound.
+    double bound_coordinate = 1e-3;
+    std::size_t bootstraps = 400;  // of the shrink's interval: its ends then scatter by 5 % of its width
   } verdict;
 
   // measure.h: regions of the operating range.
@@ -162,7 +155,9 @@ struct GapOptions {
 
   // next_run.h.
   struct NextRuns {
-    double duration_segments = 80;          // length of a run that is proposed
+    // Length of a run that is proposed, at most; else the profile's own: enough to tell two causes apart that can be.
+    double segments = 80;
+    double least_segments = 4;              // ... and at least: fewer decide nothing
     double separating_log_likelihood = 20;  // between two causes, from which a run separates them: odds of 5e8
     std::size_t most = 3;                   // runs told
   } next_runs;
@@ -172,9 +167,8 @@ struct GapOptions {
 // array of those.
 template <class Visit>
 void for_each_option(GapOptions& options, Visit&& visit) {
-  for_each_option(options.segments, [&](const char* name, auto& value) {
-    visit((std::string("segments.") + name).c_str(), value);
-  });
+  for_each_option(options.segments,
+                  [&](const char* name, auto& value) { visit((std::string("segments.") + name).c_str(), value); });
 #define FAULTLINE_OPTION(member) visit(#member, options.member)
   FAULTLINE_OPTION(linearisation.difference_tolerances);
   FAULTLINE_OPTION(linearisation.parameter_bound_tolerances);
@@ -230,6 +224,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.quiet_excess_variances);
   FAULTLINE_OPTION(verdict.quiet_noisy_fraction);
   FAULTLINE_OPTION(verdict.unexplained_quiet_ratio);
+  FAULTLINE_OPTION(verdict.chance_standard_errors);
   FAULTLINE_OPTION(verdict.miscalibrated_excess_variances);
   FAULTLINE_OPTION(verdict.left_excess_fraction);
   FAULTLINE_OPTION(verdict.strain_squared_tolerances);
@@ -239,7 +234,9 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.rival_standard_errors);
   FAULTLINE_OPTION(verdict.rival_gain_fraction);
   FAULTLINE_OPTION(verdict.interval_ratio);
+  FAULTLINE_OPTION(verdict.few_segments);
   FAULTLINE_OPTION(verdict.place_probability);
+  FAULTLINE_OPTION(verdict.bound_coordinate);
   FAULTLINE_OPTION(verdict.bootstraps);
   FAULTLINE_OPTION(regions.standstill_fraction);
   FAULTLINE_OPTION(regions.notable_ratio);
@@ -249,7 +246,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(grid.least_levels);
   FAULTLINE_OPTION(grid.same_fraction);
   FAULTLINE_OPTION(grid.half_width_fraction);
-  FAULTLINE_OPTION(next_runs.duration_segments);
+  FAULTLINE_OPTION(next_runs.segments);
+  FAULTLINE_OPTION(next_runs.least_segments);
   FAULTLINE_OPTION(next_runs.separating_log_likelihood);
   FAULTLINE_OPTION(next_runs.most);
 #undef FAULTLINE_OPTION

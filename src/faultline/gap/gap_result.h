@@ -17,7 +17,7 @@ struct ChannelGap {
   std::string channel;
   std::string unit;
   double noise_std = 0;                 // what the recording's own noise is
-  std::map<std::string, double> rms;    // by horizon: "1", "10", "100" samples, "segment"
+  std::map<std::string, double> rms;    // by horizon: "1", "10", "100" samples, "segment", "free"
   std::map<std::string, double> nrmse;  // rms over the channel's standard deviation
   std::map<std::string, double> fit;    // 1 - nrmse, in percent; 100 is perfect
   double excess = 0;                    // max(0, rms^2 - noise^2)/noise^2 on segments
@@ -53,6 +53,7 @@ struct NamedEffect {
   std::string family;
   std::map<std::string, double> parameters;
   std::map<std::string, Interval> intervals;  // 90 %
+  std::vector<std::string> at_bounds;         // parameters whose value is an end of the range that the datasheet allows
   double probability = 0;
 };
 
@@ -100,6 +101,7 @@ struct GapResult {
   Interval shrink_interval;   // 90 %, of shrink_refit
   double closable = 0;        // gain of the named effects as a fraction of that of a flexible closure
   std::vector<NextRun> next;
+  std::vector<std::string> remarks;  // what could not be done, or is to be minded, each a sentence
   GapSeries series;
   double seconds = 0;
 };

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "faultline/gap/screening.h"
 #include "faultline/gap/size_search.h"
 #include "faultline/gap/spectral_lines.h"
 #include "faultline/numerics/in_parallel.h"
+#include "faultline/numerics/quantiles.h"
 
 namespace faultline {
 namespace {
@@ -96,8 +98,7 @@ GapTrials::GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std
     : sheet_(sheet), settings_(settings), progress_(progress), folds_(folds), learn_(learn) {
   around_.residuals = std::make_shared<ResidualModel>(sheet, std::move(runs), options());
   double duration = 0;
-  for (const GapRun& run : model().runs())
-    duration = std::max(duration, run.duration());
+  for (const GapRun& run : model().runs()) duration = std::max(duration, run.duration());
   all_ = candidates(sheet, settings.without, duration, options().candidates);
   for (std::size_t i = 0; i < model().runs().size(); ++i) every_.push_back(i);
 }
@@ -163,8 +164,12 @@ FitResult GapTrials::stand(const GapModel& model) {
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   std::function<void(double)> progress;
   if (progress_) progress = [&](double done) { progress_(from + (to - from) * done, "trying effects"); };
-  const std::vector<Candidate> all =
-      at_lines(all_, around_.linear->at_model(), sheet_.sample_period, options().spectrum);
+  // Spectra add up over runs of one sample period.
+  const double period = model().runs().front().period;
+  std::vector<Eigen::MatrixXf> alike;
+  for (std::size_t run = 0; run < every_.size(); ++run)
+    if (model().runs()[run].period == period) alike.push_back(around_.linear->at_model()[run]);
+  const std::vector<Candidate> all = at_lines(all_, alike, period, options().spectrum);
   std::vector<Structure> result;
   for (Screened& screened : screen_candidates(model(), *around_.linear, all, base, settings_.jobs, progress)) {
     result.emplace_back();
@@ -196,39 +201,39 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
         std::max(bounds.minimum, time - spacing), std::min(bounds.maximum, time + spacing), trials.stuck_points,
         sheet_.sample_period);
   };
-  const std::size_t followed = (structures.size() + 1) / 2;
   const double promise = trials.promising_gain_fraction * structures.front().screened;
   std::atomic<std::size_t> done{0};
-  const auto fit = [&](Structure& structure, std::size_t steps) {
-    structure.fit = fit_gap(model(), structure.fit.model, structure.fit.effects, learn, steps);
-    structure.quick = before - weighted(structure.fit.model);
+  // A candidate is judged by where its fit has converged, from the refit's parameters, which were bent without it, and
+  // from the datasheet's: after one step it says more of the start than of the effect.
+  const auto fit = [&](Structure& structure, const FitResult& start) {
+    FitResult found = fit_gap(model(), start.model, start.effects, learn, trials.quick_steps);
+    const double gain = before - weighted(found.model);
+    if (gain <= structure.quick) return;
+    structure.fit = std::move(found);
+    structure.quick = gain;
   };
-  const auto round = [&](std::size_t count, const auto& work) {
-    in_parallel(count, settings_.jobs, [&](std::size_t i) {
-      work(structures[i]);
-      const std::size_t now = ++done;
-      if (progress_)
-        progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size() + followed),
-                  "fitting the best");
-    });
-    std::stable_sort(structures.begin(), structures.begin() + static_cast<std::ptrdiff_t>(count),
-                     [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
-  };
-  round(structures.size(), [&](Structure& structure) {
+  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+    Structure& structure = structures[i];
     const bool stuck = structure.fit.effects.back().family == "stuck";
     if (stuck) find_time(structure.fit);
-    const FitResult start = structure.fit;
-    fit(structure, 1);
-    if (!search || stuck || structure.quick > structure.screened || structure.screened < promise) return;
-    // A step that wins less than the screening promised is in a valley that its derivatives do not see.
-    Structure other = structure;
-    other.fit = start;
-    const double gain = search_effect(model(), learn, other.fit, trials.wide_span_coordinate, trials.wide_points);
-    if (gain < trials.relinearise_log_likelihood) return;
-    fit(other, 1);
-    if (other.quick > structure.quick) structure = std::move(other);
+    const FitResult bent = structure.fit;
+    FitResult straight = bent;
+    straight.model.parameters = sheet_.nominal();
+    structure.quick = -std::numeric_limits<double>::infinity();
+    fit(structure, bent);
+    fit(structure, straight);
+    if (search && !stuck && structure.quick < structure.screened && structure.screened >= promise) {
+      // A fit that wins less than the screening promised is in a valley that its derivatives do not see.
+      FitResult other = bent;
+      if (search_effect(model(), learn, other, trials.wide_span_coordinate, trials.wide_points) >=
+          trials.relinearise_log_likelihood)
+        fit(structure, other);
+    }
+    const std::size_t now = ++done;
+    if (progress_)
+      progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size()),
+                "fitting the best");
   });
-  round(followed, [&](Structure& structure) { fit(structure, trials.quick_steps - 1); });
   std::stable_sort(structures.begin(), structures.end(),
                    [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
 }
@@ -261,7 +266,7 @@ void GapTrials::refine(Structure& structure, int jobs) const {
   const double quick_loss = sum(robust(learn.segment_losses(residuals_of(model(), quick.model, learn_))));
   structure.fit.model.parameters = sheet_.nominal();
   double best = follow(structure, jobs, trials.refine_rounds);
-  if (best > quick_loss) {
+  if (best > quick_loss - trials.relinearise_log_likelihood) {
     Structure bent = structure;
     bent.fit = quick;
     const double other = follow(bent, jobs, trials.refine_rounds);
@@ -389,6 +394,14 @@ std::vector<double> GapTrials::held_out(const GapModel& at) const {
   }
   return result;
 }
+
+double GapTrials::learned_segments() const {
+  double count = 0;
+  for (const std::size_t run : learn_) count += static_cast<double>(model().runs()[run].segments());
+  return count;
+}
+
+double GapTrials::ninety_percent() const { return student_ninety_percent(std::max(1.0, learned_segments() - 1)); }
 
 double GapTrials::held_out_values() const {
   double count = 0;

@@ -83,6 +83,9 @@ class GapTrials {
 
   double segment_values() const { return model().segment_values(); }
   double held_out_values() const;
+  double learned_segments() const;
+  // Half width of 90 % bounds in standard errors that so many segments told.
+  double ninety_percent() const;
 
   // Loss of each segment on a scale where one in which the model goes astray does not outweigh all others: the
   // negative log likelihood with that segment's own noise level, n/2 log(2 loss/n). Near the noise it equals the loss

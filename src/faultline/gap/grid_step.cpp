@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "faultline/gap/candidates.h"
+#include "faultline/attribution/candidates.h"
 
 namespace faultline {
 

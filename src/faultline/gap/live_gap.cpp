@@ -9,7 +9,7 @@
 
 #include "faultline/gap/gap_series.h"
 #include "faultline/gap/gap_trials.h"
-#include "faultline/segments/time_scales.h"
+#include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -26,8 +26,7 @@ bool shows_regions(const Channel& channel) {
 
 LiveGap::LiveGap(const Datasheet& sheet, const LiveGapSettings& settings)
     : sheet_(sheet), settings_(settings), gap_segment_(segment_length(sheet)) {
-  segment_rows_ =
-      static_cast<std::size_t>(std::lround(settings.segment_ratio * gap_segment_ / sheet.sample_period));
+  segment_rows_ = static_cast<std::size_t>(std::lround(settings.segment_ratio * gap_segment_ / sheet.sample_period));
   if (segment_rows_ < 4 || settings.smoothing_segments < 2 || settings.least_segments < 1 ||
       settings.least_segments > settings.smoothing_segments || settings.locate_after_segments < 2 ||
       settings.locate_every_segments < 1 || !(settings.jump_segments > 0))

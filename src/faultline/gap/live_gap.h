@@ -142,8 +142,8 @@ class LiveGap {
 
   Datasheet sheet_;
   LiveGapSettings settings_;
-  double gap_segment_;         // s, the rig's
-  std::size_t segment_rows_;   // of a segment of the live gap
+  double gap_segment_;        // s, the rig's
+  std::size_t segment_rows_;  // of a segment of the live gap
   GapModel nominal_;
   std::vector<double> normal_;    // per channel of the datasheet; NaN: not given
   std::deque<Recording> window_;  // whole segments without a break, newest last

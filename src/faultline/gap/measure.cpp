@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -9,6 +10,8 @@
 
 namespace faultline {
 namespace {
+
+constexpr std::size_t kWhole = std::numeric_limits<std::size_t>::max() / 2;  // rows: no restart but at breaks
 
 ChannelGap channel_gap(const ResidualModel& model, std::size_t output) {
   const Channel& channel = model.sheet().channels[static_cast<std::size_t>(model.outputs()[output])];
@@ -36,7 +39,8 @@ GapLevel level(const ResidualModel& model, const std::string& name, const GapMod
   result.name = name;
   const std::size_t outputs = model.outputs().size();
   for (std::size_t o = 0; o < outputs; ++o) result.channels.push_back(channel_gap(model, o));
-  const std::pair<const char*, std::size_t> horizons[] = {{"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}};
+  const std::pair<const char*, std::size_t> horizons[] = {
+      {"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}, {"free", kWhole}};
   for (const auto& [name_of_horizon, horizon] : horizons) {
     const std::string key = name_of_horizon;
     std::vector<double> squares(outputs, 0);
@@ -146,7 +150,7 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
   // Bands by block means: their energy, against what white noise of the same power has there.
   const double values = rows * outputs;
   for (Eigen::Index b = 1; b <= 64; b *= 4) {
-    const double rate = 1 / sheet.sample_period, width = static_cast<double>(b);
+    const double rate = 1 / model.runs().front().period, width = static_cast<double>(b);
     const double energy = band_energy(residuals, b), fraction = energy / std::max(total, 1e-300);
     result.bands.push_back({fmt::format("{:.3g} to {:.3g} Hz", rate / (8 * width), rate / (2 * width)),
                             fraction / (0.75 / width), fraction, energy / values, band_energy(explained, b) / values});
@@ -205,9 +209,20 @@ void describe(const Datasheet& sheet, GapResult& result) {
     if (!result.equivalent.empty())
       result.sentence += fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
   } else {
-    result.sentence = fmt::format("Something the library does not know{}; the best known effect closes only {:.0f} %.",
-                                  result.places.empty() ? "" : " at or near " + result.places.front().port,
-                                  100 * std::max(0.0, result.shrink_refit));
+    std::string found;
+    for (const NamedEffect& e : result.effects)
+      found += fmt::format("{}{} at {}", found.empty() ? "" : " and ", e.effect, e.port);
+    result.sentence = fmt::format("Something the library does not know{}; ",
+                                  result.places.empty() ? "" : " at or near " + result.places.front().port);
+    if (!found.empty())
+      result.sentence +=
+          fmt::format("the nearest, {}, {} {:.0f} % of what the refit leaves.", found,
+                      result.effects.size() > 1 ? "close" : "closes", 100 * std::max(0.0, result.shrink_refit));
+    else if (result.ranked.empty())
+      result.sentence += "no effect of the library could be tried.";
+    else
+      result.sentence += fmt::format("no effect of the library is significant on held-out data, {} at {} the nearest.",
+                                     result.ranked.front().effect.effect, result.ranked.front().effect.port);
   }
 }
 

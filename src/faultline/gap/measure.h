@@ -6,8 +6,8 @@
 
 namespace faultline {
 
-// Fills result.gap (nominal, refit, explained; horizons 1, 10, 100 and segment), regions and bands of the refitted
-// model's residual, the run that shows the gap most, and that run's course.
+// Fills result.gap (nominal, refit, explained; horizons 1, 10, 100, segment and free), regions and bands of the
+// refitted model's residual, the run that shows the gap most, and that run's course.
 void measure_levels(const ResidualModel& model, const GapModel& nominal, const GapModel& refitted,
                     const FitResult& explained, GapResult& result);
 

@@ -27,7 +27,8 @@ std::vector<Eigen::MatrixXf> ResidualModel::start_sensitivity(const GapModel& mo
 std::vector<Eigen::MatrixXf> ResidualModel::settle_starts(const GapModel& model, std::size_t run,
                                                           std::vector<Eigen::MatrixXf> known) {
   // Hidden states are as the model at hand has them, unless it has hardly moved.
-  if (known.empty() && !hidden_states(model_, model, runs_[run]).empty()) model_.place_starts(runs_[run], noise_, model);
+  if (known.empty() && !hidden_states(model_, model, runs_[run]).empty())
+    model_.place_starts(runs_[run], noise_, model);
   return model_.settle(model, runs_[run], noise_, std::move(known));
 }
 

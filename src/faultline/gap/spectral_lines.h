@@ -6,7 +6,8 @@
 
 #include <Eigen/Core>
 
-#include "faultline/gap/candidates.h"
+#include "faultline/attribution/candidates.h"
+#include "faultline/gap/gap_options.h"
 
 namespace faultline {
 

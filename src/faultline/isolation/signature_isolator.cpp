@@ -60,7 +60,7 @@ SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& sp
   ring_.assign(capacity_ * f, 0);
   at_.resize(f);
   for (auto* v : {&features_, &sum_, &mean_, &window_mean_}) v->assign(f, 0);
-  for (auto* v : {&reference_, &residual_, &noise_, &error_, &weight_, &tried_, &ahead_}) v->assign(n, 0);
+  for (auto* v : {&reference_, &residual_, &noise_, &error_, &weight_, &tried_, &ahead_, &unchanged_}) v->assign(n, 0);
   tests_.resize(n);
   useless_.assign(n, false);
   masked_.assign(n, false);
@@ -151,10 +151,12 @@ bool SignatureIsolator::watch(const std::vector<bool>& doubted) {
   model_->residuals(features_.data(), reference_.data(), -1, 0, residual_.data());
   bool beyond = false;
   double most = 0;
+  const bool any_doubted = std::find(doubted.begin(), doubted.end(), true) != doubted.end();
   for (std::size_t i = 0; i < tests_.size(); ++i) {
     masked_[i] = useless_[i];
-    for (const int channel : residual_channels_[i])
-      masked_[i] = masked_[i] || doubted[static_cast<std::size_t>(channel)];
+    if (any_doubted)
+      for (const int channel : residual_channels_[i])
+        masked_[i] = masked_[i] || doubted[static_cast<std::size_t>(channel)];
     if (masked_[i]) {
       tests_[i].reset();
       continue;
@@ -181,7 +183,8 @@ void SignatureIsolator::match(std::size_t h) {
   const Hypothesis& hypothesis = hypotheses_[h];
   Match& m = matches_[h];
   m.size = 0;
-  m.chi2 = weighed(h, 0);
+  m.chi2 = unexplained_;
+  tried_ = unchanged_;
   for (std::size_t step = 0; step < options_.size_steps; ++step) {
     const std::size_t n = tried_.size();
     model_->residuals(mean_.data(), reference_.data(), static_cast<int>(h), m.size + hypothesis.unit, ahead_.data());
@@ -212,6 +215,7 @@ void SignatureIsolator::evaluate(double time, const std::vector<bool>& doubted, 
                             : 1 / (noise_[i] * noise_[i] / static_cast<double>(n) +
                                    options_.floor[i] * options_.floor[i] + error_[i] * error_[i]);
   unexplained_ = weighed(0, 0);
+  unchanged_ = tried_;
   for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
     matches_[h].tried = true;
     for (const int channel : hypotheses_[h].channels)
@@ -430,7 +434,9 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
     }
   }
   const std::size_t confirm = options_.confirm_samples;
-  const bool turn = age_ % options_.every_samples == 0;
+  // The window of an event that has filled it changes slowly.
+  const bool filled = static_cast<double>(age_) * period_ > options_.window_s;
+  const bool turn = age_ % (filled ? options_.every_samples * options_.settled_ratio : options_.every_samples) == 0;
   const bool due = finding.active ? turn : age_ == confirm || (age_ > confirm && turn);
   if (beyond && (due || (!finding.active && age_ > confirm && estimate.time == raised_from_)))
     evaluate(estimate.time, doubted, finding);

@@ -91,7 +91,7 @@ class SignatureIsolator : public Isolator {
   std::size_t capacity_, head_ = 0, filled_ = 0;
   double learn_count_ = 0, onset_ = 0, raised_from_ = 0, last_beyond_ = 0;
   std::size_t age_ = 0;  // samples since the event began
-  std::vector<double> mean_, window_mean_, weight_, tried_, ahead_;
+  std::vector<double> mean_, window_mean_, weight_, tried_, ahead_, unchanged_;
   std::vector<Match> matches_;
   int named_ = -1;
   double course_ = -1;  // early residual over its plateau; -1: not judged yet

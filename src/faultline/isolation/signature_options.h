@@ -31,6 +31,8 @@ struct SignatureOptions {
 
   // ---- the method's
   std::size_t every_samples = 20;  // from one evaluation of an event to the next: bounds the effort
+  std::size_t settled_ratio =
+      3;  // of that to the same once the event is older than the window, an eighth of which it then is
   std::size_t few_rivals = 3;      // hypotheses beside the best, with which an event waits for `patience_s`
   std::size_t most_rivals = 6;     // beyond which naming the best would say nothing
   std::size_t size_steps = 3;      // Gauss-Newton steps of a size: signatures are nearly linear
@@ -73,6 +75,7 @@ void for_each_option(SignatureOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(change);
   FAULTLINE_OPTION(floor);
   FAULTLINE_OPTION(every_samples);
+  FAULTLINE_OPTION(settled_ratio);
   FAULTLINE_OPTION(few_rivals);
   FAULTLINE_OPTION(most_rivals);
   FAULTLINE_OPTION(size_steps);

@@ -9,4 +9,8 @@ constexpr double kNinetyPercentSigmas = 1.6448536269514722;
 // x with P(chi-squared of `freedom` degrees > x) = p, for freedom > 0 and 0 < p < 1.
 double chi_squared_quantile_above(double freedom, double p);
 
+// x with P(|T| < x) = 0.9 for Student's T with `freedom` > 0 degrees: half-width of 90 % bounds in standard errors
+// that were themselves estimated from few values.
+double student_ninety_percent(double freedom);
+
 }  // namespace faultline

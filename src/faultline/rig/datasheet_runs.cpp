@@ -252,8 +252,8 @@ void read_diagnosis(const YamlValue& root, Datasheet& sheet) {
   if (root.has("segment")) {
     sheet.segment = root.at("segment").number(0);
     if (sheet.segment < 4 * sheet.sample_period)
-      root.at("segment").fail(fmt::format("is {:g} s; give at least 4 sample periods, {:g} s", sheet.segment,
-                                          4 * sheet.sample_period));
+      root.at("segment").fail(
+          fmt::format("is {:g} s; give at least 4 sample periods, {:g} s", sheet.segment, 4 * sheet.sample_period));
   }
   for (const YamlValue& entry : mapping_at(root, "normal_gap")) {
     channel_named(sheet, entry, entry.key());

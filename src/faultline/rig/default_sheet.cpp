@@ -35,7 +35,6 @@ constexpr double kSegmentSettling =
 constexpr double kModeSettles = 3;  // scales, after which one mode has settled
 // Residuals of a model within its tolerances are nearly white once these are adjusted.
 constexpr double kInflation = 5;
-constexpr double kMargin = 9;          // samples between stretches, in which the last start is smoothed
 constexpr double kEffort = 2e4;        // samples of the model per second of recording that the responses may cost
 constexpr double kLongestLatency = 1;  // s: what a judgement takes
 // Times the mean square that a filter expects: of a rig that is one tolerance off it is up to twice that
@@ -142,7 +141,7 @@ class Completer {
     double variants = 1;  // of the model, that run beside each other
     for (const Parameter& p : sheet_.parameters) variants += p.tolerance > 0;
     for (const Port& port : sheet_.ports) variants += static_cast<double>(port.effects.size());
-    const double stretch = ((kSegments + 1) * segment() + kMargin) * period_;
+    const double stretch = (kSegments + 1) * segment() * period_;
     return std::min(stretch * std::max(1.0, variants / (kEffort * period_)), kLongestEvery);
   }
 
@@ -153,7 +152,7 @@ class Completer {
           {"model_filter", "unscented_kalman", settings("model_filter", numbers, {{"model", "rig_model"}})});
     else
       sheet_.estimators.push_back({"channels", "channels", settings("channels", numbers)});
-    numbers["segment"] = segment();
+    numbers["segment"] = segment() * period_;
     numbers["segments"] = kSegments;
     numbers["inflation"] = kInflation;
     numbers["every"] = rounded(every());

@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "faultline/numerics/random.h"
@@ -66,7 +67,7 @@ class DrivenModel {
   // which the nominal states are set to start_states + i * (number of the datasheet's states); before the first restart
   // the rig's own initial state runs. A restart acts after its row was predicted: the row still shows where the segment
   // before it ended. Calls row(index, channels) with one value per channel for each of them. Effects forget what was
-  // before `first`; their time counts from the recording's first row.
+  // before `first`; their time counts from the recording's first row. Where row returns a bool, false ends the run.
   template <class Row>
   void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
            const double* start_states, Row&& row) {
@@ -78,7 +79,11 @@ class DrivenModel {
         advance(recording, k, restart ? start_states + next * state_count() : nullptr);
         next += restart;
       }
-      row(k, predicted());
+      if constexpr (std::is_same_v<decltype(row(k, predicted())), bool>) {
+        if (!row(k, predicted())) return;
+      } else {
+        row(k, predicted());
+      }
     }
   }
 

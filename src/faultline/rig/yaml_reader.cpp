@@ -34,13 +34,13 @@ std::string one_line(std::string text) {
   return text;
 }
 
-std::string read_file(const std::string& file) {
+std::string read_file(const std::string& file, const std::string& kind) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error))
     throw InputError(fmt::format("{}: there is no such file; give the path of a readable YAML file", file));
   if (std::filesystem::file_size(file, error) > kLargestFile)
-    throw InputError(fmt::format("{}: the file is larger than {} MB: that is no datasheet; give one that is", file,
-                                 kLargestFile >> 20));
+    throw InputError(fmt::format("{}: the file is larger than {} MB: that is no {}; give one that is", file,
+                                 kLargestFile >> 20, kind));
   std::ifstream stream(file, std::ios::binary);
   std::string text(std::istreambuf_iterator<char>(stream), {});
   if (!stream) throw InputError(fmt::format("{}: the file cannot be read; check its permissions", file));
@@ -66,7 +66,8 @@ struct DocumentStart : YAML::EventHandler {
 
 // The parser takes what cannot begin a document, as a comma, for an empty document and stays in front of it: asked for
 // all documents (YAML::LoadAll) it never ends. It is asked for two.
-void refuse_what_follows(const std::string& file, const std::string& text) {
+void refuse_what_follows(const std::string& file, const std::string& kind, const std::string& example,
+                         const std::string& text) {
   std::istringstream stream(text);
   YAML::Parser parser(stream);
   DocumentStart start;
@@ -74,13 +75,12 @@ void refuse_what_follows(const std::string& file, const std::string& text) {
   std::size_t begin = 0;
   for (int line = 0; line < start.mark.line; ++line) begin = text.find('\n', begin) + 1;
   if (text.compare(begin, 3, "---") == 0)
-    throw InputError(
-        fmt::format("{}:{}: a second document starts here; one file is one datasheet, remove the line '---'", file,
-                    start.mark.line + 1));
+    throw InputError(fmt::format("{}:{}: a second document starts here; one file is one {}, remove the line '---'",
+                                 file, start.mark.line + 1, kind));
   throw InputError(
-      fmt::format("{}:{}: this is not valid YAML: what stands here belongs to no key; a datasheet is a mapping of keys "
-                  "to values, as in 'rig: NAME'",
-                  file, start.mark.line + 1));
+      fmt::format("{}:{}: this is not valid YAML: what stands here belongs to no key; a {} is a mapping of keys "
+                  "to values, as in '{}'",
+                  file, start.mark.line + 1, kind, example));
 }
 
 std::string range_text(double minimum, double maximum) {
@@ -111,20 +111,20 @@ YamlValue::YamlValue(std::shared_ptr<File> file, const YAML::Node& node, std::st
       branch_(std::move(branch)),
       line_(node.Mark().line + 1) {}
 
-YamlValue YamlValue::load(const std::string& file) {
-  const std::string text = read_file(file);
+YamlValue YamlValue::load(const std::string& file, const std::string& kind, const std::string& example) {
+  const std::string text = read_file(file, kind);
   YAML::Node document;
   try {
     document = YAML::Load(text);
-    refuse_what_follows(file, text);
+    refuse_what_follows(file, kind, example, text);
   } catch (const YAML::Exception& e) {
     throw InputError(fmt::format("{}:{}: this is not valid YAML: {}; correct the syntax there", file, e.mark.line + 1,
                                  one_line(e.msg)));
   }
   if (document.IsNull())
-    throw InputError(fmt::format("{}: the file is empty; a datasheet starts with 'rig: NAME'", file));
-  YamlValue root(std::make_shared<File>(File{file, {}}), document, "", "", "");
-  if (!document.IsMap()) root.fail("must be a mapping of keys to values, as in 'rig: NAME'");
+    throw InputError(fmt::format("{}: the file is empty; a {} starts with '{}'", file, kind, example));
+  YamlValue root(std::make_shared<File>(File{file, kind, {}}), document, "", "", "");
+  if (!document.IsMap()) root.fail(fmt::format("must be a mapping of keys to values, as in '{}'", example));
   return root;
 }
 
@@ -133,7 +133,7 @@ void YamlValue::set_branches(std::vector<std::string> branches) { file_->branche
 std::string YamlValue::file() const { return file_->name; }
 
 std::string YamlValue::place() const {
-  return fmt::format("{}:{}: {}", file_->name, line_, path_.empty() ? "the datasheet" : "'" + path_ + "'");
+  return fmt::format("{}:{}: {}", file_->name, line_, path_.empty() ? "the " + file_->kind : "'" + path_ + "'");
 }
 
 void YamlValue::fail(const std::string& message) const { throw InputError(place() + " " + message); }
@@ -153,7 +153,7 @@ void YamlValue::allow(const std::vector<std::string>& required, const std::vecto
     std::vector<std::string> all = required;
     all.insert(all.end(), optional.begin(), optional.end());
     throw InputError(fmt::format("{}:{}: key '{}' in {} is not known; allowed are {}", file_->name, entry.line_,
-                                 entry.key_, path_.empty() ? "the datasheet" : "'" + path_ + "'", joined(all)));
+                                 entry.key_, path_.empty() ? "the " + file_->kind : "'" + path_ + "'", joined(all)));
   }
   for (const std::string& key : required)
     if (!has(key)) fail(fmt::format("lacks the key '{}'; required are {}", key, joined(required)));

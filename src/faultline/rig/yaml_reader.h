@@ -17,8 +17,9 @@ namespace faultline {
 
 class YamlValue {
  public:
-  // The one document of a file, which must be a mapping.
-  static YamlValue load(const std::string& file);
+  // The one document of a file, which must be a mapping. `kind`: what the file is, for messages; `example`: a line of it.
+  static YamlValue load(const std::string& file, const std::string& kind = "datasheet",
+                        const std::string& example = "rig: NAME");
 
   void set_branches(std::vector<std::string> branches);  // of the whole file
 
@@ -34,6 +35,7 @@ class YamlValue {
   std::vector<YamlValue> entries() const;  // of a mapping, in the order of the file
   std::vector<YamlValue> items() const;    // of a list
   bool is_list() const { return node_.IsSequence(); }
+  bool is_mapping() const { return node_.IsMap(); }
   bool is_number() const;  // an unquoted scalar that reads as one
 
   std::string text() const;
@@ -52,6 +54,7 @@ class YamlValue {
  private:
   struct File {
     std::string name;
+    std::string kind;
     std::vector<std::string> branches;
   };
   YamlValue(std::shared_ptr<File> file, const YAML::Node& node, std::string path, std::string key, std::string branch);

@@ -1,5 +1,6 @@
 #include "faultline/segments/linearisation.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Eigenvalues>
@@ -36,6 +37,12 @@ StartProjection::StartProjection(const SegmentedRun& run, std::vector<Eigen::Mat
   }
 }
 
+bool StartProjection::fits(const SegmentedRun& run) const {
+  return length_ == static_cast<Eigen::Index>(run.segment) &&
+         std::equal(first_.begin(), first_.end(), run.restarts.begin(), run.restarts.end(),
+                    [](Eigen::Index a, std::size_t b) { return a == static_cast<Eigen::Index>(b); });
+}
+
 void StartProjection::stack(const Eigen::MatrixXf& matrix, std::size_t segment,
                             Eigen::Ref<Eigen::VectorXd> column) const {
   for (Eigen::Index o = 0; o < matrix.cols(); ++o)
@@ -70,9 +77,8 @@ std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedR
                                      const std::vector<double>& sigma, const ModelChange& at,
                                      const std::vector<Direction>& directions, int jobs) {
   std::vector<Eigen::MatrixXf> residuals(directions.size() + 1);
-  in_parallel(residuals.size(), jobs, [&](std::size_t i) {
-    residuals[i] = model.residuals(i == 0 ? at : directions[i - 1].to, run, sigma);
-  });
+  in_parallel(residuals.size(), jobs,
+              [&](std::size_t i) { residuals[i] = model.residuals(i == 0 ? at : directions[i - 1].to, run, sigma); });
   std::vector<const Eigen::MatrixXf*> columns;
   for (std::size_t i = 1; i < residuals.size(); ++i) {
     residuals[i] = (residuals[i] - residuals[0]) / static_cast<float>(directions[i - 1].size);

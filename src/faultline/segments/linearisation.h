@@ -21,6 +21,8 @@ class StartProjection {
 
   const std::vector<Eigen::MatrixXf>& columns() const { return columns_; }
   std::size_t segments() const { return first_.size(); }
+  // Whether another run is cut in the same way, so that this may serve for it.
+  bool fits(const SegmentedRun& run) const;
   // w of a segment; the run says its shift.
   Eigen::VectorXd residual(const SegmentedRun& run, const Eigen::MatrixXf& residuals, std::size_t segment) const;
   // W of a segment.
@@ -33,9 +35,9 @@ class StartProjection {
   std::vector<Eigen::MatrixXf> columns_;
   std::vector<Eigen::Index> first_;  // rows of the segments
   Eigen::Index length_;
-  std::vector<double> scale_;              // per segment
-  std::vector<Eigen::MatrixXd> starts_;    // S per segment
-  std::vector<Eigen::MatrixXd> shrink_;    // K per segment: (I + S S')^(-1/2) = I - S K S'
+  std::vector<double> scale_;            // per segment
+  std::vector<Eigen::MatrixXd> starts_;  // S per segment
+  std::vector<Eigen::MatrixXd> shrink_;  // K per segment: (I + S S')^(-1/2) = I - S K S'
 };
 
 // A direction in which the model may move: to `to`, which is `size` of it.

@@ -35,8 +35,8 @@ Eigen::VectorXd difference_steps(const Datasheet& sheet, const Eigen::VectorXd& 
 Propagation::Propagation(const Datasheet& sheet, const ModelChange& change, double period)
     : model_(sheet, setup_of(change, period)), outputs_(compared_outputs(sheet)) {
   for (const State& state : sheet.states)
-    shown_by_.push_back(
-        std::find(outputs_.begin(), outputs_.end(), state.channel) == outputs_.end() ? -1 : state.channel);
+    shown_by_.push_back(std::find(outputs_.begin(), outputs_.end(), state.channel) == outputs_.end() ? -1
+                                                                                                     : state.channel);
 }
 
 Step Propagation::step(const Recording& recording, std::size_t row, const Eigen::VectorXd& state) {

@@ -15,16 +15,6 @@ std::size_t widest_window(const SegmentedRun& run, const SegmentOptions& options
   return static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);
 }
 
-bool begins_stretch(const SegmentedRun& run, std::size_t row) {
-  return std::any_of(run.stretches.begin(), run.stretches.end(), [&](const Stretched& s) { return s.first == row; });
-}
-
-// The row of a restart still shows where the segment before it ended, which is not what this segment's states explain.
-void clear_restarts(const SegmentedRun& run, Eigen::MatrixXf& residuals) {
-  for (const std::size_t row : run.restarts)
-    if (!begins_stretch(run, row)) residuals.row(static_cast<Eigen::Index>(row)).setZero();
-}
-
 auto rows_of(const SegmentedRun& run, const Eigen::MatrixXf& matrix, std::size_t segment) {
   return matrix.middleRows(static_cast<Eigen::Index>(run.restarts[segment]), static_cast<Eigen::Index>(run.segment));
 }
@@ -136,7 +126,8 @@ void SegmentModel::place_hidden(SegmentedRun& run, std::size_t segment, const Ei
 
 Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const SegmentedRun& run,
                                        const std::vector<std::size_t>& restarts, const std::vector<double>& starts,
-                                       const std::vector<double>& sigma) const {
+                                       const std::vector<double>& sigma, Restarted restarted,
+                                       const Enough& enough) const {
   SimulationSetup setup;
   setup.parameters = change.parameters;
   setup.effects = change.effects;
@@ -144,35 +135,34 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
   setup.noise = false;
   DrivenModel driven(sheet_, setup);
   const double largest = options_.largest_residual_sigma;
-  const std::size_t states = shown_by_.size();
   Eigen::MatrixXf result = Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(run.recording.rows()),
                                                  static_cast<Eigen::Index>(outputs_.size()));
+  const auto residual = [&](std::size_t row, std::size_t output, const double* channels) {
+    const auto c = static_cast<std::size_t>(outputs_[output]);
+    const Channel& channel = sheet_.channels[c];
+    const double r = (std::clamp(run.recording.at(row, c), channel.minimum, channel.maximum) -
+                      std::clamp(channels[c], channel.minimum, channel.maximum)) /
+                     sigma[output];
+    return static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
+  };
   auto restart = restarts.begin();
   for (const Stretched& stretch : run.stretches) {
     std::vector<std::size_t> own;
-    const double* first = starts.data() + static_cast<std::size_t>(restart - restarts.begin()) * states;
+    const double* first = starts.data() + static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
     for (; restart != restarts.end() && *restart < stretch.last; ++restart) own.push_back(*restart);
-    if (own.empty()) continue;
-    auto next = own.begin();
-    std::size_t since = own.front();
+    auto next = own.begin() + 1;
+    bool ended = false;
     driven.run(run.recording, own.front(), stretch.last - own.front(), own, first,
                [&](std::size_t k, const double* channels) {
-                 if (next != own.end() && *next == k) since = *next++;
-                 // Beyond lie segments that are left out, until the next restart.
-                 if (k - since >= 2 * run.segment) return;
-                 const double* measured = run.recording.row(k);
-                 for (std::size_t i = 0; i < outputs_.size(); ++i) {
-                   if (!counts(run, k, i)) continue;
-                   const auto c = static_cast<std::size_t>(outputs_[i]);
-                   const Channel& channel = sheet_.channels[c];
-                   double r = (std::clamp(measured[c], channel.minimum, channel.maximum) -
-                               std::clamp(channels[c], channel.minimum, channel.maximum)) /
-                              sigma[i];
-                   if (!std::isfinite(r)) r = largest;
-                   result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) =
-                       static_cast<float>(std::clamp(r, -largest, largest));
-                 }
+                 const bool shows_the_last = next != own.end() && *next == k;
+                 next += shows_the_last;
+                 for (std::size_t i = 0; i < outputs_.size(); ++i)
+                   if (counts(run, k, i) && !(shows_the_last && restarted == Restarted::left_out))
+                     result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) = residual(k, i, channels);
+                 ended = enough && enough(k, result);
+                 return !ended;
                });
+    if (ended) return result;
   }
   read_held_values(change, run, result);
   return result;
@@ -206,9 +196,12 @@ void SegmentModel::read_held_values(const ModelChange& change, const SegmentedRu
 
 Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
                                         const std::vector<double>& sigma) const {
-  Eigen::MatrixXf result = simulate(change, run, run.restarts, starts_of(run), sigma);
-  clear_restarts(run, result);
-  return result;
+  return residuals(change, run, sigma, Enough());
+}
+
+Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
+                                        const std::vector<double>& sigma, const Enough& enough) const {
+  return simulate(change, run, run.restarts, starts_of(run), sigma, Restarted::left_out, enough);
 }
 
 Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
@@ -218,8 +211,7 @@ Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const Segment
   for (const Stretched& stretch : run.stretches)
     for (std::size_t k = stretch.first; k < stretch.last; k += horizon) cut.restarts.push_back(k);
   place_starts(cut, noise, change);
-  cut.segment = run.recording.rows();
-  return simulate(change, cut, cut.restarts, starts_of(cut), noise);
+  return simulate(change, cut, cut.restarts, starts_of(cut), noise, Restarted::counted, {});
 }
 
 std::vector<Eigen::MatrixXf> SegmentModel::start_columns(const ModelChange& change, const SegmentedRun& run,

@@ -11,6 +11,7 @@
 // of its error is projected out (linearisation.h).
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -44,7 +45,11 @@ class SegmentModel {
 
   // Rows x outputs, each over `sigma` of its output. A model that leaves all bounds gives large but finite numbers.
   Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma) const;
-  // The same with the states put back to the measured ones every `horizon` rows, and the first `horizon` rows after
+  // The same until `enough(row, residuals)`, asked after every row, is true; what is not run is 0.
+  using Enough = std::function<bool(std::size_t, const Eigen::MatrixXf&)>;
+  Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma,
+                            const Enough& enough) const;
+  // With the states put back to the measured ones every `horizon` rows, and the first `horizon` rows after
   // each counted. `noise`: of each output, for the smoothing.
   Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& noise,
                             std::size_t horizon) const;
@@ -57,8 +62,12 @@ class SegmentModel {
                                       std::vector<Eigen::MatrixXf> known = {}) const;
 
  private:
+  // The row of a restart still shows where the segment before it ended, which is not what this segment's states
+  // explain; but it is what a run of so many samples says.
+  enum class Restarted { left_out, counted };
   Eigen::MatrixXf simulate(const ModelChange& change, const SegmentedRun& run, const std::vector<std::size_t>& restarts,
-                           const std::vector<double>& starts, const std::vector<double>& sigma) const;
+                           const std::vector<double>& starts, const std::vector<double>& sigma, Restarted restarted,
+                           const Enough& enough) const;
   void read_held_values(const ModelChange& change, const SegmentedRun& run, Eigen::MatrixXf& residuals) const;
   void place_hidden(SegmentedRun& run, std::size_t segment, const Eigen::VectorXd& mean,
                     const Eigen::MatrixXd& covariance, const std::vector<int>& hidden, Eigen::Index direction) const;

@@ -1,6 +1,6 @@
 // Every constant of the segments (segmented_run.h, segment_model.h) on which an answer depends: what it means, its
 // unit (in the name), why it has this value. docs/options.md has how much the answers change when each is halved and
-// doubled. Lengths of segments are no option: they are the rig's (time_scales.h).
+// doubled. Lengths of segments are no option: they are the rig's (segment_length.h).
 //
 // Units: _samples; _s; _sigma: standard deviations of the noise, or of what the comment names; _variances: noise
 // variances; _fraction and _ratio of what the comment names. Numbers without a unit count.
@@ -40,7 +40,7 @@ struct SegmentOptions {
   // Deviation of a sample's distance in time from the run's period, as a fraction of it, up to which no sample is
   // missing.
   double period_error_fraction = 0.2;
-  // Readings of a segment that count, as a fraction of all, below which it is left out.
+  // Readings of a segment that count, as a fraction of all: fewer are not taken to speak for all of them.
   double least_counted_fraction = 0.25;
 };
 

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "faultline/segments/segment_length.h"
 #include "faultline/segments/smoothing.h"
 #include "faultline/signal/error.h"
 
@@ -19,16 +20,11 @@ double smallest_noise(const Channel& channel, const SegmentOptions& options) {
                    kSmallestNoise * (channel.maximum - channel.minimum)});
 }
 
-// The median distance in time; the datasheet's period where that is the same but for jitter.
+// The datasheet's period where the recording's is the same but for jitter.
 double period_of(const Datasheet& sheet, const Recording& recording, const SegmentOptions& options) {
-  std::vector<double> steps;
-  for (std::size_t k = 1; k < recording.rows(); ++k)
-    if (recording.time[k] > recording.time[k - 1]) steps.push_back(recording.time[k] - recording.time[k - 1]);
-  if (steps.empty()) return sheet.sample_period;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return std::abs(*middle - sheet.sample_period) > options.period_error_fraction * sheet.sample_period
-             ? *middle
+  const double own = typical_period(sheet, recording);
+  return std::abs(own - sheet.sample_period) > options.period_error_fraction * sheet.sample_period
+             ? own
              : sheet.sample_period;
 }
 
@@ -108,7 +104,7 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
     smooth_inputs(sheet, run.recording, stretch.first, stretch.last, widest, noise, options);
 
   const std::vector<int> outputs = compared_outputs(sheet);
-  std::size_t used = 0, short_of_readings = 0, missing = 0, bounds = 0;
+  std::size_t used = 0, missing = 0, bounds = 0;
   for (const Stretched& stretch : run.stretches)
     for (std::size_t k = stretch.first; k + run.segment <= stretch.last; k += run.segment) {
       std::size_t counted = 0, lost = 0;
@@ -121,26 +117,23 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
       const std::size_t all = run.segment * outputs.size();
       missing += lost;
       bounds += all - counted - lost;
-      if (static_cast<double>(counted) < options.least_counted_fraction * static_cast<double>(all)) {
-        ++short_of_readings;
-        continue;
-      }
       run.restarts.push_back(k);
-      run.counted.push_back(static_cast<double>(counted));
+      run.counted.push_back(
+          std::max(static_cast<double>(counted), options.least_counted_fraction * static_cast<double>(all)));
       used += run.segment;
     }
   const std::string why = breaks.count > 0 ? "; " + breaks.first : "";
   if (run.restarts.empty())
-    throw InputError(fmt::format("{}: no {:g} s without a break are in it ({} samples){}; record longer, or give the "
-                                 "datasheet a shorter segment",
-                                 name, static_cast<double>(run.segment) * run.period, run.recording.rows(), why));
-  if (breaks.count > 0 || missing > 0 || bounds > 0 || short_of_readings > 0) {
-    run.remark = fmt::format("{}: {} of {} samples lie in {} segments that are used", name, used,
-                             run.recording.rows(), run.restarts.size());
+    throw InputError(
+        fmt::format("{}: no {:g} s without a break are in it ({} samples){}; record longer, or give the "
+                    "datasheet a shorter segment",
+                    name, static_cast<double>(run.segment) * run.period, run.recording.rows(), why));
+  if (breaks.count > 0 || missing > 0 || bounds > 0) {
+    run.remark = fmt::format("{}: {} of {} samples lie in {} segments that are used", name, used, run.recording.rows(),
+                             run.restarts.size());
     if (breaks.count > 0) run.remark += fmt::format("; {} breaks, the first: {}", breaks.count, breaks.first);
     if (missing > 0) run.remark += fmt::format("; {} readings are missing", missing);
     if (bounds > 0) run.remark += fmt::format("; {} readings at an end of their range count as bounds", bounds);
-    if (short_of_readings > 0) run.remark += fmt::format("; {} segments hold hardly a reading", short_of_readings);
   }
   return run;
 }

@@ -79,8 +79,7 @@ void smooth_inputs(const Datasheet& sheet, Recording& recording, std::size_t fir
         to = sum;
         taken += std::pow(recording.at(k, c) - sum, 2);
       }
-      const double expected =
-          (1 - window.weight(0)) * noise[c] * noise[c] * static_cast<double>(last - first - 2 * w);
+      const double expected = (1 - window.weight(0)) * noise[c] * noise[c] * static_cast<double>(last - first - 2 * w);
       if (taken > options.input_removed_variance_ratio * expected) continue;
       for (std::size_t k = first; k < last; ++k) recording.values[k * recording.columns() + c] = smooth[k - first];
       break;

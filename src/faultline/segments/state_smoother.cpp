@@ -12,12 +12,12 @@
 namespace faultline {
 namespace {
 
-constexpr double kForgotten = 0.1;           // of a segment, within which a state must forget its start to go on by itself
-constexpr std::size_t kJudgedRows = 5;       // at which that is judged; odd, for their median
-constexpr std::size_t kLikelihoodRows = 1500;  // of a stretch, over which q is sought: bounds the effort
-constexpr std::size_t kToleranceRows = 9;    // at which Q is taken
+constexpr double kForgotten = 0.1;      // of a segment, within which a state must forget its start to go on by itself
+constexpr std::size_t kJudgedRows = 5;  // at which that is judged; odd, for their median
+constexpr std::size_t kLikelihoodRows = 400;     // of a stretch, over which q is sought: bounds the effort
+constexpr std::size_t kToleranceRows = 9;        // at which Q is taken
 constexpr int kLeastPower = -4, kMostPower = 4;  // of ten, of q
-constexpr double kLeastNoise = 1e-6;         // of a state's size, per step: keeps covariances regular
+constexpr double kLeastNoise = 1e-6;             // of a state's size, per step: keeps covariances regular
 
 bool finite(const Eigen::MatrixXd& matrix) { return matrix.allFinite(); }
 
@@ -85,9 +85,9 @@ class Smoother {
   }
 
   double best_q() {
-    const Stretched& longest = *std::max_element(
-        run_.stretches.begin(), run_.stretches.end(),
-        [](const Stretched& a, const Stretched& b) { return a.last - a.first < b.last - b.first; });
+    const Stretched& longest =
+        *std::max_element(run_.stretches.begin(), run_.stretches.end(),
+                          [](const Stretched& a, const Stretched& b) { return a.last - a.first < b.last - b.first; });
     double best = 1, most = -kInfinity;
     for (int power = kLeastPower; power <= kMostPower; ++power) {
       const double likelihood = forwards(longest, std::pow(10, power), kLikelihoodRows, false);

@@ -1,14 +1,15 @@
-// States that no channel shows, estimated over a run by an extended Kalman filter and a backward pass over the rig's own
-// model (Rauch, Tung, Striebel, AIAA J. 3, 1965), both linearised by differences (propagation.h).
+// States that no channel shows, estimated over a run by an extended Kalman filter and a backward pass over the rig's
+// own model (Rauch, Tung, Striebel, AIAA J. 3, 1965), both linearised by differences (propagation.h).
 //
 //   x_k+1 = f(x_k, u_k) + v,  y_k = h(x_k) + w,   v ~ N(0, q Q),  w ~ N(0, R)
 //   Q = sum over parameters of (df/dp p tolerance)^2, diagonal: what the tolerances make of one step
 //   q: of powers of ten the one with the largest likelihood of the innovations
 //   backwards: C = P_k F' (P_k+1^-)^-1,  x_k^s = x_k + C (x_k+1^s - x_k+1^-),  P_k^s = P_k + C (P_k+1^s - P_k+1^-) C'
 //
-// R: the recording's own noise; readings that measure nothing (smoothing.h) are left out. The first state of a stretch is
-// what its row shows and, where no channel shows a state, the rig's own start, known to the state's size. Assumes that
-// effects with memory hide nothing; a state that nothing measured depends on keeps the rig's own start and its spread.
+// R: the recording's own noise; readings that measure nothing (smoothing.h) are left out. The first state of a stretch
+// is what its row shows and, where no channel shows a state, the rig's own start, known to the state's size. Assumes
+// that effects with memory hide nothing; a state that nothing measured depends on keeps the rig's own start and its
+// spread.
 #pragma once
 
 #include "faultline/segments/segment_model.h"

@@ -1,4 +1,5 @@
-// Recordings as text: comma separated, one header line, one line per sample.
+// Recordings as text: one header line, one line per sample. Written with commas and decimal points; read with ; or tab
+// and with decimal commas as well (csv_table.h).
 //
 //   t,channel,...         t in s; each channel in its own SI unit
 //   t[ms],channel[bar]    or in the unit in brackets, converted on reading (units.h)

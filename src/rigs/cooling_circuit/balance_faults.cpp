@@ -13,6 +13,7 @@
 // transmitter), and what only one heat balance sees (wall heat, outlet thermocouple). Laminar leaks, scale and lag of
 // a sensor pass for their siblings here.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -93,7 +94,9 @@ class CoolingCircuit : public BalanceModel {
       feature_noise_.insert(feature_noise_.end(),
                             {noise(b.inlet), noise(b.outlet), noise(b.flow), noise(b.cold), noise(b.warm), 0});
     feature_noise_.insert(feature_noise_.end(), {noise(supply_), 0});
-    for (auto* per_branch : {&feed_flow_, &feed_open_, &feed_pressure_}) per_branch->assign(branches_.size(), 0);
+    terms_.resize(branches_.size());
+    untouched_.resize(branches_.size());
+    for (Untouched& untouched : untouched_) untouched.features.fill(std::nan(""));
     make_hypotheses();
   }
 
@@ -167,47 +170,78 @@ class CoolingCircuit : public BalanceModel {
     const Case h = hypothesis < 0 ? Case{kLeakInlet, -2} : cases_[static_cast<std::size_t>(hypothesis)];
     const double* end = f + kFeatures * branches_.size();
     double manifold = 0, total = 0;
-    for (std::size_t i = 0; i < branches_.size(); ++i, f += kFeatures, r += kResiduals, reference += kResiduals) {
-      const bool here = h.branch == static_cast<int>(i);
-      const bool everywhere = h.branch == -1;
-      const auto of = [&](Cause cause) { return here && h.cause == cause ? size : 0.0; };
-      const double p1 = f[kInlet] - of(kOffsetInlet), p2 = f[kOutlet] - of(kOffsetOutlet);
-      const double q = f[kFlow] - of(kOffsetFlow);
-      const double drop_out = std::max(p2 - drain_pressure_, kLeast);
-      const double tube = q + density_ * of(kLeakOutlet) * std::sqrt(drop_out);
-      const double feed = tube + density_ * of(kLeakInlet) * std::sqrt(std::max(p1 - drain_pressure_, kLeast));
-      const double throttle = q - density_ * of(kLeakDrain) * std::sqrt(drop_out);
-      const double root = std::sqrt(std::max(p1 - p2, kLeast));
-      const double viscosity = everywhere && h.cause == kViscosity ? 0.125 * size : 0.0;
-      const double heat = of(kWallHeat) + (everywhere && h.cause == kFiringHeat ? size : 0.0);
-      const double cold = f[kCold] - of(kOffsetCold) - (everywhere && h.cause == kWaterDrift ? size : 0.0);
-      r[kTube] = 0.875 * log_of(tube) - log_of(root * (1 - of(kClogTube))) - viscosity - reference[kTube];
-      r[kDrain] = log_of(throttle) - log_of(std::sqrt(drop_out) * (1 - of(kClogDrain))) - reference[kDrain];
-      // Of the feed, at first, its flow over what is open; P_m is known after the last branch.
-      feed_flow_[i] = feed;
-      feed_open_[i] = 1 - of(kClogFeed);
-      feed_pressure_[i] = p1;
-      r[kHeat] = log_of((f[kRise] - of(kOffsetWarm) + of(kOffsetCold)) / std::max(f[kRow] * f[kFlow], kLeast) * tube) -
-                 std::log1p(heat) - reference[kHeat];
-      r[kWater] = cold / kWaterScale - reference[kWater];
-      const double drop = feed / (branches_[i].feed * feed_open_[i]);
-      manifold += p1 + drop * drop;
-      total += feed;
+    for (std::size_t i = 0; i < branches_.size(); ++i, f += kFeatures) {
+      Terms& terms = terms_[i];
+      if (size != 0 && (h.branch == static_cast<int>(i) || h.branch == -1)) {
+        terms = terms_of(i, f, h, size);
+      } else {
+        // Hypothesis after hypothesis is tried on the same features, and most of them are about other branches.
+        Untouched& untouched = untouched_[i];
+        if (!std::equal(untouched.features.begin(), untouched.features.end(), f)) {
+          std::copy_n(f, kFeatures, untouched.features.begin());
+          untouched.terms = terms_of(i, f, {kLeakInlet, -2}, 0);
+        }
+        terms = untouched.terms;
+      }
+      manifold += terms.inlet + terms.drop * terms.drop;
+      total += terms.feed;
     }
     manifold /= static_cast<double>(branches_.size());
-    for (std::size_t i = 0; i < branches_.size(); ++i) {
-      const std::size_t back = (branches_.size() - i) * kResiduals;
-      const double root = std::sqrt(std::max(manifold - feed_pressure_[i], kLeast));
-      *(r - back + kFeed) = log_of(feed_flow_[i]) - log_of(root * feed_open_[i]) - *(reference - back + kFeed);
+    for (const Terms& terms : terms_) {
+      const double root = std::sqrt(std::max(manifold - terms.inlet, kLeast));
+      r[kTube] = terms.tube - reference[kTube];
+      r[kDrain] = terms.drain - reference[kDrain];
+      r[kFeed] = log_of_ratio(terms.feed, root * terms.open) - reference[kFeed];
+      r[kHeat] = terms.heat - reference[kHeat];
+      r[kWater] = terms.water - reference[kWater];
+      r += kResiduals;
+      reference += kResiduals;
     }
     double supply = end[0], open = end[1];
     if (h.branch == -1 && h.cause == kOffsetSupply) supply -= size;
     if (h.branch == -1 && h.cause == kDroop) supply -= size * total / density_;
     if (h.branch == -1 && h.cause == kClogValve) open *= 1 - size;
-    *r = log_of(total) - log_of(open * std::sqrt(std::max(supply - manifold, kLeast))) - *reference;
+    *r = log_of_ratio(total, open * std::sqrt(std::max(supply - manifold, kLeast))) - *reference;
   }
 
  private:
+  // What one branch says by itself.
+  struct Terms {
+    double tube, drain, heat, water;  // of the balances, without their references
+    double feed, open, inlet, drop;   // flow and opening of the feed, P_1, root of the drop over the feed
+  };
+  struct Untouched {
+    std::array<double, kFeatures> features;
+    Terms terms;
+  };
+
+  Terms terms_of(std::size_t branch, const double* f, const Case& h, double size) const {
+    const bool here = h.branch == static_cast<int>(branch);
+    const bool everywhere = h.branch == -1;
+    const auto of = [&](Cause cause) { return here && h.cause == cause ? size : 0.0; };
+    const double p1 = f[kInlet] - of(kOffsetInlet), p2 = f[kOutlet] - of(kOffsetOutlet);
+    const double q = f[kFlow] - of(kOffsetFlow);
+    const double drop_out = std::max(p2 - drain_pressure_, kLeast);
+    const double tube = q + density_ * of(kLeakOutlet) * std::sqrt(drop_out);
+    const double feed = tube + density_ * of(kLeakInlet) * std::sqrt(std::max(p1 - drain_pressure_, kLeast));
+    const double throttle = q - density_ * of(kLeakDrain) * std::sqrt(drop_out);
+    const double root = std::sqrt(std::max(p1 - p2, kLeast));
+    const double viscosity = everywhere && h.cause == kViscosity ? 0.125 * size : 0.0;
+    const double heat = of(kWallHeat) + (everywhere && h.cause == kFiringHeat ? size : 0.0);
+    const double cold = f[kCold] - of(kOffsetCold) - (everywhere && h.cause == kWaterDrift ? size : 0.0);
+    Terms terms;
+    terms.tube = 0.875 * log_of(tube) - log_of(root * (1 - of(kClogTube))) - viscosity;
+    terms.drain = log_of_ratio(throttle, std::sqrt(drop_out) * (1 - of(kClogDrain)));
+    terms.heat = log_of((f[kRise] - of(kOffsetWarm) + of(kOffsetCold)) / std::max(f[kRow] * f[kFlow], kLeast) * tube) -
+                 std::log1p(heat);
+    terms.water = cold / kWaterScale;
+    terms.feed = feed;
+    terms.open = 1 - of(kClogFeed);
+    terms.inlet = p1;
+    terms.drop = feed / (branches_[branch].feed * terms.open);
+    return terms;
+  }
+
   // One sigma of ln k_d by the drain pressure, and of ln k_v by all feeds together.
   double drain_error(double outlet) const {
     return 0.5 * drain_pressure_error_ / std::max(outlet - drain_pressure_, kLeast);
@@ -225,6 +259,9 @@ class CoolingCircuit : public BalanceModel {
   }
 
   static double log_of(double value) { return std::log(std::max(value, kLeast)); }
+  static double log_of_ratio(double value, double to) {
+    return std::log(std::max(value, kLeast) / std::max(to, kLeast));
+  }
 
   void add(Cause cause, int branch, Hypothesis hypothesis) {
     cases_.push_back({cause, branch});
@@ -391,7 +428,8 @@ class CoolingCircuit : public BalanceModel {
   std::vector<Case> cases_;
   double density_, drain_pressure_, drain_pressure_error_, feed_error_ = 0;
   int supply_;
-  mutable std::vector<double> feed_flow_, feed_open_, feed_pressure_;  // of residuals(), per branch
+  mutable std::vector<Terms> terms_;          // of residuals(), per branch
+  mutable std::vector<Untouched> untouched_;  // likewise, as last computed
 };
 
 FAULTLINE_BALANCE_MODEL(cooling_circuit, {"cooling_circuit", make_balance_model_of<CoolingCircuit>});

@@ -1,4 +1,4 @@
-#include "faultline/gap/candidates.h"
+#include "faultline/attribution/candidates.h"
 
 #include <algorithm>
 #include <cmath>
@@ -27,7 +27,7 @@ bool same_effect(const Candidate& a, const Candidate& b) {
 }
 
 std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without, double duration,
-                                  const GapOptions::Candidates& options) {
+                                  const CandidateOptions& options) {
   std::vector<Candidate> result;
   for (const Port& port : sheet.ports)
     for (const FittingEffect& fitting : port.effects) {
@@ -55,7 +55,7 @@ std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std:
   return result;
 }
 
-std::vector<std::vector<double>> starting_points(const Candidate& candidate, const GapOptions::Candidates& options) {
+std::vector<std::vector<double>> starting_points(const Candidate& candidate, const CandidateOptions& options) {
   // Sizes over the range on both sides of no effect; a second parameter is a shape and gets three values.
   const EffectType* type = find_effect_type(candidate.effect.effect);
   std::vector<std::vector<double>> points = {{}};

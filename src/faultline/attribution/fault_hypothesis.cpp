@@ -1,13 +1,15 @@
-#include "faultline/estimators/fault_hypothesis.h"
+#include "faultline/attribution/fault_hypothesis.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "faultline/estimators/estimate.h"
+#include "faultline/attribution/candidates.h"
 #include "faultline/rig/effect_unit.h"
 
 namespace faultline {
 namespace {
+
+constexpr double kLeastAmplitude = 1e-12;  // so that a size that falls with the amplitude stays finite
 
 bool is_shape(const EffectParameter& p) { return std::isnan(p.none); }
 
@@ -54,6 +56,11 @@ bool set_range(FaultHypothesis& h, const Bounds& b, const HypothesisOptions& opt
 
 }  // namespace
 
+double effect_size(double none, double full, double amplitude) {
+  if (std::isinf(none)) return full / std::max(amplitude, kLeastAmplitude);
+  return none + amplitude * (full - none);
+}
+
 EffectSpec FaultHypothesis::at(double amplitude) const {
   EffectSpec spec = full;
   spec.parameters[parameter] = size(amplitude);
@@ -66,33 +73,28 @@ double FaultHypothesis::size(double amplitude) const {
 
 std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet, const HypothesisOptions& options) {
   std::vector<FaultHypothesis> result;
-  for (const Port& port : sheet.ports)
-    for (const FittingEffect& fitting : port.effects) {
-      const EffectType* type = find_effect_type(fitting.effect);
-      if (!type || !has_size(*type)) continue;
-      for (std::size_t p = 0; p < type->parameters.size(); ++p) {
-        const auto bounds = fitting.bounds.find(type->parameters[p].name);
-        if (is_shape(type->parameters[p]) || bounds == fitting.bounds.end()) continue;
-        FaultHypothesis h;
-        h.effect = type->name;
-        h.port = port.name;
-        h.family = type->family;
-        h.kind = port.kind == PortKind::sensor ? AlarmKind::sensor : AlarmKind::fault;
-        h.parameter = p;
-        h.size_name = type->parameters[p].name;
-        h.size_unit = effect_unit(sheet, port, type->parameters[p].unit);
-        h.none = type->parameters[p].none;
-        h.full.effect = type->name;
-        h.full.port = port.name;
-        for (const EffectParameter& other : type->parameters) {
-          const auto range = fitting.bounds.find(other.name);
-          h.full.parameters.push_back(!is_shape(other)                ? other.none
-                                      : range != fitting.bounds.end() ? middle(range->second, options)
-                                                                      : other.minimum);
-        }
-        if (set_range(h, bounds->second, options)) result.push_back(h);
-      }
+  for (const Candidate& candidate : candidates(sheet, {}, kInfinity)) {
+    const EffectType& type = *find_effect_type(candidate.effect.effect);
+    if (!has_size(type)) continue;
+    const Port& port = sheet.port(candidate.effect.port);
+    for (std::size_t p = 0; p < type.parameters.size(); ++p) {
+      const Bounds& bounds = candidate.bounds[p];
+      if (is_shape(type.parameters[p]) || bounds.minimum >= bounds.maximum) continue;
+      FaultHypothesis h;
+      h.effect = type.name;
+      h.port = port.name;
+      h.family = candidate.family;
+      h.kind = port.kind == PortKind::sensor ? AlarmKind::sensor : AlarmKind::fault;
+      h.parameter = p;
+      h.size_name = type.parameters[p].name;
+      h.size_unit = effect_unit(sheet, port, type.parameters[p].unit);
+      h.none = type.parameters[p].none;
+      h.full = candidate.effect;
+      for (std::size_t other = 0; other < type.parameters.size(); ++other)
+        if (is_shape(type.parameters[other])) h.full.parameters[other] = middle(candidate.bounds[other], options);
+      if (set_range(h, bounds, options)) result.push_back(h);
     }
+  }
   return result;
 }
 

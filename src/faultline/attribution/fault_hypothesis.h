@@ -1,4 +1,4 @@
-// What may be wrong with a rig: every effect at every port of its datasheet, each of one unknown size.
+// What may be wrong with a rig: every candidate (candidates.h) with each of its sizes as the one that is unknown.
 //
 // The size is counted as an amplitude a: the parameter is none + a (full - none), or full/a where its no-effect value
 // is infinite (as effects grow, rig/effect.h). Other parameters that would change something stay at their no-effect
@@ -14,6 +14,9 @@
 #include "faultline/rig/effect.h"
 
 namespace faultline {
+
+// The size of an effect at amplitude a, see above.
+double effect_size(double none, double full, double amplitude);
 
 struct FaultHypothesis {
   std::string effect, port, family;

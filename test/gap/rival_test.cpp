@@ -1,0 +1,73 @@
+// Two effects that are the same as far as a run goes: a command that never changes its sign cannot tell a dead band from
+// an offset. Both are followed until they have converged, and both are told. What cannot be told costs a remark, not the
+// answer.
+#include <gtest/gtest.h>
+
+#include "faultline/gap/diagnose_gap.h"
+#include "faultline/gap/next_run.h"
+#include "two_gains.h"
+
+namespace faultline {
+namespace {
+
+GapResult diagnose(const Datasheet& sheet, double lowest) {
+  std::vector<GapRun> runs;
+  for (const std::uint64_t seed : {1, 2})
+    runs.push_back(cut_run(sheet, "run", two_gains_run(2, 0.2, 20, seed, 0.8, lowest), 2));
+  GapSettings settings;
+  settings.jobs = 2;
+  return diagnose_gap(sheet, std::move(runs), {}, settings, {});
+}
+
+TEST(Rivals, AreBothToldWhereTheRunCannotTellThemApart) {
+  const GapResult result = diagnose(two_gains(), 1);
+  EXPECT_EQ(result.verdict, "named");
+  ASSERT_FALSE(result.effects.empty());
+  ASSERT_FALSE(result.equivalent.empty());
+  std::map<std::string, double> sizes;
+  for (const NamedEffect& e : {result.effects.front(), result.equivalent.front()})
+    sizes[e.effect] = e.parameters.begin()->second;
+  EXPECT_NEAR(sizes["deadband"], 0.8, 0.1);
+  EXPECT_NEAR(sizes["offset"], -0.4, 0.05);
+  ASSERT_FALSE(result.remarks.empty());
+  EXPECT_NE(result.remarks.front().find("no profile"), std::string::npos);
+}
+
+TEST(Rivals, AreToldApartWhereTheRunCan) {
+  const GapResult result = diagnose(two_gains(), -4);
+  EXPECT_EQ(result.verdict, "named");
+  ASSERT_EQ(result.effects.size(), 1u);
+  EXPECT_EQ(result.effects.front().effect, "deadband");
+  EXPECT_TRUE(result.equivalent.empty());
+  EXPECT_TRUE(result.effects.front().at_bounds.empty());
+}
+
+TEST(Rivals, AValueAtItsBoundIsMarked) {
+  Datasheet sheet = two_gains();
+  for (Port& port : sheet.ports)
+    for (FittingEffect& fitting : port.effects)
+      if (fitting.effect == "deadband") fitting.bounds["width"].maximum = 0.4;
+  const GapResult result = diagnose(sheet, -4);
+  ASSERT_FALSE(result.ranked.empty());
+  const NamedEffect& first = result.ranked.front().effect;
+  EXPECT_EQ(first.effect, "deadband");
+  EXPECT_EQ(first.at_bounds, std::vector<std::string>{"width"});
+}
+
+TEST(NextRun, ThatCannotBeSimulatedIsARemark) {
+  Datasheet sheet = two_gains();
+  Profile profile;
+  profile.name = "loop";
+  profile.controller = "nobody";
+  profile.shape = "steps";
+  profile.duration = 20;
+  sheet.profiles = {profile};
+  std::vector<std::string> remarks;
+  const GapModel nominal{sheet.nominal(), {}};
+  EXPECT_TRUE(separating_runs(sheet, nominal, nominal, "a and b", GapOptions(), 1, remarks).empty());
+  ASSERT_EQ(remarks.size(), 1u);
+  EXPECT_NE(remarks.front().find("loop was not tried"), std::string::npos) << remarks.front();
+}
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,172 @@
+"""rig_driver_node with a mapping: a stand's own topics become the samples that `faultline import` makes of a bag of
+them."""
+
+import json
+import math
+import pathlib
+import subprocess
+import sys
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "cli"))
+import stand_bag  # noqa: E402
+from graph import Graph, devel_space  # noqa: E402
+
+HERE = pathlib.Path(__file__).resolve().parent
+MAPPING = """
+resample: true
+channels:
+  stroke_wanted: {from: /motor/voltage/data, hold: .inf}
+  voltage: {from: /command/point/x, hold: .inf}
+  stroke: {from: "/joints/position[lift]", unit: mm}
+  load: {from: /load/wrench/force/z, sign: -1}
+  supply: {from: /supply/fluid_pressure}
+"""
+TOPICS = "/motor/voltage,/command,/joints,/load,/supply"
+
+
+def with_command(made):
+    """Only the first message without a header stays; the commands get one."""
+    from geometry_msgs.msg import PointStamped
+
+    kept = []
+    for topic, message, received in made:
+        if topic == "/motor/voltage":
+            command = PointStamped()
+            command.point.x = message.data
+            command.header.stamp.secs, command.header.stamp.nsecs = divmod(received, 10**9)
+            if not any(entry[0] == topic for entry in kept):
+                kept.append((topic, message, received))
+            kept.append(("/command", command, received))
+        else:
+            kept.append((topic, message, received))
+    return kept
+
+
+class TopicDriver(unittest.TestCase):
+    def setUp(self):
+        self.graph = Graph().__enter__()
+        self.addCleanup(self.graph.__exit__)
+        config = self.graph.path / "config/stand"
+        config.mkdir(parents=True)
+        (config / "rig.yaml").write_text(stand_bag.SHEET)
+        self.map = self.graph.path / "map.yaml"
+        self.map.write_text(MAPPING)
+
+    def driver(self, **more):
+        return self.graph.node(
+            "rig_driver_node",
+            "driver",
+            rig="stand",
+            config=str(self.graph.path / "config"),
+            mapping=str(self.map),
+            **more,
+        )
+
+    def offline(self, bag):
+        table = self.graph.path / "offline.csv"
+        ran = subprocess.run(
+            [
+                *(str(devel_space() / "lib/faultline/faultline"), "import", str(bag), "--rig", "stand"),
+                *("--config", str(self.graph.path / "config/stand"), "--mapping", str(self.map), "-o", str(table)),
+            ],
+            env=self.graph.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+        )
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+        lines = table.read_text().splitlines()
+        names = lines[0].split(",")
+        rows = [[float(cell) for cell in line.split(",")] for line in lines[1:]]
+        if "sequence" not in names:
+            rows = [[row[0], float(k), *row[1:]] for k, row in enumerate(rows)]
+        return rows
+
+    def live(self, bag, last, ahead):
+        self.graph.set("/use_sim_time", True)
+        driver = self.driver(wait_for=1, wait=1.0)
+        heard = self.graph.path / "samples"
+        player = self.graph.start(
+            ["python3", str(HERE / "play_stand.py"), str(bag), "stand", TOPICS, repr(last), str(ahead), str(heard)]
+        )
+        code, said = self.graph.wait(player, 90)
+        self.assertEqual(code, 0, said + self.graph.said(driver))
+        self.assertIsNone(driver.poll(), self.graph.said(driver))
+        return [json.loads(line) for line in heard.read_text().splitlines()]
+
+    def compare(self, ahead, change=with_command, **options):
+        bag = self.graph.path / "stand.bag"
+        stand_bag.write(bag, change, **options)
+        offline = self.offline(bag)
+        live = self.live(bag, offline[-1][0] + 946684800, ahead)
+        self.assertEqual(len(live), len(offline))
+        for sample, (t, sequence, *values) in zip(live, offline):
+            self.assertEqual(sample["sequence"], sequence)
+            self.assertAlmostEqual(sample["stamp"] * 1e-9 - 946684800, t, delta=1e-6)
+            for a, b in zip(sample["values"], values):
+                self.assertTrue(a == b or (math.isnan(a) and math.isnan(b)), (sample, t, values))
+        return offline
+
+    def test_the_same_samples_as_offline(self):
+        rows = self.compare(1.02, joints_every=0.001, load_every=0.04)
+        self.assertGreater(len(rows), 370)
+        self.assertEqual({row[3] for row in rows}, {0.5, -1.5, 2.0})  # all three commands
+        self.assertFalse(any(math.isnan(value) for row in rows for value in row))
+
+    def test_a_silent_topic_is_missing_and_holds_nothing_up(self):
+        gone = range(stand_bag.START * 10**9 + 10**9, stand_bag.START * 10**9 + 3 * 10**9)
+        rows = self.compare(
+            1.1, lambda made: [e for e in with_command(made) if e[0] != "/load" or e[2] not in gone]
+        )
+        self.assertAlmostEqual(sum(math.isnan(row[5]) for row in rows), 199, delta=2)
+
+    def wait_for_status(self, *says):
+        heard = self.graph.path / "status"
+        self.graph.start(["python3", str(HERE / "listen.py"), "stand", "60", str(heard), "diagnostics"])
+        limit = time.monotonic() + 20
+        while time.monotonic() < limit:
+            text = heard.read_text() if heard.exists() else ""
+            if all(word in text for word in says):
+                return
+            time.sleep(0.2)
+        self.fail(text)
+
+    def publish(self, topic, kind, fields="{}"):
+        return self.graph.start(["rostopic", "pub", "-r", "20", topic, kind, fields])
+
+    def test_what_is_not_there_is_told_and_nothing_is_sent(self):
+        self.driver()
+        self.publish("/supply", "sensor_msgs/FluidPressure")
+        self.wait_for_status("nobody publishes", "/load/wrench/force/z", "no sample yet")
+
+    def test_a_field_that_is_not_there_ends_the_driver_in_one_line(self):
+        self.map.write_text(MAPPING.replace("force/z", "fource/z"))
+        self.publish("/load", "geometry_msgs/WrenchStamped")
+        code, said = self.graph.wait(self.driver(), 20)
+        self.assertEqual(code, 2, said)
+        lines = [line for line in said.splitlines() if "rig_driver_node: " in line]
+        self.assertEqual(len(lines), 1, said)
+        self.assertIn("has no field 'fource'; its fields are force, torque; did you mean 'force'?", lines[0])
+        self.assertNotIn("Traceback", said)
+
+    def test_a_mapping_that_is_wrong_ends_the_driver_in_one_line(self):
+        for text, says in (
+            (MAPPING.replace("load:", "lod:"), "did you mean 'load'?"),
+            (MAPPING.replace("/load/", "load/"), "no /topic/field"),
+            (MAPPING + "time: {period: 1}\n", "'time' is that of a table"),
+        ):
+            self.map.write_text(text)
+            code, said = self.graph.wait(self.driver(), 20)
+            self.assertEqual(code, 2, said)
+            self.assertIn(says, said)
+            self.assertEqual(len(said.splitlines()), 1, said)
+        code, said = self.graph.wait(self.driver(log="x.lcm"), 20)
+        self.assertEqual(code, 2)
+        self.assertIn("~mapping, ~log and ~lcm_url exclude each other", said)
+
+
+if __name__ == "__main__":
+    unittest.main()

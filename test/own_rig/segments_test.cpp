@@ -1,0 +1,154 @@
+// Segments of rigs that no recording shows whole: how long they are, where they start, what is fitted from them.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "faultline/fit/parameter_fit.h"
+#include "faultline/gap/diagnose_gap.h"
+#include "faultline/numerics/random.h"
+#include "faultline/rig/time_scales.h"
+#include "faultline/segments/propagation.h"
+#include "faultline/segments/segment_length.h"
+#include "faultline/segments/state_smoother.h"
+#include "own_rig/own_rigs.h"
+
+namespace faultline {
+namespace {
+
+const Datasheet& tanks() {
+  static const Datasheet sheet = own_rig("two_tanks");
+  return sheet;
+}
+
+std::size_t parameter(const std::string& name) { return static_cast<std::size_t>(tanks().parameter(name)); }
+
+struct TankRun {
+  Recording recording;
+  std::vector<double> upper;  // true level per row, m
+};
+
+// The pump steps at random every 80 s; the upper tank starts far from where the rig's own start has it.
+TankRun tank_run(const ModelChange& truth, std::size_t rows, std::uint64_t seed, double upper, double period = 4) {
+  const double noise = tanks().channels[1].noise_std;
+  TankRun run;
+  run.recording.rig = tanks().rig;
+  run.recording.channels = tanks().channels;
+  Random random(seed);
+  for (std::size_t k = 0; k < rows; ++k) {
+    Sample sample;
+    sample.time = period * static_cast<double>(k);
+    const auto held = static_cast<std::size_t>(80 / period);
+    sample.values = {k % held ? run.recording.values[2 * k - 2] : random.uniform(3, 7), 0};
+    run.recording.append(sample);
+  }
+  Propagation model(tanks(), truth, period);
+  Eigen::VectorXd state(2);
+  state << upper, 0.1;
+  for (std::size_t k = 0; k < rows; ++k) {
+    run.upper.push_back(state[0]);
+    const double shown = std::min(state[1] + noise * random.normal(), tanks().channels[1].maximum);
+    if (k + 1 < rows) state = model.step(run.recording, k, state).next;
+    run.recording.values[2 * k + 1] = shown;
+  }
+  return run;
+}
+
+SegmentedRun prepared(const SegmentModel& model, const Recording& recording, std::vector<double>& noise) {
+  SegmentedRun run = cut_run(tanks(), "tanks", recording, segment_length(tanks(), {&recording}));
+  noise = noise_of(tanks(), {run});
+  model.place_starts(run, noise, model.nominal());
+  return run;
+}
+
+TEST(SegmentLength, FollowsTheRigAndTheRuns) {
+  const Recording one = tank_run({tanks().nominal(), {}}, 1024, 1, 0.1).recording;
+  EXPECT_NEAR(segment_length(tanks(), {&one}), 256, 1e-9);  // a sixteenth of the run
+  EXPECT_NEAR(segment_length(tanks(), {&one, &one}), 512, 1e-9);
+  EXPECT_NEAR(segment_length(tanks()), 10 * time_scales(tanks()).slowest_s, 1e-9);
+  const Recording brief = tank_run({tanks().nominal(), {}}, 100, 1, 0.1).recording;
+  EXPECT_NEAR(segment_length(tanks(), {&brief}), 80, 1e-9);  // twenty samples
+  Datasheet given = tanks();
+  given.segment = 100;
+  EXPECT_EQ(segment_length(given, {&one}), 100);
+}
+
+TEST(StateSmoother, FindsTheLevelThatIsNotMeasured) {
+  const TankRun run = tank_run({tanks().nominal(), {}}, 512, 3, 0.3);
+  const SegmentModel model(tanks());
+  std::vector<double> noise;
+  const SegmentedRun cut = prepared(model, run.recording, noise);
+  ASSERT_EQ(hidden_states(model, model.nominal(), cut), std::vector<int>({0}));
+  ASSERT_EQ(cut.start_roots.front().cols(), 2);
+  for (std::size_t g = 0; g < cut.segments(); ++g) {
+    const double std = std::abs(cut.start_roots[g](0, 1)), off = cut.starts[g][0] - run.upper[cut.restarts[g]];
+    EXPECT_LT(std, 0.03) << g;
+    EXPECT_LT(std::abs(off), 3 * std + 1e-4) << g;
+  }
+  const Eigen::MatrixXf r =
+      settled(cut, model.start_columns(model.nominal(), cut, noise), model.residuals(model.nominal(), cut, noise));
+  EXPECT_NEAR(r.squaredNorm() / static_cast<float>(r.size()), 1, 0.15);
+}
+
+TEST(StateSmoother, LeavesReadingsAtTheEndOfTheRangeOut) {
+  TankRun run = tank_run({tanks().nominal(), {}}, 512, 3, 0.3);
+  Datasheet low = tanks();
+  low.channels[1].maximum = 0.16;
+  std::size_t at_end = 0;
+  for (std::size_t k = 0; k < run.recording.rows(); ++k) {
+    double& level = run.recording.values[2 * k + 1];
+    at_end += level >= 0.16;
+    level = std::min(level, 0.16);
+  }
+  run.recording.channels = low.channels;
+  ASSERT_GT(at_end, 60u);
+  SegmentedRun cut = cut_run(low, "tanks", run.recording, 256);
+  const SegmentModel model(low);
+  const std::vector<double> noise = noise_of(low, {cut});
+  EXPECT_NEAR(noise[0], low.channels[1].noise_std, 0.2 * low.channels[1].noise_std);
+  model.place_starts(cut, noise, model.nominal());
+  const Eigen::MatrixXf r =
+      settled(cut, model.start_columns(model.nominal(), cut, noise), model.residuals(model.nominal(), cut, noise));
+  EXPECT_LT(r.squaredNorm() / static_cast<float>(r.size()), 1.3);
+}
+
+TEST(ParameterFit, KnowsTanksWhoseUpperLevelIsNotMeasured) {
+  Datasheet sheet = tanks();
+  for (Parameter& p : sheet.parameters) p.identify = p.name == "upper_outlet_area" || p.name == "lower_outlet_area";
+  ModelChange truth{sheet.nominal(), {}};
+  truth.parameters[parameter("upper_outlet_area")] *= 1.03;
+  truth.parameters[parameter("lower_outlet_area")] *= 0.97;
+  const TankRun run = tank_run(truth, 1024, 5, 0.3);
+  const ParameterFit fit = fit_parameters(sheet, {{"tanks", run.recording}}, 2);
+  EXPECT_EQ(fit.segments, 16u);
+  ASSERT_EQ(fit.parameters.size(), 2u);
+  EXPECT_NEAR(fit.parameters[1].estimate / fit.parameters[1].nominal, 0.97, 0.01);
+  EXPECT_LT(fit.channels[0].after, 1.3 * fit.channels[0].noise);
+}
+
+TEST(Gap, OfTanksNamesWhatIsClogged) {
+  const EffectSpec clogged = parse_effect("clogging@restriction.lower_outlet:fraction=0.3");
+  const Recording first = tank_run({tanks().nominal(), {clogged}}, 1024, 7, 0.2).recording,
+                  second = tank_run({tanks().nominal(), {clogged}}, 512, 8, 0.1, 8).recording;
+  const double segment = segment_length(tanks(), {&first, &second});
+  GapSettings settings;
+  settings.jobs = 2;
+  const GapResult result = diagnose_gap(
+      tanks(), {cut_run(tanks(), "a", first, segment), cut_run(tanks(), "b", second, segment)}, {}, settings, {});
+  ASSERT_EQ(result.verdict, "named") << result.sentence;
+  EXPECT_EQ(result.effects.front().port, "restriction.lower_outlet") << result.sentence;
+  EXPECT_NEAR(result.effects.front().parameters.at("fraction"), 0.3, 0.05);
+}
+
+TEST(Gap, OfTanksAsTheDatasheetHasThemIsNone) {
+  const Recording first = tank_run({tanks().nominal(), {}}, 1024, 7, 0.2).recording,
+                  second = tank_run({tanks().nominal(), {}}, 1024, 8, 0.1).recording;
+  const double segment = segment_length(tanks(), {&first, &second});
+  GapSettings settings;
+  settings.jobs = 2;
+  const GapResult result = diagnose_gap(
+      tanks(), {cut_run(tanks(), "a", first, segment), cut_run(tanks(), "b", second, segment)}, {}, settings, {});
+  EXPECT_EQ(result.verdict, "none") << result.sentence;
+}
+
+}  // namespace
+}  // namespace faultline
