@@ -30,8 +30,8 @@ constexpr std::size_t kFilterStates = 16;  // that a filter takes (estimators/pr
 constexpr double kLongestEvery = 1e6;      // s
 // Slowest time scales of a segment: what no channel shows has then forgotten how it began when the first counts.
 constexpr double kSegment = 2;
-constexpr double kSegmentSettling =
-    0.4;                            // of the settling time, where the rig settles later than its slowest mode says
+// At least of the settling time: a rig may settle later than its slowest mode says.
+constexpr double kSegmentSettling = 0.4;
 constexpr double kModeSettles = 3;  // scales, after which one mode has settled
 // Residuals of a model within its tolerances are nearly white once these are adjusted.
 constexpr double kInflation = 5;
@@ -40,7 +40,7 @@ constexpr double kLongestLatency = 1;  // s: what a judgement takes
 // Times the mean square that a filter expects: of a rig that is one tolerance off it is up to twice that
 // (estimators/rig_model.cpp), of one that is two off, as far as rigs are drawn, five times.
 constexpr double kFit = 5;
-constexpr double kFitSamples = 20;     // at least, over which that is averaged
+constexpr double kFitSamples = 20;  // at least, over which that is averaged
 constexpr double kFrozenPerHour = 1e-3, kFewestEqual = 5, kMostEqual = 1000;
 constexpr double kRounded = 2;       // resolutions over noise, from which equal readings are nothing unusual
 constexpr double kNoisyWindow = 10;  // samples
@@ -155,7 +155,7 @@ class Completer {
     numbers["segment"] = segment() * period_;
     numbers["segments"] = kSegments;
     numbers["inflation"] = kInflation;
-    numbers["every"] = rounded(every());
+    numbers["every"] = rounded(1.005 * every());  // never below what a stretch takes
     numbers["latency"] = std::min(kLongestLatency, rounded(0.5 * numbers["every"]));
     sheet_.estimators.push_back({"responses", "fault_response", settings("responses", numbers)});
     sheet_.defaulted.insert("estimators");
