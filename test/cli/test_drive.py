@@ -55,6 +55,15 @@ class Drive(ProgramTest):
         for name in ("position", "spool_position"):
             self.assertAlmostEqual(float(model[-1][name]), float(whole[-1][name]), delta=2e-3)
 
+    def test_a_run_of_another_sample_period(self):
+        lines = self.simulate("run.csv", "--no-noise", "--profile", "multisine").read_text().splitlines()
+        (self.folder / "half.csv").write_text("\n".join([lines[0]] + lines[1::2]) + "\n")
+        whole = self.drive("run.csv", "whole.csv", "--no-noise")
+        half = self.drive("half.csv", "model.csv", "--no-noise")
+        self.assertEqual([row["t"] for row in half], [row["t"] for row in whole[::2]])
+        for a, b in zip(whole[::2], half):
+            self.assertAlmostEqual(float(a["position"]), float(b["position"]), delta=2e-3)
+
     def test_a_bag_keeps_its_stamps(self):
         self.simulate("run.bag", "--profile", "multisine", duration=0.5)
         self.run_program("simulate", "servo_actuator", "--drive", "run.bag", "--quiet", "-o", "model.bag")
