@@ -44,7 +44,8 @@ RigSimulatorSettings read_simulator_settings(const Datasheet& sheet, Parameters&
   if (!setup.profile.empty()) sheet.profile(setup.profile);
   if (parameters.flag("nuisance", false)) add_effects(sheet.nuisance, setup);
   if (parameters.flag("off_nominal", false)) setup.parameters = draw_parameters(sheet, setup.seed);
-  settings.rate = parameters.number("rate", 1, 0.01, 100);
+  // A slow rig may run up to a sample every millisecond.
+  settings.rate = parameters.number("rate", 1, 0.01, std::max(100.0, 1000 * sheet.sample_period));
   settings.duration = parameters.number("duration", 0, 0, 1e6);
   const double now = std::floor(ros::WallTime::now().toSec() * 1000) / 1000;
   settings.start = parameters.number("start", now, 0, 4e9);
