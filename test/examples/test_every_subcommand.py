@@ -16,7 +16,7 @@ MEASURED = SHARED / "data/cascaded_tanks/tanque.csv"
 
 
 def setUpModule():
-    """The package, and runs of one rig that is off its datasheet: two healthy ones, one that clogs, one that overflows."""
+    """The package, and runs of one rig that is off its datasheet: two healthy, one that clogs, two that overflow."""
     global space, path, package
     space = tempfile.TemporaryDirectory(prefix="faultline_tanks_")
     path = pathlib.Path(space.name).resolve()
@@ -98,7 +98,8 @@ class Simulated(Tanks):
 
     def test_gap(self):
         answer = self.answer("gap", self.bag("over_one"), "--holdout", self.bag("over_two"), "--report", "gap.html")
-        self.assertEqual([(e["effect"], e["port"]) for e in answer["cause"]["effects"]], [("overflow", "flow.upper_reservoir")])
+        named = [(effect["effect"], effect["port"]) for effect in answer["cause"]["effects"]]
+        self.assertEqual(named, [("overflow", "flow.upper_reservoir")])
         self.assertGreater((self.folder / "gap.html").stat().st_size, 10000)
 
     def test_report(self):
