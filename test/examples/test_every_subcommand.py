@@ -16,7 +16,8 @@ MEASURED = SHARED / "data/cascaded_tanks/tanque.csv"
 
 
 def setUpModule():
-    """The package, and runs of one rig that is off its datasheet: two healthy, one that clogs, two that overflow."""
+    """The package, and runs of a rig that is off its datasheet: two healthy, one that clogs; and two of one as in its
+    datasheet that overflow."""
     global space, path, package
     space = tempfile.TemporaryDirectory(prefix="faultline_tanks_")
     path = pathlib.Path(space.name).resolve()
@@ -26,8 +27,8 @@ def setUpModule():
     simulate("one", "--seed", "1", *rig)
     simulate("two", "--seed", "2", *rig)
     simulate("clogs", "--seed", "3", *rig, "--fault", "lower_outlet_clogged")
-    simulate("over_one", "--seed", "4", *rig, "--fault", "upper_tank_overflows")
-    simulate("over_two", "--seed", "5", *rig, "--fault", "upper_tank_overflows")
+    simulate("over_one", "--seed", "4", "--fault", "upper_tank_overflows")
+    simulate("over_two", "--seed", "5", "--fault", "upper_tank_overflows")
 
 
 def tearDownModule():
@@ -130,7 +131,7 @@ if MEASURED.is_file():
                 ("fit", RIG, "estimation.bag", "--json", "fit.json", "--patch", "fitted.yaml"),
                 ("diagnose", "validation.bag", "--json", "diagnose.json"),
                 ("isolability", "validation.bag", "--json", "isolability.json"),
-                ("tune", RIG, "estimation.bag", "--json", "tune.json"),
+                ("tune", RIG, "estimation.bag", "validation.bag", "--json", "tune.json"),
                 ("gap", "estimation.bag", "--holdout", "validation.bag", "--json", "gap.json"),
                 ("simulate", RIG, "--drive", "validation.bag", "-o", "driven.csv"),
             ):
