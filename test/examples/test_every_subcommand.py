@@ -86,16 +86,24 @@ class Simulated(Tanks):
         self.assertEqual(
             {p["name"] for p in answer["parameters"]}, {"pump_gain", "upper_outlet", "lower_outlet", "outlet_drop"}
         )
+        level = answer["channels"][0]
+        self.assertGreater(level["before"], 10 * level["noise"])
+        self.assertLess(level["after"], 1.5 * level["noise"])
         # The fitted datasheet is one, and knows the rig's equations.
         fitted = self.answer("rigs", "--config", "fitted.yaml")["rigs"][0]
         self.assertTrue(fitted["simulated"])
         self.faultline("diagnose", self.bag("two"), "--config", "fitted.yaml")
 
     def test_tune(self):
-        self.assertTrue(self.answer("tune", RIG, self.bag("one"), self.bag("two")))
+        answer = self.answer("tune", RIG, self.bag("one"), self.bag("two"), "--patch", "tuned.yaml")
+        self.assertIn("model_fit", [threshold["detector"] for threshold in answer["thresholds"]])
+        self.faultline("diagnose", self.bag("two"), "--config", "tuned.yaml")
 
     def test_isolability(self):
-        self.assertTrue(self.answer("isolability", self.bag("two")))
+        faults = self.answer("isolability", self.bag("two"))["faults"]
+        least = {(fault["effect"], fault["port"]): fault["least_size"] for fault in faults}
+        self.assertLess(least["clogging", "restriction.lower_outlet"], 0.1)
+        self.assertIn(("overflow", "flow.upper_lower"), least)  # the package's own effect
 
     def test_gap(self):
         answer = self.answer("gap", self.bag("over_one"), "--holdout", self.bag("over_two"), "--report", "gap.html")
@@ -137,6 +145,11 @@ if MEASURED.is_file():
             ):
                 with self.subTest(subcommand=words[0]):
                     print(" ".join(words), self.faultline(*words).stdout)
+            # What is published of this stand: the upper tank overflows, and water of it falls into the lower one.
+            ranked = json.loads((self.folder / "gap.json").read_text())["cause"]["ranked"]
+            self.assertEqual((ranked[0]["effect"], ranked[0]["port"]), ("overflow", "flow.upper_lower"))
+            fit = json.loads((self.folder / "fit.json").read_text())["channels"][0]
+            self.assertLess(fit["after"], fit["before"])
 
 else:
     print(f"{MEASURED}: the measured tanks are not here; simulated ones only")
