@@ -133,9 +133,8 @@ void refuse_unbounded(const Sample& sample, const std::string& rig, double start
 
 // What drives the model: commands and inputs of each row, at the last good value where one is missing, and a copy of a
 // row for every sample that was lost after it. `rows`: where each row of the recording stands.
-Recording driving(const LoadedRecording& loaded, std::vector<std::size_t>& rows) {
+Recording driving(const LoadedRecording& loaded, double period, std::vector<std::size_t>& rows) {
   const Recording& recording = loaded.recording;
-  const double period = loaded.sheet.sample_period;
   Recording result;
   result.rig = recording.rig;
   result.channels = recording.channels;
@@ -172,7 +171,7 @@ std::uint64_t drive(const Options& options, const LoadedRecording& loaded, const
                     std::int64_t zero, SampleWriter& writer) {
   const Datasheet& sheet = loaded.sheet;
   std::vector<std::size_t> rows;
-  const Recording recording = driving(loaded, rows);
+  const Recording recording = driving(loaded, setup.sample_period, rows);
   std::vector<double> start;
   for (const State& state : sheet.states)
     start.push_back(state.channel < 0 ? std::nan("") : loaded.recording.at(0, static_cast<std::size_t>(state.channel)));
@@ -197,9 +196,11 @@ std::uint64_t drive(const Options& options, const LoadedRecording& loaded, const
 }
 
 void run_driven(const Options& options) {
-  const LoadedRecording loaded = load_recording(options.drive, options.rig, options.config);
+  const LoadedRecording loaded = load_recording(options.drive, options.rig, options.config, Period::of_run);
   print_remarks("simulate", loaded.remarks);
-  const SimulationSetup setup = setup_of(loaded.sheet, options);
+  SimulationSetup setup = setup_of(loaded.sheet, options);
+  setup.sample_period =
+      period_fits(loaded.findings, loaded.sheet.sample_period) ? loaded.sheet.sample_period : loaded.findings.period;
   if (!setup.commands.empty())
     throw InputError(
         fmt::format("--fault {}: it moves commands, which the recording gives; leave --drive out", options.fault));

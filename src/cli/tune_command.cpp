@@ -25,8 +25,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kAfterOnset = 3e4;  // sample periods of a faulty run after the fault begins
-// Blocks without --block: ten seconds, fewer of a rig above 1 kHz (sample periods), longer of a slow one.
-constexpr double kBlock = 10, kMostPerBlock = 1e4, kLeastPerBlock = 100;
+// Blocks without --block: ten seconds, fewer of a rig above 1 kHz (sample periods), longer of a slow one; five times
+// what detectors average over, where these are filled in.
+constexpr double kBlock = 10, kMostPerBlock = 1e4, kLeastPerBlock = 100, kAveragesPerBlock = 5;
 const std::vector<double> kFactors = {0.01, 0.1, 0.3, 1, 3, 10, 100};  // on the entry of Q
 const std::vector<double> kRates = {1, 0.1, 0.01};                     // false alarms per hour, besides the wanted one
 
@@ -186,11 +187,21 @@ void write_patch(Datasheet sheet, const StageSpec& stage, const Options& options
   write_datasheet(text, options.patch);
 }
 
+// s, without --block.
+double block_of(const Datasheet& sheet) {
+  double block = std::min(kBlock, kMostPerBlock * sheet.sample_period);
+  if (sheet.defaulted.count("detectors") > 0) {  // their averages are the rig's own
+    block = 0;
+    for (const StageSpec& detector : sheet.detectors)
+      if (detector.settings.has("average"))
+        block = std::max(block, kAveragesPerBlock * detector.settings.number("average", 0, kInfinity));
+  }
+  return std::max(block, kLeastPerBlock * sheet.sample_period);
+}
+
 void run(Options options) {
   const Datasheet sheet = load_datasheet(options.rig, options.config);
-  if (options.block <= 0)
-    options.block =
-        std::max(std::min(kBlock, kMostPerBlock * sheet.sample_period), kLeastPerBlock * sheet.sample_period);
+  if (options.block <= 0) options.block = block_of(sheet);
   StageSpec stage = stage_of(sheet, options.stage);
   std::vector<Recording> healthy;
   for (const std::string& file : options.healthy) {
@@ -236,7 +247,8 @@ std::function<void()> add(CLI::App& app) {
   app.add_option("--rate", options->rate, "false alarms per hour that each threshold is chosen for [0.01]")
       ->check(number_between(1e-6, 1e3));
   app.add_option("--block", options->block,
-                 "s, of the blocks whose maxima are taken [10; 100 to 10000 samples]: longer than a detector's memory")
+                 "s, of the blocks whose maxima are taken [10, of 100 to 10000 samples; five averages of detectors "
+                 "that are filled in]: longer than a detector's memory")
       ->check(number_between(1e-3, 1e6));
   app.add_option("--fault", options->fault, "a fault of the datasheet: simulated, to show delay against false alarms");
   app.add_option("--detector", options->detector, "whose delay; the first of kind fault without it");

@@ -46,7 +46,7 @@ class Fit(ProgramTest):
         self.complains(["fit", "servo_actuator", run, "--config", "exact.yaml"], "exact.yaml", "identify: true")
         self.complains(["fit", "servo_actuator", "none.bag"], "none.bag")
         short = self.simulate("b.bag", duration=0.2)
-        self.complains(["fit", "servo_actuator", short], "b.bag", "too few")
+        self.complains(["fit", "servo_actuator", short], "b.bag", "record longer")
 
 
 class Tune(ProgramTest):

@@ -1,6 +1,7 @@
 """A stage is one registration: only its own file knows the name of a type, and each family of estimators is hosted by
 one node."""
 
+import pathlib
 import re
 import unittest
 
@@ -8,6 +9,8 @@ from sources import ROOT, sources_below
 
 STAGE = re.compile(r"FAULTLINE_(?:ESTIMATOR|DETECTOR|ISOLATOR|STATE_ESTIMATOR)\((\w+),")
 FAMILY = re.compile(r"FAULTLINE_ESTIMATOR\(\s*\w+,\s*\{[^,]+,\s*([^,]+),")
+# Says what a datasheet would, where it says nothing: it names types as stages.yaml does.
+FILLED_IN = pathlib.Path("src/faultline/rig/default_sheet.cpp")
 HOSTED = re.compile(r'run_estimator_node\(argc, argv, "\w+", \{([^}]*)\}')
 
 
@@ -32,7 +35,7 @@ class Registration(unittest.TestCase):
             '{}: "{}"'.format(name, type_name)
             for type_name, own in types.items()
             for name in self.sources
-            if name != own
+            if name not in (own, FILLED_IN)
             and re.search(("" if "_" in type_name else "[!=]= ") + '"{}"'.format(type_name), text_of(name))
         ]
         self.assertEqual(wrong, [])

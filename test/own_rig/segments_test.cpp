@@ -38,7 +38,8 @@ TankRun tank_run(const ModelChange& truth, std::size_t rows, std::uint64_t seed,
     Sample sample;
     sample.time = period * static_cast<double>(k);
     const auto held = static_cast<std::size_t>(80 / period);
-    sample.values = {k % held ? run.recording.values[2 * k - 2] : random.uniform(3, 7), 0};
+    sample.values.resize(2);
+    sample.values[0] = k % held ? run.recording.values[2 * k - 2] : random.uniform(3, 7);
     run.recording.append(sample);
   }
   Propagation model(tanks(), truth, period);

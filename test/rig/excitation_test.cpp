@@ -178,7 +178,7 @@ TEST(Excitation, AMultisineScalesWithItsCorner) {
       "multisine", Settings("t", {{"count", 12}, {"lowest", 0.2}, {"highest", 5}, {"amplitude", 2}}, {}, {}), 4);
   for (double t = 0; t < 20; t += 0.17) {
     const double value = fast->value(t);
-    EXPECT_NEAR(slow->value(1000 * t), value, 1e-6) << t;
+    EXPECT_NEAR(slow->value(1000 * t), value, 2e-3) << t;  // the peak is looked for on a grid
     EXPECT_EQ(plain->value(t), value) << t;  // a corner of 1 Hz and a second of fading in, where none is given
   }
 }

@@ -21,8 +21,8 @@
 
 namespace faultline {
 
-// s, of times that a datasheet may set: of rigs sampled every 0.1 ms to every 100 s, which may take a million samples to
-// settle.
+// s, of times that a datasheet may set: of rigs sampled every 0.1 ms to every 100 s, which may take a million samples
+// to settle.
 constexpr double kShortest = 1e-6, kLongest = 1e8;
 
 struct Detection {

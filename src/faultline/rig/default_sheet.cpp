@@ -25,20 +25,23 @@ constexpr double kLeastSpan = 0.1;  // of a command's range: what moves it at al
 constexpr double kTwoPi = 6.283185307179586;
 
 // Of stages.
-constexpr double kSegments = 4, kLeastSegment = 20, kMostSegment = 2000;  // samples
+constexpr double kSegments = 2, kLeastSegment = 20, kMostSegment = 2000;  // samples
 constexpr std::size_t kFilterStates = 16;  // that a filter takes (estimators/process_model.h)
 constexpr double kLongestEvery = 1e6;      // s
-// Slowest time scales of a segment: what no channel shows has then forgotten how it began when the first counts.
-constexpr double kSegment = 2;
-constexpr double kSegmentSettling =
-    0.4;                            // of the settling time, where the rig settles later than its slowest mode says
+// Slowest time scales of a segment: start states that no channel shows are estimated in each, and a fault must still
+// show when these have taken their part.
+constexpr double kSegment = 4;
+// At least of the settling time: a rig may settle later than its slowest mode says.
+constexpr double kSegmentSettling = 0.8;
 constexpr double kModeSettles = 3;  // scales, after which one mode has settled
 // Residuals of a model within its tolerances are nearly white once these are adjusted.
 constexpr double kInflation = 5;
 constexpr double kEffort = 2e4;        // samples of the model per second of recording that the responses may cost
 constexpr double kLongestLatency = 1;  // s: what a judgement takes
-constexpr double kFit = 3;             // times the mean square that a filter expects
-constexpr double kFitSamples = 20;     // at least, over which that is averaged
+// Times the mean square that a filter expects: of a rig that is one tolerance off it is up to twice that
+// (estimators/rig_model.cpp), of one that is two off, as far as rigs are drawn, five times.
+constexpr double kFit = 5;
+constexpr double kFitSamples = 20;  // at least, over which that is averaged
 constexpr double kFrozenPerHour = 1e-3, kFewestEqual = 5, kMostEqual = 1000;
 constexpr double kRounded = 2;       // resolutions over noise, from which equal readings are nothing unusual
 constexpr double kNoisyWindow = 10;  // samples
@@ -153,7 +156,7 @@ class Completer {
     numbers["segment"] = segment() * period_;
     numbers["segments"] = kSegments;
     numbers["inflation"] = kInflation;
-    numbers["every"] = rounded(every());
+    numbers["every"] = rounded(1.005 * every());  // never below what a stretch takes
     numbers["latency"] = std::min(kLongestLatency, rounded(0.5 * numbers["every"]));
     sheet_.estimators.push_back({"responses", "fault_response", settings("responses", numbers)});
     sheet_.defaulted.insert("estimators");

@@ -7,8 +7,9 @@
 //   backwards: C = P_k F' (P_k+1^-)^-1,  x_k^s = x_k + C (x_k+1^s - x_k+1^-),  P_k^s = P_k + C (P_k+1^s - P_k+1^-) C'
 //
 // R: the recording's own noise; readings that measure nothing (smoothing.h) are left out. The first state of a stretch
-// is what its row shows and, where no channel shows a state, the rig's own start, known to the state's size. Assumes that
-// effects with memory hide nothing; a state that nothing measured depends on keeps the rig's own start and its spread.
+// is what its row shows and, where no channel shows a state, the rig's own start, known to the state's size. Assumes
+// that effects with memory hide nothing; a state that nothing measured depends on keeps the rig's own start and its
+// spread.
 #pragma once
 
 #include "faultline/segments/segment_model.h"
