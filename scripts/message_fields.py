@@ -53,10 +53,8 @@ def unknown_topic(path, topics, where):
     if bare in topics:
         return f"{path}: this is a topic; name the field behind it, as in {path}/data"
     parts = bare.split("/")
-    near = [f"; did you mean '{topic}'?" for topic in topics if "/".join(parts[: topic.count("/") + 1]) == topic]
-    for length in range(len(parts) - 1, 1, -1):
-        near = near or [text for text in [did_you_mean("/".join(parts[:length]), topics)] if text]
-    return f"{path}: {where} has no such topic; there are {listed(topics)}" + (near[0] if near else "")
+    near = [did_you_mean("/".join(parts[:length]), topics) for length in range(len(parts) - 1, 1, -1)]
+    return f"{path}: {where} has no such topic; there are {listed(topics)}" + next(filter(None, near), "")
 
 
 class Field:

@@ -1,10 +1,12 @@
 // `faultline import`: what a stand recorded in its own way becomes a recording of a rig.
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <filesystem>
 #include <limits>
 #include <memory>
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include "cli/import_mapped.h"
@@ -20,6 +22,8 @@
 namespace faultline {
 namespace {
 
+constexpr double kEpochSpan = 3e7;  // s after 2000-01-01, as of export
+
 struct Options {
   std::vector<std::string> inputs;
   std::string output, rig, config, mapping, resample, compression = "bz2";
@@ -31,10 +35,26 @@ SampleFindings check(const Recording& recording, double period) {
   return check.findings();
 }
 
-void write(const Options& options, const Datasheet& sheet, const Recording& recording, const std::string& made_by) {
-  const auto writer = make_sample_writer(options.output, sheet, made_by, recording.time.front(),
-                                         bag_compression(options.compression), true);
-  for (std::size_t row = 0; row < recording.rows(); ++row) writer->write(recording.sample(row));
+// A table tells time as `export` does: from 2000 where that is near, else from its first row; then says when that was.
+void write(const Options& options, const Datasheet& sheet, const Recording& recording, const std::string& made_by,
+           std::vector<std::string>& remarks) {
+  const double first = recording.time.front();
+  const bool is_table = ends_with(options.output, ".csv");
+  const double zero = is_table && !(first >= 0 && first < kEpochSpan) ? first : 0;
+  if (zero != 0) {
+    const double whole = std::floor(first);
+    remarks.push_back(fmt::format("t counts from {:%Y-%m-%dT%H:%M:%S}.{:06.0f}Z",
+                                  fmt::gmtime(static_cast<std::time_t>(whole + kBagEpoch)), 1e6 * (first - whole)));
+  }
+  bool counted = true;
+  for (std::size_t row = 0; counted && row < recording.rows(); ++row) counted = recording.sequence[row] == row;
+  const auto writer =
+      make_sample_writer(options.output, sheet, made_by, first, bag_compression(options.compression), !counted);
+  for (std::size_t row = 0; row < recording.rows(); ++row) {
+    Sample sample = recording.sample(row);
+    sample.time -= zero;
+    writer->write(sample);
+  }
   writer->commit();
 }
 
@@ -61,8 +81,8 @@ void run_plain(const Options& options, const Datasheet& sheet) {
         fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; import with --mapping and --resample, or give "
                     "the unit of t as in t[ms]",
                     input, findings.period, sheet.file, sheet.sample_period));
-  write(options, sheet, content.recording, "faultline import");
   std::vector<std::string> remarks;
+  write(options, sheet, content.recording, "faultline import", remarks);
   for (const std::string& name : content.filled)
     remarks.push_back(fmt::format("no column '{}'; it is written as 0", name));
   for (const std::string& name : content.converted)
@@ -83,7 +103,8 @@ void run_mapped(const Options& options, Datasheet sheet) {
     sheet.sample_period = mapping.period;  // what the bag's description says
   }
   const std::string name = std::filesystem::path(options.mapping).filename().string();
-  write(options, sheet, imported.recording, fmt::format("faultline import --mapping {}{}", name, resampled));
+  write(options, sheet, imported.recording, fmt::format("faultline import --mapping {}{}", name, resampled),
+        imported.remarks);
   const SampleFindings findings = check(imported.recording, sheet.sample_period);
   finish(options, imported.recording, std::move(imported.remarks), findings, sheet.sample_period, resampled);
 }

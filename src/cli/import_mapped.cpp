@@ -300,6 +300,10 @@ class Importer {
                       sheet_.file, sheet_.sample_period));
     const std::vector<std::string> filled = unmapped(mapping_, sheet_);
     if (!filled.empty()) result_.remarks.push_back("not mapped, written as 0: " + some_of(filled));
+    std::vector<std::string> once;  // files of one kind say the same
+    for (const std::string& remark : result_.remarks)
+      if (std::find(once.begin(), once.end(), remark) == once.end()) once.push_back(remark);
+    result_.remarks = once;
     return std::move(result_);
   }
 

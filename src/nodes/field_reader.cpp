@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 
 #include <fmt/format.h>
@@ -37,6 +38,8 @@ std::int64_t whole_number(const char* bytes) {
 }  // namespace
 
 double seconds_of_stamp(std::int64_t stamp) { return static_cast<double>(stamp - kEpoch) * 1e-9; }
+
+std::int64_t stamp_of_seconds(double seconds) { return kEpoch + std::llround(seconds * 1e9); }
 
 FieldReader::FieldReader(const std::string& script, const std::string& request, std::size_t fields)
     : script_(find_script(script)), fields_(fields) {

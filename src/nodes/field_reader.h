@@ -45,7 +45,8 @@ class FieldReader {
   std::size_t at_ = 0;
 };
 
-// s since 2000-01-01T00:00:00Z, the zero of times in our bags; exact differences of stamps stay within 0.12 us.
+// s since 2000-01-01T00:00:00Z, the zero of times in our bags, and back; good to 0.12 us.
 double seconds_of_stamp(std::int64_t stamp);
+std::int64_t stamp_of_seconds(double seconds);
 
 }  // namespace faultline

@@ -111,7 +111,11 @@ void TopicDriver::deliver(double time, std::uint64_t row, const std::vector<doub
   missing_ += static_cast<std::uint64_t>(
       std::count_if(values.begin(), values.end(), [](double value) { return std::isnan(value); }));
   check_.add(sample_);
-  if (fit(monitor_.observe(row, sample_.time))) samples_.publish(to_message(sample_, sheet_.rig));
+  if (!fit(monitor_.observe(row, sample_.time))) return;
+  faultline_msgs::Sample message = to_message(sample_, sheet_.rig);
+  // As it stands in a bag of ours: no digit is lost to the seconds since 1970.
+  message.header.stamp.fromNSec(static_cast<std::uint64_t>(stamp_of_seconds(time)));
+  samples_.publish(message);
 }
 
 std::string TopicDriver::trouble() const {
