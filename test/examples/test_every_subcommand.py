@@ -16,7 +16,8 @@ MEASURED = SHARED / "data/cascaded_tanks/tanque.csv"
 
 
 def setUpModule():
-    """The package, and runs of one rig that is off its datasheet: two healthy ones, one that clogs, one that overflows."""
+    """The package, and runs of a rig that is off its datasheet: two healthy, one that clogs; and two of one as in its
+    datasheet that overflow."""
     global space, path, package
     space = tempfile.TemporaryDirectory(prefix="faultline_tanks_")
     path = pathlib.Path(space.name).resolve()
@@ -26,8 +27,8 @@ def setUpModule():
     simulate("one", "--seed", "1", *rig)
     simulate("two", "--seed", "2", *rig)
     simulate("clogs", "--seed", "3", *rig, "--fault", "lower_outlet_clogged")
-    simulate("over_one", "--seed", "4", *rig, "--fault", "upper_tank_overflows")
-    simulate("over_two", "--seed", "5", *rig, "--fault", "upper_tank_overflows")
+    simulate("over_one", "--seed", "4", "--fault", "upper_tank_overflows")
+    simulate("over_two", "--seed", "5", "--fault", "upper_tank_overflows")
 
 
 def tearDownModule():
@@ -85,20 +86,29 @@ class Simulated(Tanks):
         self.assertEqual(
             {p["name"] for p in answer["parameters"]}, {"pump_gain", "upper_outlet", "lower_outlet", "outlet_drop"}
         )
+        level = answer["channels"][0]
+        self.assertGreater(level["before"], 10 * level["noise"])
+        self.assertLess(level["after"], 1.5 * level["noise"])
         # The fitted datasheet is one, and knows the rig's equations.
         fitted = self.answer("rigs", "--config", "fitted.yaml")["rigs"][0]
         self.assertTrue(fitted["simulated"])
         self.faultline("diagnose", self.bag("two"), "--config", "fitted.yaml")
 
     def test_tune(self):
-        self.assertTrue(self.answer("tune", RIG, self.bag("one"), self.bag("two")))
+        answer = self.answer("tune", RIG, self.bag("one"), self.bag("two"), "--patch", "tuned.yaml")
+        self.assertIn("model_fit", [threshold["detector"] for threshold in answer["thresholds"]])
+        self.faultline("diagnose", self.bag("two"), "--config", "tuned.yaml")
 
     def test_isolability(self):
-        self.assertTrue(self.answer("isolability", self.bag("two")))
+        faults = self.answer("isolability", self.bag("two"))["faults"]
+        least = {(fault["effect"], fault["port"]): fault["least_size"] for fault in faults}
+        self.assertLess(least["clogging", "restriction.lower_outlet"], 0.1)
+        self.assertIn(("overflow", "flow.upper_lower"), least)  # the package's own effect
 
     def test_gap(self):
         answer = self.answer("gap", self.bag("over_one"), "--holdout", self.bag("over_two"), "--report", "gap.html")
-        self.assertEqual([(e["effect"], e["port"]) for e in answer["cause"]["effects"]], [("overflow", "flow.upper_reservoir")])
+        named = [(effect["effect"], effect["port"]) for effect in answer["cause"]["effects"]]
+        self.assertEqual(named, [("overflow", "flow.upper_reservoir")])
         self.assertGreater((self.folder / "gap.html").stat().st_size, 10000)
 
     def test_report(self):
@@ -129,12 +139,17 @@ if MEASURED.is_file():
                 ("fit", RIG, "estimation.bag", "--json", "fit.json", "--patch", "fitted.yaml"),
                 ("diagnose", "validation.bag", "--json", "diagnose.json"),
                 ("isolability", "validation.bag", "--json", "isolability.json"),
-                ("tune", RIG, "estimation.bag", "--json", "tune.json"),
+                ("tune", RIG, "estimation.bag", "validation.bag", "--json", "tune.json"),
                 ("gap", "estimation.bag", "--holdout", "validation.bag", "--json", "gap.json"),
                 ("simulate", RIG, "--drive", "validation.bag", "-o", "driven.csv"),
             ):
                 with self.subTest(subcommand=words[0]):
                     print(" ".join(words), self.faultline(*words).stdout)
+            # What is published of this stand: the upper tank overflows, and water of it falls into the lower one.
+            ranked = json.loads((self.folder / "gap.json").read_text())["cause"]["ranked"]
+            self.assertEqual((ranked[0]["effect"], ranked[0]["port"]), ("overflow", "flow.upper_lower"))
+            fit = json.loads((self.folder / "fit.json").read_text())["channels"][0]
+            self.assertLess(fit["after"], fit["before"])
 
 else:
     print(f"{MEASURED}: the measured tanks are not here; simulated ones only")

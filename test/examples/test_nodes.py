@@ -4,7 +4,7 @@ load."""
 import json
 import unittest
 
-from packages import OutsideTest, ROOT, build, copied, environment, run
+from packages import FOREIGN, OutsideTest, ROOT, build, copied, environment, run
 
 from graph import Graph  # packages makes it known
 
@@ -21,6 +21,8 @@ class Nodes(OutsideTest):
         sourced = dict(line.split("=", 1) for line in said.split("\0") if "=" in line)
         self.graph = Graph().__enter__()
         self.addCleanup(self.graph.__exit__)
+        for name in FOREIGN:
+            self.graph.environment.pop(name, None)
         for name in ("CMAKE_PREFIX_PATH", "ROS_PACKAGE_PATH", "LD_LIBRARY_PATH", "PYTHONPATH"):
             if name in sourced:
                 self.graph.environment[name] = sourced[name]

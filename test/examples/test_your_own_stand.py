@@ -52,6 +52,12 @@ class YourOwnStand(unittest.TestCase):
             last = done.stdout.rsplit("@@@ ", 1)[-1]
             self.assertEqual(done.returncode, 0, f"{last[-2000:]}")
             self.assertEqual(done.stdout.count("@@@ "), len(told))
+            said = {part.split("\n", 1)[0]: part for part in done.stdout.split("@@@ ")}
+            found = said["faultline diagnose clogged.bag"]
+            self.assertIn("clogging@restriction.outlet", found)
+            self.assertIn("No fault found", said["faultline diagnose mine.bag --config fitted.yaml"])
+            gap = said["faultline gap run1.bag run2.bag --report gap.html"]
+            self.assertIn("deadband at command.pump_voltage closes", gap)
             for name in ("clogged.html", "gap.html", "fitted.yaml", "mine.bag"):
                 self.assertTrue(os.path.getsize(os.path.join(folder, name)) > 1000, name)
 
