@@ -20,7 +20,9 @@ GapResult diagnose(const Datasheet& sheet, double lowest) {
 }
 
 TEST(Rivals, AreBothToldWhereTheRunCannotTellThemApart) {
-  const GapResult result = diagnose(two_gains(), 1);
+  Datasheet sheet = two_gains();
+  sheet.profiles.clear();  // those that a datasheet gets by itself
+  const GapResult result = diagnose(sheet, 1);
   EXPECT_EQ(result.verdict, "named");
   ASSERT_FALSE(result.effects.empty());
   ASSERT_FALSE(result.equivalent.empty());

@@ -82,7 +82,7 @@ std::vector<int> compared_outputs(const Datasheet& sheet) {
 }
 
 SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording recording, double segment,
-                     const SegmentOptions& options) {
+                     const SegmentOptions& options, Inputs inputs) {
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     if (!sheet.channels[c].ground_truth && sheet.channels[c].role != Role::setpoint) continue;
     for (std::size_t k = 0; k < recording.rows(); ++k) recording.values[k * recording.columns() + c] = 0;
@@ -99,7 +99,7 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
       static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);
   std::vector<double> noise(sheet.channels.size(), 0);
   for (std::size_t c = 0; c < sheet.channels.size(); ++c)
-    if (sheet.channels[c].role == Role::input) noise[c] = noise_floor(run.recording, c);
+    if (inputs == Inputs::smoothed && sheet.channels[c].role == Role::input) noise[c] = noise_floor(run.recording, c);
   for (const Stretched& stretch : run.stretches)
     smooth_inputs(sheet, run.recording, stretch.first, stretch.last, widest, noise, options);
 

@@ -46,9 +46,11 @@ struct SegmentedRun {
 std::vector<int> compared_outputs(const Datasheet& sheet);
 
 // Cuts a recording whose channels are the datasheet's, in order, into segments of `segment` s. No starts yet.
-// InputError where nothing is left.
+// InputError where nothing is left. Inputs are smoothed where a run is long enough to tell their noise from motion; in
+// short stretches how far would change from one to the next.
+enum class Inputs { smoothed, as_measured };
 SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording recording, double segment,
-                     const SegmentOptions& options = {});
+                     const SegmentOptions& options = {}, Inputs inputs = Inputs::smoothed);
 
 // Noise of each compared output over runs, in the channel's unit: their own (smoothing.h), never below rounding.
 std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
