@@ -12,7 +12,8 @@
 //   identify    where no parameter is marked, those with a tolerance
 //   estimators  `model_filter`, an unscented Kalman filter on the rig's own model (estimators/rig_model.cpp), or
 //               `channels` (estimators/channels.cpp) for a rig of more states than a filter takes; and `responses`
-//               (estimators/fault_responses.h), whose segments are four slowest scales long, at least 0.8 settling times
+//               (estimators/fault_responses.h), whose segments are four slowest scales long, at least 0.8 of the
+//               settling time
 //   detectors   without estimators too: `model_fit` of that filter, and `frozen_CHANNEL`, `noisy_CHANNEL` for every
 //               measured channel whose noise is declared and seen; out of range and missing are told without a detector
 //   isolators   `fault` and `second_fault` on an estimator of type fault_response
