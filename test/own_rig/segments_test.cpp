@@ -128,8 +128,8 @@ TEST(ParameterFit, KnowsTanksWhoseUpperLevelIsNotMeasured) {
   EXPECT_LT(fit.channels[0].after, 1.3 * fit.channels[0].noise);
 }
 
-// Two runs of different sample periods. (A clogged outlet could as well be a pump and a transducer that are off: without
-// the upper level nobody can tell.)
+// Two runs of different sample periods. (A clogged outlet could as well be a pump and a transducer that are off:
+// without the upper level nobody can tell.)
 TEST(Gap, OfTanksNamesThePumpThatStartsLate) {
   const EffectSpec late = parse_effect("deadband@command.pump_voltage:width=1.6");
   const Recording first = tank_run({tanks().nominal(), {late}}, 1024, 7, 0.2).recording,
