@@ -25,8 +25,8 @@ struct Prepared {
 
 ModelChange nominal(const std::vector<EffectSpec>& effects = {}) { return {servo().nominal(), effects}; }
 
-// The middle of an effect's range at a port. Not stuck, which has no size, nor quantisation: it rounds the model's value
-// as well, which is noise again.
+// The middle of an effect's range at a port. Not stuck, which has no size, nor quantisation: it rounds the model's
+// value as well, which is noise again.
 std::vector<EffectSpec> sensor_effects() {
   std::vector<EffectSpec> result;
   for (const Port& port : servo().ports) {
