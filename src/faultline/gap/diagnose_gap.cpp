@@ -65,15 +65,18 @@ double quiet_excess(const ResidualModel& model) {
   return options.quiet_excess_variances * (noisy + (1 - noisy) / std::max(1.0, count > 0 ? ratio / count : 1.0));
 }
 
-// What chance alone makes of the excess: the scatter of the segments' losses, and the error of the noise level that they
-// are counted in. A robust level from the third differences of N samples is off by 1.8/sqrt(N), one standard deviation.
-double chance_excess(const ResidualModel& model, const std::vector<double>& losses, double values) {
-  const double count = static_cast<double>(losses.size()), mean = sum(losses) / count;
+// Typical excess that is left when chance is taken off: the mean of the segments' log variances less its error, from
+// their scatter and from that of the noise level in which they are counted. A robust level from the third differences
+// of N samples is off by 1.8/sqrt(N), one standard deviation; a variance by twice that.
+double certain_excess(const ResidualModel& model, const std::vector<double>& scores, double values) {
+  const double mean = sum(scores) / static_cast<double>(scores.size());
   double scatter = 0, rows = 0;
-  for (const double loss : losses) scatter += (loss - mean) * (loss - mean);
+  for (const double score : scores) scatter += (score - mean) * (score - mean);
   for (const GapRun& run : model.runs()) rows += static_cast<double>(run.recording.rows());
   const double level = 2 * 1.8 / std::sqrt(rows * static_cast<double>(model.outputs().size()));
-  return std::hypot(2 * std::sqrt(scatter) / values, level);
+  const double error = std::hypot(2 * std::sqrt(scatter) / values, level);
+  const double certain = 2 * sum(scores) / values - model.options().verdict.chance_standard_errors * error;
+  return std::expm1(std::max(0.0, certain));
 }
 
 std::string kind_of(const Datasheet& sheet, const std::string& port) {
@@ -310,9 +313,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
 
   // Doubt that what was found is the cause, or that nothing need be found: what is left, and how far the parameters
   // had to bend for it.
-  double doubt =
-      there_was / (verdict.unexplained_quiet_ratio * quiet +
-                   verdict.chance_standard_errors * chance_excess(work.model(), search.plain.held_out, values));
+  double doubt = certain_excess(work.model(), search.plain.score, values) / (verdict.unexplained_quiet_ratio * quiet);
   if (found) {
     doubt = std::max(0.0, left - quiet) / std::max(there_was, 1e-9) / verdict.left_excess_fraction +
             strain_of(sheet, search.base.model.parameters) / verdict.strain_squared_tolerances;

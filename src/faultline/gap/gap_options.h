@@ -119,7 +119,7 @@ struct GapOptions {
     // ... and the fraction of it that does not fall with the recording's noise.
     double quiet_noisy_fraction = 0.2;
     double unexplained_quiet_ratio = 3;  // times the quiet excess from which an unexplained gap is told as unknown
-    double chance_standard_errors = 2;   // ... beside what chance makes of it: short runs scatter
+    double chance_standard_errors = 1;   // ... of the excess, taken off it before: short runs scatter
     double miscalibrated_excess_variances =
         0.05;  // that the refit must remove to speak of miscalibration: the quiet excess
     double left_excess_fraction =

@@ -217,16 +217,17 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
     const bool stuck = structure.fit.effects.back().family == "stuck";
     if (stuck) find_time(structure.fit);
     const FitResult bent = structure.fit;
-    FitResult straight = bent;
-    straight.model.parameters = sheet_.nominal();
     structure.quick = -std::numeric_limits<double>::infinity();
     fit(structure, bent);
-    fit(structure, straight);
-    if (search && !stuck && structure.quick < structure.screened && structure.screened >= promise) {
-      // A fit that wins less than the screening promised is in a valley that its derivatives do not see.
+    if (!stuck && structure.quick < structure.screened && structure.screened >= promise) {
+      // A fit that wins less than the screening promised began in a valley of its own: parameters that were bent
+      // without the effect, or sizes between which derivatives do not see.
+      FitResult straight = bent;
+      straight.model.parameters = sheet_.nominal();
+      fit(structure, straight);
       FitResult other = bent;
-      if (search_effect(model(), learn, other, trials.wide_span_coordinate, trials.wide_points) >=
-          trials.relinearise_log_likelihood)
+      if (search && search_effect(model(), learn, other, trials.wide_span_coordinate, trials.wide_points) >=
+                        trials.relinearise_log_likelihood)
         fit(structure, other);
     }
     const std::size_t now = ++done;
