@@ -139,7 +139,7 @@ if MEASURED.is_file():
                 ("fit", RIG, "estimation.bag", "--json", "fit.json", "--patch", "fitted.yaml"),
                 ("diagnose", "validation.bag", "--json", "diagnose.json"),
                 ("isolability", "validation.bag", "--json", "isolability.json"),
-                ("tune", RIG, "estimation.bag", "validation.bag", "--json", "tune.json"),
+                ("tune", RIG, "estimation.bag", "validation.bag", "--block", "400", "--json", "tune.json"),
                 ("gap", "estimation.bag", "--holdout", "validation.bag", "--json", "gap.json"),
                 ("simulate", RIG, "--drive", "validation.bag", "-o", "driven.csv"),
             ):
