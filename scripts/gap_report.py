@@ -195,8 +195,8 @@ def sentence_of(answer, sheet):
             "",
         )
     return (
-        "Rig and model differ{}, and the library has no effect that explains it: the nearest, {}, {} only {} of the gap."
-        .format(
+        "Rig and model differ{}, and the library has no effect that explains it: the nearest, {}, {} only {} of the"
+        " gap.".format(
             part,
             join(
                 [

@@ -1,6 +1,5 @@
-// Two effects that are the same as far as a run goes: a command that never changes its sign cannot tell a dead band from
-// an offset. Both are followed until they have converged, and both are told. What cannot be told costs a remark, not the
-// answer.
+// Two effects that are the same as far as a run goes: a command that never changes its sign cannot tell a dead band
+// from an offset. Both are followed until they have converged, and both are told.
 #include <gtest/gtest.h>
 
 #include "faultline/gap/diagnose_gap.h"

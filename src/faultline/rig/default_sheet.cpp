@@ -25,14 +25,14 @@ constexpr double kLeastSpan = 0.1;  // of a command's range: what moves it at al
 constexpr double kTwoPi = 6.283185307179586;
 
 // Of stages.
-constexpr double kSegments = 2, kLeastSegment = 20, kMostSegment = 2000;  // samples
+constexpr double kSegments = 3, kLeastSegment = 20, kMostSegment = 2000;  // samples
 constexpr std::size_t kFilterStates = 16;  // that a filter takes (estimators/process_model.h)
 constexpr double kLongestEvery = 1e6;      // s
 // Slowest time scales of a segment: start states that no channel shows are estimated in each, and a fault must still
 // show when these have taken their part.
-constexpr double kSegment = 4;
+constexpr double kSegment = 2;
 // At least of the settling time: a rig may settle later than its slowest mode says.
-constexpr double kSegmentSettling = 0.8;
+constexpr double kSegmentSettling = 0.4;
 constexpr double kModeSettles = 3;  // scales, after which one mode has settled
 // Residuals of a model within its tolerances are nearly white once these are adjusted.
 constexpr double kInflation = 5;
