@@ -444,13 +444,17 @@ void FaultResponses::look_beside(const ResponsePrior& before) {
   if (beside.front().evidence > limit) second_ = beside;
 }
 
-// Between refinements the size is followed; how the other hypotheses stand to it stays.
+// Between refinements the size is followed; how the other hypotheses stand to it stays, unless the size has grown: what
+// explained a small fault as well may not explain a large one.
 bool FaultResponses::follow() {
   const Scene now = scene();
   const RankedFault followed = refine(now, first_.front());
   const double least = settings_.release_fraction * settings_.threshold_evidence;
-  if (followed.evidence < least || followed.evidence > settings_.grown_ratio * refined_at_ ||
-      followed.evidence * settings_.grown_ratio < refined_at_)
+  const auto grown = [&](double value, double before) {
+    return value > settings_.grown_ratio * before || value * settings_.grown_ratio < before;
+  };
+  if (followed.evidence < least || grown(followed.evidence, refined_at_) ||
+      grown(std::abs(followed.amplitude), std::abs(refined_amplitude_)))
     return false;
   const double ratio = followed.evidence / first_.front().evidence;
   for (RankedFault& f : first_) f.evidence *= ratio;
@@ -541,6 +545,7 @@ void FaultResponses::find_healthy_or_fault() {
   first_ = ranked;
   second_.clear();
   refined_at_ = evidence_;
+  refined_amplitude_ = first_.front().amplitude;
   know_fault(now);
   look_beside(now.prior);
   if (!second_.empty()) know_fault(now);

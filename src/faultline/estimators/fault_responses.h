@@ -128,7 +128,7 @@ class FaultResponses {
   Window window_;
   std::vector<RankedFault> first_, second_;
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
-  double since_ = 0, evidence_ = 0, refined_at_ = 0;
+  double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
   ModelPoint known_;  // with all that was found
   double usual_ = 0;  // misfit of what holds nothing but that
   std::deque<double> healthy_misfits_;

@@ -64,10 +64,10 @@ struct ResponseSettings {
   double refine_step_sigma = 0.2;         // ... and at least this, in standard errors of the amplitude
   double refine_reach_sigma = 3;          // move of one step, where that is more than the amplitude itself
   double refine_settled_fraction = 0.01;  // of the evidence, gained by a step, below which it is the last
-  double grown_ratio = 1.5;             // of the evidence to that at the last refinement, from which it is refined anew
-  std::size_t looked_hypotheses = 6;    // by evidence, looked at closely while a fault lasts ...
-  std::size_t kept_hypotheses = 12;     // ... beside those that explained it best when it was found
-  double second_misfit_fraction = 0.5;  // of what a second must have, that the first must leave: a margin of two
+  double grown_ratio = 1.5;  // of evidence or size to that at the last refinement, from which all are refined anew
+  std::size_t looked_hypotheses = 6;      // by evidence, looked at closely while a fault lasts ...
+  std::size_t kept_hypotheses = 12;       // ... beside those that explained it best when it was found
+  double second_misfit_fraction = 0.5;    // of what a second must have, that the first must leave: a margin of two
   double second_evidence_fraction = 0.3;  // of the first fault's, that a second must have beyond the threshold
   double alternative_evidence_fraction =
       0.5;  // of the first fault's, from which a hypothesis is an alternative, not a second
