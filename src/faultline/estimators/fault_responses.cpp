@@ -444,17 +444,19 @@ void FaultResponses::look_beside(const ResponsePrior& before) {
   if (beside.front().evidence > limit) second_ = beside;
 }
 
-// Between refinements the size is followed; how the other hypotheses stand to it stays, unless the size has grown: what
-// explained a small fault as well may not explain a large one.
+// Between refinements the size is followed; how the other hypotheses stand to it stays, unless the size has moved, for
+// theirs have not been followed, or is at its bound, where another may go on.
 bool FaultResponses::follow() {
   const Scene now = scene();
   const RankedFault followed = refine(now, first_.front());
   const double least = settings_.release_fraction * settings_.threshold_evidence;
-  const auto grown = [&](double value, double before) {
-    return value > settings_.grown_ratio * before || value * settings_.grown_ratio < before;
+  const auto grown = [](double value, double before, double ratio) {
+    return value > ratio * before || value * ratio < before;
   };
-  if (followed.evidence < least || grown(followed.evidence, refined_at_) ||
-      grown(std::abs(followed.amplitude), std::abs(refined_amplitude_)))
+  const FaultHypothesis& h = hypotheses()[followed.hypothesis];
+  const bool at_bound = followed.amplitude <= h.lowest || followed.amplitude >= h.highest;
+  if (followed.evidence < least || at_bound || grown(followed.evidence, refined_at_, settings_.grown_ratio) ||
+      grown(std::abs(followed.amplitude), std::abs(refined_amplitude_), settings_.moved_ratio))
     return false;
   const double ratio = followed.evidence / first_.front().evidence;
   for (RankedFault& f : first_) f.evidence *= ratio;
