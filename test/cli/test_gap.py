@@ -273,8 +273,8 @@ class Diagnosed(unittest.TestCase):
 
 class BadInput(ProgramTest):
     def test_recordings(self):
-        brief = self.simulate("brief.bag", duration=0.4)
-        self.complains(["gap", brief, brief], "gap", "brief.bag", "too few")
+        brief = self.simulate("brief.bag", duration=0.2)
+        self.complains(["gap", brief, brief], "gap", "brief.bag", "record longer")
         alone = self.simulate("alone.bag", duration=0.8)
         self.complains(["gap", alone], "alone.bag", "at least 1 s")
         self.complains(["gap", "none.bag"], "none.bag")
@@ -287,8 +287,10 @@ class BadInput(ProgramTest):
         cells[column] = "nan"
         lines[701] = ",".join(cells)
         (self.folder / "b.csv").write_text("\n".join(lines) + "\n")
-        done = self.run_program("gap", "b.csv", "--rig", "servo_actuator", check=2)
-        self.assertIn("b.csv: channel velocity is not a number at 0.700 s", done.stderr.splitlines()[-1])
+        done = self.run_program("gap", "b.csv", "--rig", "servo_actuator", "--json", "answer.json")
+        self.assertIn("b.csv", done.stderr)
+        self.assertIn("1 readings are missing", done.stderr)
+        self.assertIn("cause", json.loads((self.folder / "answer.json").read_text()))
 
     def test_two_rigs(self):
         run = self.simulate("a.bag")

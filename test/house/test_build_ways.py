@@ -92,7 +92,7 @@ class BuildWays(unittest.TestCase):
                 self.assertIn(str(workspace / "src/faultline"), shown)
                 self.assertIn("float64[] values", shown)
                 rig = run(
-                    ["bash", "-c", "source devel/setup.bash && rosrun faultline faultline rigs cascaded_tanks"],
+                    ["bash", "-c", "source devel/setup.bash && devel/lib/faultline/faultline rigs cascaded_tanks"],
                     cwd=workspace,
                     env=environment,
                 )

@@ -349,8 +349,9 @@ RankedFault FaultResponses::refine(const Scene& scene, RankedFault start) const 
 std::vector<RankedFault> FaultResponses::best_of(const Scene& scene, std::vector<RankedFault> screened,
                                                  std::map<std::size_t, double>* closely) const {
   // The linear answer misses what only a large fault does (a piston that no longer breaks away): a few sizes of each
-  // are tried. While a fault lasts, those that explained it best when it was found start from what they were then.
-  const bool known = event_ && !candidates_.empty();
+  // are tried. While a fault lasts, those that explained it best when it was found start from what they were then; now
+  // and then all are tried anew, since one stretch shows twins as one that three tell apart, or the other way round.
+  const bool known = event_ && !candidates_.empty() && !power_of_two(age_);
   if (known) {
     const std::size_t looked = std::min(screened.size(), settings_.looked_hypotheses);
     screened.erase(std::remove_if(screened.begin() + static_cast<std::ptrdiff_t>(looked), screened.end(),
