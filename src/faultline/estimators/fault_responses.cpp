@@ -367,9 +367,10 @@ std::vector<RankedFault> FaultResponses::best_of(const Scene& scene, std::vector
     double least = worth;
     std::vector<double> sizes = {screened[i].amplitude};
     const auto before = candidates_.find(screened[i].hypothesis);
-    const double coarse = settings_.coarse_fraction;
     if (known && before != candidates_.end()) sizes.push_back(before->second);
-    if (!known) sizes.insert(sizes.end(), {coarse * h.highest, h.highest, coarse * h.lowest, h.lowest});
+    if (!known)
+      for (const double fraction : settings_.coarse_fractions)
+        sizes.insert(sizes.end(), {fraction * h.highest, fraction * h.lowest});
     bool any = false;
     for (const double a : sizes) {
       if (a == 0 || (std::isinf(h.none) && a < h.lowest)) continue;

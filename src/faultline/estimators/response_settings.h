@@ -54,10 +54,11 @@ struct ResponseSettings {
   std::size_t early_stretches = 4;  // after which what is done again is done ever more rarely
 
   // ---- the fault
-  double threshold_evidence = 30;         // from which there is a fault: a bound on false alarms, found on one rig
-  double release_fraction = 0.3;          // of the threshold, below which a fault is over: hysteresis against flicker
-  double over_evidence = 5;               // by which the latest stretch speaks against a fault that was there
-  double coarse_fraction = 0.4;           // of the largest amplitude, tried beside that and the linear answer
+  double threshold_evidence = 30;  // from which there is a fault: a bound on false alarms, found on one rig
+  double release_fraction = 0.3;   // of the threshold, below which a fault is over: hysteresis against flicker
+  double over_evidence = 5;        // by which the latest stretch speaks against a fault that was there
+  // Of the largest amplitude, tried beside the linear answer: sizes whose answers differ, over ranges of many decades.
+  std::array<double, 3> coarse_fractions = {0.15, 0.4, 1};
   std::size_t refined_hypotheses = 6;     // by Gauss-Newton steps on the model with the effect in it
   std::size_t refinements = 3;            // steps, at most
   double refine_step_fraction = 0.1;      // of an amplitude: step of its differences ...
@@ -108,7 +109,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(threshold_evidence);
   FAULTLINE_OPTION(release_fraction);
   FAULTLINE_OPTION(over_evidence);
-  FAULTLINE_OPTION(coarse_fraction);
+  FAULTLINE_OPTION(coarse_fractions);
   FAULTLINE_OPTION(refined_hypotheses);
   FAULTLINE_OPTION(refinements);
   FAULTLINE_OPTION(refine_step_fraction);
