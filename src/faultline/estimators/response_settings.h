@@ -65,8 +65,8 @@ struct ResponseSettings {
   double refine_step_sigma = 0.2;         // ... and at least this, in standard errors of the amplitude
   double refine_reach_sigma = 3;          // move of one step, where that is more than the amplitude itself
   double refine_settled_fraction = 0.01;  // of the evidence, gained by a step, below which it is the last
-  double grown_ratio = 1.5;  // of the evidence to that at the last refinement, from which all are refined anew,
-  double moved_ratio = 1.1;  // ... and of the size: the bounds of a size are about as wide
+  double grown_ratio = 1.5;   // of the evidence to that at the last refinement, from which all are refined anew,
+  double moved_ratio = 1.25;  // ... and of the size: by more than its bounds usually are wide
   std::size_t looked_hypotheses = 6;      // by evidence, looked at closely while a fault lasts ...
   std::size_t kept_hypotheses = 12;       // ... beside those that explained it best when it was found
   double second_misfit_fraction = 0.5;    // of what a second must have, that the first must leave: a margin of two
