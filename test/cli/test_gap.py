@@ -289,7 +289,7 @@ class BadInput(ProgramTest):
         (self.folder / "b.csv").write_text("\n".join(lines) + "\n")
         done = self.run_program("gap", "b.csv", "--rig", "servo_actuator", "--json", "answer.json")
         self.assertIn("b.csv", done.stderr)
-        self.assertIn("1 readings are missing", done.stderr)
+        self.assertIn("1 number missing", done.stderr)
         self.assertIn("cause", json.loads((self.folder / "answer.json").read_text()))
 
     def test_two_rigs(self):
