@@ -60,7 +60,7 @@ branches: [a, b]
 channels:
   - {name: valve, symbol: u, unit: V, role: command, range: [0, 10], noise_std: 0, resolution: 0, meaning: opening}
   - {name: supply, symbol: p, unit: Pa, role: input, range: [0, 1.0e+6], noise_std: 10, resolution: 1, meaning: supply}
-  - {name: "{b}_level", symbol: h, unit: m, role: output, range: [0, 2], noise_std: 0.01, resolution: 0, meaning: level}
+  - {name: "{b}_level", symbol: h, unit: m, role: output, range: [0, 2], noise_std: 0.01, resolution: 0, meaning: "level {b}"}
   - {name: opening, symbol: z, unit: "1", role: input, range: [0, 1], noise_std: 0, resolution: 0, predicted_by: valve, ground_truth: true, meaning: plug}
 not_recorded:
   - {name: vapour, symbol: m_v, unit: kg/s, meaning: what leaves}
