@@ -164,12 +164,9 @@ FitResult GapTrials::stand(const GapModel& model) {
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   std::function<void(double)> progress;
   if (progress_) progress = [&](double done) { progress_(from + (to - from) * done, "trying effects"); };
-  // Spectra add up over runs of one sample period.
-  const double period = model().runs().front().period;
-  std::vector<Eigen::MatrixXf> alike;
-  for (std::size_t run = 0; run < every_.size(); ++run)
-    if (model().runs()[run].period == period) alike.push_back(around_.linear->at_model()[run]);
-  const std::vector<Candidate> all = at_lines(all_, alike, period, options().spectrum);
+  std::vector<double> periods;
+  for (std::size_t run : around_.linear->runs()) periods.push_back(model().runs()[run].period);
+  const std::vector<Candidate> all = at_lines(all_, around_.linear->at_model(), periods, options().spectrum);
   std::vector<Structure> result;
   for (Screened& screened : screen_candidates(model(), *around_.linear, all, base, settings_.jobs, progress)) {
     result.emplace_back();

@@ -12,12 +12,13 @@
 namespace faultline {
 
 // Up to options.lines frequencies [Hz] between `low` and `high` at which the residuals' power, summed over columns
-// and runs, stands out most from its neighbourhood (median), strongest first. `period`: s, between rows.
-std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals, double period, double low,
-                                   double high, const GapOptions::Spectrum& options = {});
+// and runs, stands out most from its neighbourhood (median), strongest first. `periods`: s, between rows, of each run;
+// a run says nothing above half its sample rate.
+std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals, const std::vector<double>& periods,
+                                   double low, double high, const GapOptions::Spectrum& options = {});
 
 // The candidates, those with a frequency once for each line within its range, narrowed to that line's width.
 std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const std::vector<Eigen::MatrixXf>& residuals,
-                                double period, const GapOptions::Spectrum& options = {});
+                                const std::vector<double>& periods, const GapOptions::Spectrum& options = {});
 
 }  // namespace faultline
