@@ -15,21 +15,21 @@
 namespace faultline {
 namespace {
 
-GapModel nominal() {
-  GapModel model;
+ModelChange nominal() {
+  ModelChange model;
   model.parameters = servo().nominal();
   return model;
 }
 
 ResidualModel model_of(const SimulationSetup& setup, double duration, double segment) {
-  std::vector<GapRun> runs;
+  std::vector<SegmentedRun> runs;
   runs.push_back(cut_run(servo(), "run", simulate(servo(), setup, duration), segment));
   return ResidualModel(servo(), std::move(runs));
 }
 
 std::size_t parameter(const std::string& name) { return static_cast<std::size_t>(servo().parameter(name)); }
 
-std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& residuals, const GapModel& model) {
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& residuals, const ModelChange& model) {
   return {residuals.residuals(model, 0)};
 }
 
@@ -127,7 +127,7 @@ TEST(Linearisation, GradientAgreesWithDifferences) {
   const auto column_of = [&](std::size_t index) {
     const Parameter& p = servo().parameters[index];
     const double step = residuals.options().linearisation.difference_tolerances;
-    GapModel moved = nominal();
+    ModelChange moved = nominal();
     moved.parameters[index] += step * p.tolerance * p.nominal;
     return Eigen::MatrixXf((residuals.residuals(moved, 0) - r[0]) / static_cast<float>(step));
   };
@@ -149,7 +149,7 @@ TEST(Linearisation, GradientAgreesWithDifferences) {
   // Of the residuals in the parameters: with a smaller step from both sides.
   for (const char* name : {"viscous_damping", "flow_coefficient", "moving_mass", "spool_time_constant"}) {
     const Parameter& p = servo().parameters[parameter(name)];
-    GapModel plus = nominal(), minus = nominal();
+    ModelChange plus = nominal(), minus = nominal();
     plus.parameters[parameter(name)] *= 1 + 0.03 * p.tolerance;
     minus.parameters[parameter(name)] *= 1 - 0.03 * p.tolerance;
     const Eigen::MatrixXf direct = (residuals.residuals(plus, 0) - residuals.residuals(minus, 0)) / 0.06f;

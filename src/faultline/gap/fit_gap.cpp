@@ -77,8 +77,8 @@ void shift_parameters(const ResidualModel& residuals, const std::vector<std::siz
   }
 }
 
-GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters) {
-  GapModel model;
+ModelChange with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters) {
+  ModelChange model;
   model.parameters = parameters;
   for (const Candidate& candidate : effects) model.effects.push_back(candidate.effect);
   return model;
@@ -86,7 +86,7 @@ GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<d
 
 namespace {
 
-FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+FitResult fit(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
               const Linearisation& linear, std::size_t iterations, bool parameters_move, int jobs) {
   const GapOptions::Fit& options = residuals.options().fit;
   const Datasheet& sheet = residuals.sheet();
@@ -141,7 +141,7 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
       std::vector<Candidate> moved = result.effects;
       for (std::size_t i = 0; i < coordinates.size(); ++i)
         move_coordinate(moved, coordinates[i], move[parameters + static_cast<Eigen::Index>(i)], options);
-      const GapModel model = with_effects(moved, values);
+      const ModelChange model = with_effects(moved, values);
       std::vector<Eigen::MatrixXf> tried = residuals_of(residuals, model, linear.runs(), jobs);
       const double loss = loss_of(tried, moved, values);
       if (loss < result.loss) {
@@ -164,12 +164,12 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
 
 }  // namespace
 
-FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
                   const Linearisation& linear, std::size_t iterations, int jobs) {
   return fit(residuals, start, effects, linear, iterations, true, jobs);
 }
 
-FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+FitResult fit_effects(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
                       const Linearisation& linear, std::size_t iterations, int jobs) {
   return fit(residuals, start, effects, linear, iterations, false, jobs);
 }

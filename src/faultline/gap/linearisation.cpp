@@ -15,7 +15,7 @@ double robust(double loss, double values, double least) {
 
 double robust_weight(double loss, double values, double least) { return 1 / std::max(2 * loss / values, least); }
 
-std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const ModelChange& at,
                                           const std::vector<std::size_t>& runs, int jobs) {
   std::vector<Eigen::MatrixXf> result(runs.size());
   in_parallel(runs.size(), jobs, [&](std::size_t i) { result[i] = model.residuals(at, runs[i]); });
@@ -39,7 +39,7 @@ Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t
   return z;
 }
 
-Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs,
+Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& model, std::vector<std::size_t> runs,
                              int jobs, std::vector<std::vector<Eigen::MatrixXf>> starts)
     : residuals_(residuals), runs_(std::move(runs)) {
   const Datasheet& sheet = residuals.sheet();
@@ -56,7 +56,7 @@ Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& mod
       return;
     }
     const Parameter& p = sheet.parameters[free_[i]];
-    GapModel moved = model;
+    ModelChange moved = model;
     const double unit = p.nominal * p.tolerance;
     const double z = (model.parameters[free_[i]] - p.nominal) / unit;
     const double size = options().linearisation.difference_tolerances;
@@ -80,7 +80,7 @@ Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& mod
   take_weights();
 }
 
-Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, const Linearisation& near)
+Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& model, const Linearisation& near)
     : residuals_(residuals), runs_(near.runs_), free_(near.free_), around_(near.around_) {
   at_model_ = residuals_of(residuals, model, runs_);
   take_weights();

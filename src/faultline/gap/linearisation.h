@@ -36,12 +36,12 @@ class Linearisation {
  public:
   // `runs`: which of the residual model's. Uses `jobs` threads. `starts`: sensitivities to start states where they
   // are known already, per run.
-  Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs, int jobs,
+  Linearisation(const ResidualModel& residuals, const ModelChange& model, std::vector<std::size_t> runs, int jobs,
                 std::vector<std::vector<Eigen::MatrixXf>> starts = {});
 
   // The sensitivities of `near` around a model that has hardly moved from there: only residuals and shifts of start
   // states are new.
-  Linearisation(const ResidualModel& residuals, const GapModel& model, const Linearisation& near);
+  Linearisation(const ResidualModel& residuals, const ModelChange& model, const Linearisation& near);
 
   // Loss r' W r / 2 of residuals r (one matrix per run) with the start states projected out, per segment.
   std::vector<double> segment_losses(const std::vector<Eigen::MatrixXf>& residuals) const;
@@ -104,7 +104,7 @@ double projected_loss(const Linearisation& linear, const SegmentProducts& produc
                       Eigen::VectorXd* move = nullptr);
 
 // Normalised residuals of some of the runs (`jobs` at once), and (a - b)/step of two such.
-std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const ModelChange& at,
                                           const std::vector<std::size_t>& runs, int jobs = 1);
 std::vector<Eigen::MatrixXf> difference(const std::vector<Eigen::MatrixXf>& a, const std::vector<Eigen::MatrixXf>& b,
                                         double step);

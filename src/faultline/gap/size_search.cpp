@@ -41,7 +41,7 @@ double search_effect(const ResidualModel& model, const Linearisation& linear, Fi
   const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), fit.model.parameters);
   Eigen::VectorXd move;
   const auto loss = [&] {
-    const GapModel at = with_effects(fit.effects, fit.model.parameters);
+    const ModelChange at = with_effects(fit.effects, fit.model.parameters);
     return projected_loss(linear, linear.products(residuals_of(model, at, linear.runs(), jobs)), z, &move);
   };
   const double before = loss();
