@@ -22,7 +22,7 @@ double separation(const Datasheet& sheet, const std::string& profile, double dur
   const ResidualModel model(sheet, {std::move(run)}, options);
   const Linearisation linear(model, second, {0}, jobs);
   const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), second.parameters);
-  const double rival = projected_loss(linear, linear.products(linear.at_model()), z);
+  const double rival = adjusted(linear, linear.products(linear.at_model()), z).loss;
   const std::vector<double> losses = linear.segment_losses({model.residuals(first, 0)});
   double truth = 0.5 * deviations(sheet, linear.free_parameters(), first.parameters).squaredNorm();
   for (const double loss : losses) truth += linear.robust(loss);

@@ -12,6 +12,7 @@ class ResidualModel {
  public:
   ResidualModel(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options = {});
 
+  const SegmentModel& model() const { return model_; }
   const Datasheet& sheet() const { return model_.sheet(); }
   const std::vector<SegmentedRun>& runs() const { return runs_; }
   const std::vector<int>& outputs() const { return model_.outputs(); }  // channels that count
