@@ -3,44 +3,29 @@
 // Change Detection (2000), chapter 9 (likelihood ratio with marginalised sizes); Isermann, Fault-Diagnosis Systems
 // (2006), chapter 9.
 //
-// Stretches of samples give r, T and d_h: residuals of the nominal model and their derivatives by parameters and by
-// fault h (stretch_model.h). Parameters are known to one tolerance and what earlier stretches said, so to first order
-// fault h of amplitude a costs
+// Stretches of samples give the sums of stretch_model.h, in which all hypotheses are screened to first order
+// (attribution/screening.h), many times over: as a change (the fault is in the last stretch only, in the last two, ...
+// of the recent ones) and from the start (it is in all); the most evidence decides. While nothing is wrong the model is
+// made linear anew around what it learnt of the parameters. The best few hypotheses are refined on the model with the
+// effect in it, and a second fault is searched for beside the first (fault_search.h).
 //
-//   L_h(a) = min over theta of  |r_ref + T_ref theta|^2 + |r + T theta + d_h a|^2 + theta' theta
-//   a_h = -(b - C' Lambda^-1 n)/D_h,  D_h = g - C' Lambda^-1 C,  evidence E_h = L(0) - L_h(a_h) = a_h^2 D_h
+// Most stretches say what those before them said. One whose misfit with all that is known (known_model.h) is the usual
+// one cannot win evidence for any other cause, so it costs one run of the model and is not looked at further, while
+// well or while a fault lasts.
 //
-// with the information vector n = T'r of the parameters, C = T'd, b = d'r, g = d'd and Lambda = 1 + T'T over all
-// stretches. Many times over: as a change (the fault is in the last stretch only, in the last two, ... of the recent
-// ones) and from the start (it is in all); the most evidence decides. While nothing is wrong the model is made linear
-// anew around what it learnt of the parameters. The best few hypotheses are refined by Gauss-Newton steps on the model
-// with the effect in it, and a second fault is searched for beside the first.
-//
-// Most stretches say what those before them said. After every judgement there is a model of all that is known:
-// parameters, nuisance effects, the faults that were found. A stretch whose misfit with it (stretch_model.h) is the
-// usual one cannot win evidence for any other cause, so it costs one run of the model and is not looked at further,
-// while well or while a fault lasts. What is usual: the median misfit of healthy stretches that were looked at closely.
-//
-// Units: amplitudes as in FaultHypothesis; evidence is twice a log-likelihood ratio (response_settings.h). D_h says
-// what could be seen: a fault whose least amplitude at the threshold lies beyond its range is not observable in this
-// motion.
+// Units: amplitudes as in FaultHypothesis; evidence is twice a log-likelihood ratio (response_settings.h). A fault
+// whose least amplitude at the threshold lies beyond its range is not observable in this motion.
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <memory>
 #include <vector>
 
-#include "faultline/estimators/stretch_model.h"
+#include "faultline/estimators/fault_search.h"
+#include "faultline/estimators/known_model.h"
 
 namespace faultline {
-
-struct RankedFault {
-  std::size_t hypothesis = 0;
-  double amplitude = 0, std = 0;
-  double evidence = 0;
-};
 
 class FaultResponses {
  public:
@@ -77,13 +62,6 @@ class FaultResponses {
     bool change = false;
     std::size_t stretches = 0;
   };
-  // What hypotheses are weighed on.
-  struct Scene {
-    ResponsePrior prior;
-    Stretches stretches;
-    ModelPoint point;
-    double healthy_loss;  // without any fault beside those of the point
-  };
   Stretches latest(std::size_t count) const;  // newest first
   bool says_nothing_new();                    // the latest stretch
   void pass_over();
@@ -94,21 +72,22 @@ class FaultResponses {
   bool search_parameters();
   void move(const Eigen::VectorXd& step);
   void forget_oldest();
-  bool over() const;  // the latest stretch no longer shows the fault
-  ResponsePrior prior(const Window& window) const;
-  std::vector<RankedFault> screen(const ResponsePrior& prior, const Stretches& stretches, bool with_reference) const;
+  bool over() const;                                  // the latest stretch no longer shows the fault
+  Eigen::MatrixXd prior(const Window& window) const;  // [r T]'[r T] of what is known of theta
   std::vector<RankedFault> screen(const Window& window) const;
   std::vector<RankedFault> find_window();  // sets window_; what it screened there
   Scene scene() const;                     // of window_
-  RankedFault refine(const Scene& scene, RankedFault start) const;
-  // Best first; sorted by evidence and cut to those that are refined. `closely`, if given, takes the amplitudes of
-  // the best before that.
-  std::vector<RankedFault> best_of(const Scene& scene, std::vector<RankedFault> screened,
-                                   std::map<std::size_t, double>* closely = nullptr) const;
+  // [r T] of sums over [r T D].
+  template <class Sums>
+  auto known_part(Sums& sums) const {
+    return sums.topLeftCorner(1 + model_.parameters(), 1 + model_.parameters());
+  }
+  // What best_of() goes by while a fault lasts.
+  std::map<std::size_t, double> remembered() const;
   void find_healthy_or_fault();
   bool follow();  // the fault that is there; false: all causes must be weighed anew
   void follow_all();
-  void look_beside(const ResponsePrior& before);
+  void look_beside(const Eigen::MatrixXd& before);
   void end_event();
   std::vector<EffectSpec> found_effects() const;
   void know_healthy();
@@ -123,16 +102,13 @@ class FaultResponses {
   double next_ = 0;  // s, when the next stretch begins
   bool started_ = false;
   std::vector<std::unique_ptr<Stretch>> recent_;
-  ResponseSums reference_;  // of the stretches before the recent ones
+  Eigen::MatrixXd reference_;  // sums of the stretches before the recent ones
   bool event_ = false;
   Window window_;
   std::vector<RankedFault> first_, second_;
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
-  ModelPoint known_;  // with all that was found
-  double usual_ = 0;  // misfit of what holds nothing but that
-  std::deque<double> healthy_misfits_;
-  double healthy_usual_ = 0;
+  KnownModel known_;
   unsigned age_ = 0;        // of the event, in stretches
   unsigned stretches_ = 0;  // since the beginning
 };
