@@ -236,7 +236,7 @@ void read_excitation(const YamlValue& root, Datasheet& sheet) {
       const Channel& channel = channel_named(sheet, input, input.key());
       if (channel.role != Role::input) input.fail("is not a channel of role input");
       InputLevel& level = profile.inputs[input.key()];
-      if (input.is_number()) {  // elsewhere, but as ever
+      if (!input.is_mapping()) {  // elsewhere, but as ever
         for (const InputSignal& usual : sheet.inputs)
           if (usual.channel == channel.name) level = usual.level;
         level.value = value_of(input, channel);
