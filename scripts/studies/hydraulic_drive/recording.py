@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The paper's recording conditions (its Fig 2) on our simulator: ranges of every channel over several rigs, and a picture.
+"""The paper's recording conditions (its Fig 2) on our simulator: ranges of every channel over several rigs, a picture.
 
     scripts/studies/hydraulic_drive/recording.py [--rigs 6] [--picture FILE]
 
