@@ -171,6 +171,7 @@ TEST(DifferentialRelation, HolesAndBadSamplesNeverReachTheFilters) {
     Sample sample = run.sample();
     if (k % 20 == 7) sample.values[0] = std::nan("");
     if (k % 20 == 13) sample.values[1] = 1e9;
+    if (k % 20 == 14) sample.values[1] = 1e6;           // the end of its range
     if (k % 20 == 16) sample.values[2] = std::nan("");  // no business of this relation
     const bool lost = k % 50 == 31 || (k > 400 && k < 440);
     if (!lost) {
@@ -184,8 +185,8 @@ TEST(DifferentialRelation, HolesAndBadSamplesNeverReachTheFilters) {
     }
     run.advance(kPeriod);
   }
-  // Two samples in twenty, and 8/30 s after the hole of 0.4 s.
-  EXPECT_NEAR(unused, 66 + 24, 6);
+  // Three samples in twenty, and 8/30 s after the hole of 0.4 s.
+  EXPECT_NEAR(unused, 99 + 23, 8);
 }
 
 TEST(DifferentialRelation, UnevenStampsAreFollowed) {
@@ -199,6 +200,34 @@ TEST(DifferentialRelation, UnevenStampsAreFollowed) {
   }
   EXPECT_NEAR(estimate.quantities[0].value, -4, 0.01);
   EXPECT_NEAR(estimate.quantities[1].value, 30, 0.06);
+}
+
+TEST(DifferentialRelation, ARowOfAnotherRigBeginsTheLeastSquaresAnew) {
+  // From one gain to another while speed and torque are as they were: what old and new rows say together is far off.
+  for (const double renewal : {6.0, 1e9}) {
+    EstimatorStage stage(shaft(), first_order({}, {{"forgetting", 0.995}, {"renewal", renewal}}, {-4.4, 28}));
+    Estimate estimate;
+    Shaft run;
+    Random noise(3);
+    int paused = 0;
+    double worst = 0;
+    for (int k = 0; k < 900; ++k) {
+      if (k == 600) run.b = 33;
+      stage.process(run.sample(&noise), estimate);
+      run.advance(kPeriod);
+      if (k > 100) paused += estimate.observed == 0;
+      if (k > 640 && k < 740) worst = std::max(worst, std::abs(estimate.quantities[0].value + 4));
+    }
+    if (renewal < 1e9) {
+      EXPECT_LT(worst, 0.4);
+      EXPECT_NEAR(estimate.quantities[1].value, 33, 1);
+      EXPECT_LT(std::abs(estimate.quantities[1].value - 33), 3 * estimate.quantities[1].std);
+    } else {
+      EXPECT_GT(worst, 0.8);
+    }
+    // 8/30 s, once; a fault that is noise to the first rows may take two.
+    EXPECT_NEAR(paused, renewal < 1e9 ? 27 : 0, renewal < 1e9 ? 2 : 0);
+  }
 }
 
 TEST(DifferentialRelation, AStepAllocatesNothing) {
@@ -245,6 +274,7 @@ TEST(DifferentialRelation, BadSettingsAreOneLineThatSaysWhatToDo) {
       {{}, {{"bandwidth", 1e4}}, first, "'bandwidth' is 10000"},
       {{}, {{"excitation", 0}}, first, "'excitation' is 0"},
       {{}, {{"forgetting", 1.2}}, first, "'forgetting' is 1.2"},
+      {{}, {{"renewal", 1}}, first, "'renewal' is 1"},
       {{}, {{"bandwith", 30}}, first, "key 'bandwith' is not known"},
   };
   for (const Bad& bad : cases) {
