@@ -6,26 +6,13 @@
 #include <fmt/format.h>
 
 #include "faultline/signal/error.h"
+#include "faultline/signal/text.h"
 
 namespace faultline {
 namespace {
 
 std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
   return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
-}
-
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> words;
-  std::string word;
-  for (const char c : text + ",") {
-    if (c != ',') {
-      if (c != ' ') word += c;
-    } else if (!word.empty()) {
-      words.push_back(word);
-      word.clear();
-    }
-  }
-  return words;
 }
 
 bool yes_or_no(const StageSpec& spec, const std::string& key, bool fallback) {
@@ -77,7 +64,7 @@ AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
       for (const Port& port : sheet_.ports)
         if (port.name == w.finding.port && port.kind == PortKind::sensor)
           w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(port.channel)));
-    for (const std::string& channel : split(spec.settings.word_or("doubts", "")))
+    for (const std::string& channel : split_words(spec.settings.word_or("doubts", "")))
       w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
     w.detector = make_detector(sheet_, spec);
     spec.settings.check_used();
