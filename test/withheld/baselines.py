@@ -14,6 +14,7 @@ import json
 import numpy as np
 from scipy.signal import savgol_filter
 
+RIG = "servo_actuator"  # whose equations these are
 METHODS = ["greedy_rmse", "bic", "equation_error", "nominal"]
 WINDOW = 31
 STEP = 5  # rows kept, one in five: smoothed neighbours say the same

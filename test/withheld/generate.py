@@ -1,12 +1,13 @@
 """Makes cases from a seed: two (or three) runs each as CSV, neutral names, labels in one sealed file.
 
-    generate.py OUT --cases 20 [--part closed --part none ...] [--set development|test] [--jobs 2]
+    generate.py OUT --cases 20 [--rig servo_actuator] [--part closed --part none ...] [--set development|test] [--jobs 2]
 
 OUT/data/case_0001/run_1.csv ...   what a diagnosis may read
 OUT/runs.json                      per case: its CSV files and what must be taken out of the library (--without)
 OUT/sealed/labels.json             what only score.py opens
 """
 import argparse
+import importlib
 import json
 import math
 import multiprocessing
@@ -19,16 +20,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the processes share the co
 
 import numpy as np
 
-import excitation
 import oracle
 import signature
 import sizes
 import twins
 from datasheet import Datasheet
-from truth_servo_actuator import PARAMETERS, Truth
 
-RIG = "servo_actuator"
-DURATION = 20.0
+RIGS = ["servo_actuator", "hydraulic_drive"]  # those with a truth_RIG.py
 PARTS = ["closed", "open", "none", "two"]
 SEEDS = {
     "development": 41000,
@@ -45,31 +43,26 @@ def severity_class(lift):
     return "1.2-2" if lift < 2 else "2-5" if lift < 5 else "above 5"
 
 
-def draw_parameters(sheet, random, off):
+def truth_of(rig):
+    """The module of a rig's truth: Truth, DURATION, draw_nuisance and excitation."""
+    return importlib.import_module("truth_" + rig)
+
+
+def draw_parameters(sheet, names, random, off):
     """Within one tolerance (normal, cut there); `off`: four of them at two to three tolerances, at most 30 %."""
     parameters = {}
-    for name in PARAMETERS:
+    for name in names:
         z = random.standard_normal()
         while abs(z) > 1:
             z = random.standard_normal()
         parameters[name] = sheet.nominal[name] * (1 + z * sheet.tolerance[name])
     moved = []
     if off:
-        moved = sorted(random.choice([n for n in PARAMETERS if sheet.tolerance[n] > 0], 4, replace=False).tolist())
+        moved = sorted(random.choice([n for n in names if sheet.tolerance[n] > 0], 4, replace=False).tolist())
         for name in moved:
             part = min(random.uniform(2.0, 3.0) * sheet.tolerance[name], 0.30)
             parameters[name] = sheet.nominal[name] * (1 + part * (1 if random.random() < 0.5 else -1))
     return parameters, moved
-
-
-def draw_nuisance(random):
-    return {
-        "stroke_friction": random.uniform(-0.006, 0.006),
-        "warming": random.uniform(-1e-3, 0.0),
-        "spool_hysteresis": random.uniform(0.0, 0.003),
-        "gain_error": random.uniform(-3e-4, 3e-4),
-        "pressure_filter": random.uniform(5e-6, 2e-5) if random.random() < 0.5 else 0.0,
-    }
 
 
 class Case:
@@ -77,16 +70,17 @@ class Case:
 
     def __init__(self, sheet, seed, part, number):
         self.sheet, self.part = sheet, part
+        self.rig = truth_of(sheet.rig)
         draw = "closed" if part == "open" else part  # the open part uses the closed part's runs
         self.random = np.random.default_rng([seed, PARTS.index(draw), number])
         random = self.random
         self.off = part == "none" and number % 2 == 1
-        self.parameters, self.moved = draw_parameters(sheet, random, self.off)
-        self.nuisance = draw_nuisance(random)
+        self.parameters, self.moved = draw_parameters(sheet, self.rig.Truth.PARAMETERS, random, self.off)
+        self.nuisance = self.rig.draw_nuisance(random)
         self.noise_name = random.choice(list(NOISE), p=NOISE_SHARE)
         self.noise_scale = NOISE[self.noise_name]
-        kinds = random.permutation(excitation.KINDS)[:2].tolist()
-        self.kinds = kinds + [str(random.choice(excitation.KINDS))]
+        kinds = random.permutation(self.rig.excitation.KINDS)[:2].tolist()
+        self.kinds = kinds + [str(random.choice(self.rig.excitation.KINDS))]
         self.run_seeds = [int(s) for s in random.integers(0, 2**31, 3)]
         order = np.random.default_rng([seed, 77]).permutation(sheet.effects()).tolist()
         if draw == "closed":
@@ -109,10 +103,11 @@ class Case:
 
     def simulate(self, index, effects, duration=None):
         random = np.random.default_rng(self.run_seeds[index])
+        excitation = self.rig.excitation
         control = excitation.controller(self.sheet, self.kinds[index], random)
         supply, load = excitation.supply(self.sheet, random), excitation.load(self.sheet, random)
-        truth = Truth(self.sheet, self.parameters, effects, self.nuisance, supply, load)
-        return truth.run(duration or DURATION, control, self.noise_scale, self.run_seeds[index] + 1)
+        truth = self.rig.Truth(self.sheet, self.parameters, effects, self.nuisance, supply, load)
+        return truth.run(duration or self.rig.DURATION, control, self.noise_scale, self.run_seeds[index] + 1)
 
     def replayable(self, outputs, count=signature.COUNT):
         return [
@@ -125,7 +120,7 @@ class Case:
         knobs = {}
         if not self.keys:
             return knobs
-        runs = self.replayable([self.simulate(n, {}, 8.0) for n in range(2)], 3)
+        runs = self.replayable([self.simulate(n, {}, 0.4 * self.rig.DURATION) for n in range(2)], 3)
         columns = list(signature.parameter_signatures(runs).values())
         prior = [1.0] * len(columns)
 
@@ -176,7 +171,7 @@ class Case:
             knobs = {k: min(1.0, q + 0.12) for k, q in knobs.items()}
         label = {
             "part": self.part,
-            "rig": RIG,
+            "rig": self.sheet.rig,
             "effects": effects,
             "parameters": self.parameters,
             "parameters_off": self.moved,
@@ -212,8 +207,8 @@ def write_csv(path, output, channels):
 
 
 def _one(task):
-    out, seed, part, number, name, third, path = task
-    sheet = Datasheet(RIG, path)
+    out, rig, seed, part, number, name, third, path = task
+    sheet = Datasheet(rig, path)
     began = time.perf_counter()
     folder = os.path.join(out, "data", name)
     outputs, label = Case(sheet, seed, part, number).make(third)
@@ -261,13 +256,13 @@ def plan(parts, cases, seed):
     return {item: f"case_{order[i] + 1:04d}" for i, item in enumerate(items)}
 
 
-def generate(out, parts, cases, seed, jobs, third=False, path=None):
+def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0]):
     """Makes the cases that are not there yet; returns the sealed labels' path."""
     names = plan(parts, cases, seed)
     sealed = os.path.join(out, "sealed")
     os.makedirs(sealed, exist_ok=True)
     label_path = os.path.join(sealed, "labels.json")
-    made = {"settings": [list(parts), cases, seed, third], "cases": {}, "seconds": {}}
+    made = {"settings": [rig, list(parts), cases, seed, third], "cases": {}, "seconds": {}}
     if os.path.exists(label_path):
         with open(label_path, encoding="utf-8") as stream:
             before = json.load(stream)
@@ -280,7 +275,7 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None):
         if part == "open" and ("closed", number) in names:
             home[name] = names[("closed", number)]
         elif name not in made["cases"]:
-            tasks.append((out, seed, part, number, name, third, path))
+            tasks.append((out, rig, seed, part, number, name, third, path))
     began, done = time.perf_counter(), 0
     bar(0, len(tasks), began, "cases  ")
     pool = multiprocessing.Pool(jobs, quiet_worker)
@@ -298,7 +293,7 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None):
         raise
     finally:
         pool.join()
-    sheet = Datasheet(RIG, path)
+    sheet = Datasheet(rig, path)
     manifest = []
     for (part, number), name in names.items():
         if name in home:
@@ -327,6 +322,7 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None):
 
 def add_arguments(parser):
     parser.add_argument("out", help="folder for cases, answers and the table (outside the tree)")
+    parser.add_argument("--rig", choices=RIGS, default=RIGS[0], help="whose truth (default %(default)s)")
     parser.add_argument("--cases", type=int, default=10, help="cases in each part (default 10)")
     parser.add_argument("--part", action="append", choices=PARTS, help="only this part; may be repeated (default: all)")
     parser.add_argument("--set", choices=sorted(SEEDS), default="development", help="which seed (default development)")
@@ -343,6 +339,6 @@ if __name__ == "__main__":
     given = reader.parse_args()
     end_on_signals()
     try:
-        generate(given.out, given.part or PARTS, given.cases, given.seed or SEEDS[given.set], given.jobs, given.third)
+        generate(given.out, given.part or PARTS, given.cases, given.seed or SEEDS[given.set], given.jobs, given.third, rig=given.rig)
     except KeyboardInterrupt:
         sys.exit("\nstopped; run the same command again to go on")

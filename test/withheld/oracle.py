@@ -14,7 +14,6 @@ import sizes
 import twins
 
 PARAMETERS_ALONE = 60.0  # above the solver's own error, which is a chi^2 of about 10
-STIFF_BRISTLE = 6.0e8  # N/m: nearly the datasheet's set-valued friction
 RIVAL = 60.0  # log likelihood lower by 30
 
 
@@ -62,7 +61,7 @@ def examine(runs, effects, sheet, random):
             alone, left = off**2, np.zeros_like(left)
     after = float(np.sqrt(1 + np.max(np.mean(left.reshape(-1, raw[0].shape[1]) ** 2, axis=0))))
     quiet = dict.fromkeys(runs[0].nuisance, 0.0)
-    quiet["bristle"] = STIFF_BRISTLE
+    quiet.update(runs[0].truth.QUIET)
     nuisance = np.concatenate([run.signature(effects={}, nuisance=quiet) for run in runs]).ravel()
     floor = signature.explained(nuisance, list(columns.values()), [1.0] * len(columns), runs[0].repetition())[0]
     facts = {

@@ -11,6 +11,8 @@ from numba import carray, cfunc, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from signal_paths import soft_deadband
+
 ORIFICE_LAMINAR = 600.0  # Pa
 ATMOSPHERE = 101325.0
 POLYTROPIC = 1.1
@@ -32,18 +34,6 @@ CONSTANTS = np.dtype(
     ]
     + [(name, np.float64, (3,)) for name in ("supply_a", "supply_w", "supply_p", "load_a", "load_w", "load_p")]
 )
-
-
-@njit
-def soft_deadband(u, width):
-    """u without its part inside +-width/2; corners rounded over 3 % of the width."""
-    if width <= 0:
-        return u
-    s = 0.03 * width
-    above, below = (u - width / 2) / s, (-u - width / 2) / s
-    above = above if above > 40 else (math.log1p(math.exp(above)) if above > -40 else 0.0)
-    below = below if below > 40 else (math.log1p(math.exp(below)) if below > -40 else 0.0)
-    return s * (above - below)
 
 
 @njit

@@ -2,6 +2,7 @@
 
     run.py OUT --cases 40                      all parts, development seed
     run.py OUT --cases 200 --set test          the table in docs/
+    run.py OUT --rig hydraulic_drive           another rig (the baselines know the servo actuator alone)
     run.py OUT --part closed --cases 5 --no-faultline    baselines only
 Stops cleanly on Ctrl-C and goes on where it stopped when the same command is given again.
 """
@@ -34,8 +35,8 @@ def seconds_file(folder, name, seconds):
 class Diagnosis:
     """Runs the program on one case after the other, several at once; knows its processes so that it can end them."""
 
-    def __init__(self, program, out, threads):
-        self.program, self.out, self.threads = program, out, threads
+    def __init__(self, program, out, rig, threads):
+        self.program, self.out, self.rig, self.threads = program, out, rig, threads
         self.processes = set()
         self.stopped = False
 
@@ -44,7 +45,7 @@ class Diagnosis:
         command = [self.program, "gap"] + [os.path.join(self.out, r) for r in entry["runs"]] + extra
         for key in entry["without"]:
             command += ["--without", key]
-        command += ["--rig", generate.RIG, "--jobs", str(self.threads), "--json", target + ".part"]
+        command += ["--rig", self.rig, "--jobs", str(self.threads), "--json", target + ".part"]
         if self.stopped:
             return entry["case"], None, "stopped"
         began = time.perf_counter()
@@ -64,12 +65,12 @@ class Diagnosis:
             process.terminate()
 
 
-def run_program(program, out, manifest, method, jobs, threads, with_third):
+def run_program(program, out, rig, manifest, method, jobs, threads, with_third):
     """Answers of the program for all cases that have none yet; returns the messages of those that failed."""
     folder = os.path.join(out, "answers", method)
     os.makedirs(folder, exist_ok=True)
     todo = [e for e in manifest if not os.path.exists(os.path.join(folder, e["case"] + ".json"))]
-    work = Diagnosis(program, out, threads)
+    work = Diagnosis(program, out, rig, threads)
     began, done, failed = time.perf_counter(), 0, []
     generate.bar(0, len(todo), began, f"{method:8s}")
     pool = ThreadPoolExecutor(jobs)
@@ -98,7 +99,7 @@ def run_program(program, out, manifest, method, jobs, threads, with_third):
 
 def _baseline(task):
     out, entry = task
-    sheet = Datasheet(generate.RIG)
+    sheet = Datasheet(baselines.RIG)
     began = time.perf_counter()
     found = baselines.answers([os.path.join(out, r) for r in entry["runs"]], sheet, entry["without"])
     return entry["case"], found, time.perf_counter() - began
@@ -145,21 +146,23 @@ def main():
         sys.exit(f"{given.program}: cannot be run; build first, or give --program or --no-faultline")
     seed = given.seed if given.seed is not None else generate.SEEDS[given.set]
     parts = given.part or generate.PARTS
-    generate.generate(given.out, parts, given.cases, seed, given.jobs, given.third)
+    generate.generate(given.out, parts, given.cases, seed, given.jobs, given.third, rig=given.rig)
     with open(os.path.join(given.out, "runs.json"), encoding="utf-8") as stream:
         manifest = json.load(stream)
     failed = []
     if not given.no_faultline:
         threads = max(1, given.jobs // given.at_once)
-        failed = run_program(given.program, given.out, manifest, "faultline", given.at_once, threads, False)
+        failed = run_program(given.program, given.out, given.rig, manifest, "faultline", given.at_once, threads, False)
         if given.third:
-            failed += run_program(given.program, given.out, manifest, "third", given.at_once, threads, True)
-    if not given.no_baselines:
+            failed += run_program(given.program, given.out, given.rig, manifest, "third", given.at_once, threads, True)
+    if not given.no_baselines and given.rig == baselines.RIG:
         run_baselines(given.out, manifest, given.jobs)
     for line in failed:
         print(line, file=sys.stderr)
     command = (
-        f"test/withheld/run.py OUT --cases {given.cases}"
+        "test/withheld/run.py OUT"
+        + (f" --rig {given.rig}" if given.rig != generate.RIGS[0] else "")
+        + f" --cases {given.cases}"
         + "".join(f" --part {p}" for p in given.part or [])
         + (f" --set {given.set}" if given.seed is None else f" --seed {given.seed}")
         + (" --third" if given.third else "")

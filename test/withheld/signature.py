@@ -1,22 +1,19 @@
 """What an effect, a parameter or a nuisance does to the outputs, in units of the noise.
 
-Windows of 0.16 s, spread over a run, are simulated again without noise under the recorded commands, each started from
-the true state, once with and once without the change. Their difference over the channel's noise is the signature: what
-a model without the effect leaves as residual when it is restarted every 0.16 s, before any refit.
+Windows (of Truth.WINDOW samples), spread over a run, are simulated again without noise under the recorded commands,
+each started from the true state, once with and once without the change. Their difference over the channel's noise is the
+signature: what a model without the effect leaves as residual when it is restarted that often, before any refit.
 """
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from truth_servo_actuator import OUTPUTS, PARAMETERS, Truth
-
-LENGTH = 160  # samples in a window
 COUNT = 6  # windows in a run
 
 
-def windows(samples, shift, count=COUNT):
+def windows(samples, length, shift, count=COUNT):
     """Evenly spread; shifted from run to run so that cycles are met at other phases."""
-    stride = (samples - LENGTH - 100) // count
-    return [(60 + shift % 37 + n * stride, 60 + shift % 37 + n * stride + LENGTH) for n in range(count)]
+    stride = (samples - length - 100) // count
+    return [(60 + shift % 37 + n * stride, 60 + shift % 37 + n * stride + length) for n in range(count)]
 
 
 class Run:
@@ -24,11 +21,11 @@ class Run:
 
     def __init__(self, output, noise_scale, shift, parameters, nuisance, count=COUNT):
         truth = output["truth"]
-        self.sheet, self.supply, self.load = truth.sheet, truth.supply, truth.load
-        self.commands = output["record"]["valve_command"].tolist()
-        self.windows = windows(len(self.commands), shift, count)
+        self.truth, self.sheet = truth, truth.sheet
+        self.commands = output["record"][truth.COMMAND].tolist()
+        self.windows = windows(len(self.commands), truth.WINDOW, shift, count)
         self.starts = [truth.base(output["states"][first]) for first, _ in self.windows]
-        self.noise = np.array([self.sheet.noise[c] for c in OUTPUTS]) * noise_scale
+        self.noise = np.array([self.sheet.noise[c] for c in truth.OUTPUTS]) * noise_scale
         self.parameters, self.nuisance = parameters, nuisance
         self.samples = len(self.commands)
         self._plain = None
@@ -36,9 +33,7 @@ class Run:
     def outputs(self, effects=None, parameters=None, nuisance=None):
         p = dict(self.parameters)
         p.update(parameters or {})
-        truth = Truth(
-            self.sheet, p, effects or {}, self.nuisance if nuisance is None else nuisance, self.supply, self.load
-        )
+        truth = self.truth.again(p, effects or {}, self.nuisance if nuisance is None else nuisance)
         return truth.replay(self.commands, self.windows, self.starts)
 
     def plain(self):
@@ -51,7 +46,7 @@ class Run:
 
     def repetition(self):
         """How many samples of the run one sample of the windows stands for."""
-        return self.samples / (LENGTH * len(self.windows))
+        return self.samples / (self.truth.WINDOW * len(self.windows))
 
 
 def lift(signatures):
@@ -63,7 +58,7 @@ def lift(signatures):
 def parameter_signatures(runs):
     """One column per parameter: signature of one tolerance, from a step of half a tolerance."""
     columns = {}
-    for name in PARAMETERS:
+    for name in runs[0].truth.PARAMETERS:
         step = 0.5 * runs[0].sheet.tolerance[name]
         if step <= 0:
             continue

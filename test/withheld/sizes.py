@@ -5,7 +5,7 @@ A template fixes everything but the size (signs, the second parameter), drawn on
 import math
 
 SIGNED = {("offset", "value"), ("drift", "rate"), ("asymmetric_friction", "difference"), ("gain_curve", "curvature")}
-AROUND_ONE = {("scale", "factor"), ("area_curve", "exponent"), ("compliance_factor", "factor")}
+AROUND_ONE = {("scale", "factor"), ("area_curve", "exponent"), ("compliance_factor", "factor"), ("viscosity_drift", "factor")}
 FROM_INFINITY = {("rate_limit", "rate"), ("saturation", "limit"), ("end_stop", "position")}
 SPAN = 2.5  # decades between weakest and strongest where the port gives no lower bound
 # Parameters whose number means the same in the truth and in the datasheet, so that an interval for it can be scored.
@@ -35,7 +35,7 @@ def template(key, bounds, random):
             fixed[name] = 0.0
         else:
             fixed[name] = low * (high / low) ** random.random()
-    if effect == "load_force" and random.random() < 0.35:
+    if effect == "load_force" and "stiffness" in bounds and random.random() < 0.35:
         fixed["main"], fixed["sign"], fixed["constant"] = "stiffness", 1, 0.0
         fixed.pop("stiffness", None)
     if effect == "stuck":

@@ -24,8 +24,10 @@ import signature
 import sizes
 import twins
 from datasheet import Datasheet
-from rate_servo_actuator import root, soft_deadband
-from truth_servo_actuator import BRISTLE, NO_NUISANCE, OUTPUTS, CommandPath, Sensor, Truth
+import truth_servo_actuator
+from rate_servo_actuator import root
+from signal_paths import CommandPath, Sensor, soft_deadband
+from truth_servo_actuator import BRISTLE, NO_NUISANCE, OUTPUTS, Truth
 
 SHEET = Datasheet("servo_actuator")
 P = SHEET.nominal
@@ -171,7 +173,7 @@ class Physics(unittest.TestCase):
 
 class Signals(unittest.TestCase):
     def test_delay_switches_within_the_sample(self):
-        path = CommandPath({"delay": {"time": 0.0025}}, 1e-3)
+        path = CommandPath({"delay": {"time": 0.0025}}, 1e-3, 0.0, 10.0)
         path.pieces(0, 1.0)
         path.pieces(1, 1.0)
         first, second = path.pieces(2, 1.0)
@@ -184,17 +186,17 @@ class Signals(unittest.TestCase):
         self.assertLess(abs(soft_deadband(0.2, 1.0)), 1e-4)
 
     def test_hysteresis_loop_has_its_width(self):
-        path = CommandPath({"hysteresis": {"width": 0.4}}, 1e-3)
+        path = CommandPath({"hysteresis": {"width": 0.4}}, 1e-3, 0.0, 10.0)
         up = [path.pieces(k, 0.01 * k)[0][3] for k in range(200)][150]
         down = [path.pieces(k, 0.01 * (400 - k))[0][3] for k in range(200, 400)][50]
         self.assertAlmostEqual(down - up, 0.4, places=9)
 
     def test_rate_limit_and_lag_are_exact(self):
-        path = CommandPath({"rate_limit": {"rate": 100.0}}, 1e-3)
+        path = CommandPath({"rate_limit": {"rate": 100.0}}, 1e-3, 0.0, 10.0)
         for k in range(5):
             path.pieces(k, 1.0)
         self.assertAlmostEqual(path.out, 0.5)
-        path = CommandPath({"lag": {"time_constant": 0.005}}, 1e-3)
+        path = CommandPath({"lag": {"time_constant": 0.005}}, 1e-3, 0.0, 10.0)
         for k in range(5):
             path.pieces(k, 1.0)
         self.assertAlmostEqual(path.out, 1 - math.exp(-1), places=12)
@@ -307,12 +309,12 @@ class Cases(unittest.TestCase):
 
     def test_generated_folder_keeps_labels_apart(self):
         with tempfile.TemporaryDirectory() as folder:
-            before = generate.DURATION
-            generate.DURATION = 2.0
+            before = truth_servo_actuator.DURATION
+            truth_servo_actuator.DURATION = 2.0
             try:
                 generate.generate(folder, ["none"], 1, 7, 1)
             finally:
-                generate.DURATION = before
+                truth_servo_actuator.DURATION = before
             with open(os.path.join(folder, "runs.json"), encoding="utf-8") as stream:
                 manifest = json.load(stream)
             self.assertEqual(sorted(manifest[0]), ["case", "runs", "third", "without"])

@@ -25,11 +25,13 @@ from scipy.integrate import ode
 
 import excitation
 import rate_servo_actuator as rate
-from rate_servo_actuator import soft_deadband
+from signal_paths import CommandPath, Sensor, split
 
 BRISTLE = 1.0e8  # N/m: 400 N of friction winds the seals up by 4 um; softer ones would be a gap of their own
 CONTACT = 1.0e7  # N/m, backlash flanks
 COUPLING_STIFFNESS = 4.0e7  # N/m, rod coupling when only the other rod effect is asked for
+DURATION = 20.0  # s, of a run
+STIFF_BRISTLE = 6.0e8  # N/m: nearly the datasheet's set-valued friction
 OUTPUTS = ["position", "velocity", "load_pressure", "chamber_a_pressure", "chamber_b_pressure", "spool_position"]
 PARAMETERS = [
     "ram_area",
@@ -54,142 +56,26 @@ NO_NUISANCE = {
 }
 
 
-def split(effects):
-    """{"effect@port": {parameter: value}} as {port: {effect: {...}}}."""
-    ports = {}
-    for key, values in effects.items():
-        effect, port = key.split("@")
-        ports.setdefault(port, {})[effect] = values
-    return ports
-
-
-class CommandPath:
-    """From the voltage that is recorded to the voltage that drives the spool.
-
-    Each sample gives pieces (start, end, kind, a, b, c) on which the drive is a (kind 0), a + (b - a) exp(-(t -
-    start)/c) (kind 1) or a ramp from b towards a with slope c (kind 2).
-    """
-
-    def __init__(self, effects, period, spool_hysteresis=0.0):
-        self.e = effects
-        self.period = period
-        self.delay = effects.get("delay", {}).get("time", 0.0)
-        width = effects.get("hysteresis", {}).get("width", 0.0)
-        self.plays = [(0.8 * width, 0.25, [0.0]), (width, 0.5, [0.0]), (1.2 * width, 0.25, [0.0])] if width > 0 else []
-        self.trace = spool_hysteresis
-        self.trace_state = 0.0
-        self.tau = effects.get("lag", {}).get("time_constant", 0.0)
-        self.rate = effects.get("rate_limit", {}).get("rate", math.inf)
-        self.stuck_from = effects.get("stuck", {}).get("from", math.inf)
-        self.history = {}
-        self.out = 0.0
-
-    def _static(self, u):
-        e = self.e
-        if self.trace > 0:
-            self.trace_state = min(max(self.trace_state, u - self.trace / 2), u + self.trace / 2)
-            u = self.trace_state
-        if self.plays:
-            total = 0.0
-            for width, weight, state in self.plays:
-                state[0] = min(max(state[0], u - width / 2), u + width / 2)
-                total += weight * state[0]
-            u = total
-        if "deadband" in e:
-            u = soft_deadband(u, e["deadband"]["width"])
-        if "gain_curve" in e:
-            u *= 1 + e["gain_curve"]["curvature"] * (abs(u) / 10 - 1)
-        if "scale" in e:
-            u *= e["scale"]["factor"]
-        if "offset" in e:
-            u += e["offset"]["value"]
-        if "saturation" in e:
-            limit = e["saturation"]["limit"]
-            u /= (1 + abs(u / limit) ** 24) ** (1 / 24)
-        return u
-
-    def pieces(self, k, command):
-        h = self.period
-        start, end = k * h, (k + 1) * h
-        self.history[k] = command
-        if self.delay > 0:
-            whole = int(self.delay / h)
-            rest = self.delay - whole * h
-            old, new = self.history.get(k - whole - 1, 0.0), self.history.get(k - whole, 0.0)
-            parts = [(start, start + rest, old), (start + rest, end, new)] if rest > 1e-9 else [(start, end, new)]
-        else:
-            parts = [(start, end, command)]
-        result = []
-        for a, b, u in parts:
-            if a >= self.stuck_from - 1e-12:
-                result.append((a, b, 0, self.out, 0.0, 1.0))
-                continue
-            target = self._static(u)
-            if self.tau > 0:
-                result.append((a, b, 1, target, self.out, self.tau))
-                self.out = target + (self.out - target) * math.exp(-(b - a) / self.tau)
-            elif self.rate < math.inf:
-                slope = math.copysign(self.rate, target - self.out)
-                result.append((a, b, 2, target, self.out, slope))
-                step = slope * (b - a)
-                self.out = target if abs(step) >= abs(target - self.out) else self.out + step
-            else:
-                self.out = target
-                result.append((a, b, 0, target, 0.0, 1.0))
-        return result
-
-
-class Sensor:
-    """One output channel on its way to the recording: exact lag between samples, then scale, drift, offset, steps,
-    stuck."""
-
-    def __init__(self, effects, period, gain=1.0, filter_time=0.0):
-        self.e = effects
-        self.period = period
-        self.gain = gain
-        self.lags = [t for t in (filter_time, effects.get("lag", {}).get("time_constant", 0.0)) if t > 0]
-        self.state = [None] * len(self.lags)
-        self.before = [0.0] * len(self.lags)
-        self.held = None
-
-    def __call__(self, t, y):
-        e = self.e
-        y *= self.gain
-        for n, tau in enumerate(self.lags):  # exact for an input that is straight between the samples
-            if self.state[n] is None:
-                self.state[n] = y
-            else:
-                decay = math.exp(-self.period / tau)
-                slope = (y - self.before[n]) / self.period
-                self.state[n] = y - tau * slope + (self.state[n] - self.before[n] + tau * slope) * decay
-            self.before[n] = y
-            y = self.state[n]
-        if "scale" in e:
-            y *= e["scale"]["factor"]
-        if "offset" in e:
-            y += e["offset"]["value"]
-        if "drift" in e:
-            y += e["drift"]["rate"] * t
-        return y
-
-    def last(self, t, y):
-        """After the noise: what the electronics behind the transducer do."""
-        e = self.e
-        if e.get("quantisation", {}).get("step", 0.0) > 0:
-            y = e["quantisation"]["step"] * math.floor(y / e["quantisation"]["step"] + 0.5)
-        if "stuck" in e:
-            if t >= e["stuck"]["from"]:
-                if self.held is None:
-                    self.held = y
-                return self.held
-        return y
+def draw_nuisance(random):
+    return {
+        "stroke_friction": random.uniform(-0.006, 0.006),
+        "warming": random.uniform(-1e-3, 0.0),
+        "spool_hysteresis": random.uniform(0.0, 0.003),
+        "gain_error": random.uniform(-3e-4, 3e-4),
+        "pressure_filter": random.uniform(5e-6, 2e-5) if random.random() < 0.5 else 0.0,
+    }
 
 
 class Truth:
-    """The rig with given parameters and effects.
+    """The rig with given parameters and effects. What the check asks of a truth: the names below, again(), run(), base()
+    and replay().
 
     parameters: name -> value; effects: "effect@port" -> {parameter: value}; supply_wander(t) and load(t): callables.
     """
+
+    COMMAND, OUTPUTS, PARAMETERS = "valve_command", OUTPUTS, PARAMETERS
+    WINDOW = 160  # samples after which a replay starts from the true state again
+    QUIET = {"bristle": STIFF_BRISTLE}  # the nuisance without which nothing but the datasheet's equations is left
 
     def __init__(
         self, datasheet, parameters=None, effects=None, nuisance=None, supply=None, load=None, bypass_volts=0.0
@@ -217,6 +103,10 @@ class Truth:
         self.compiled = isinstance(self.supply, excitation.Tones) and isinstance(self.load, excitation.Tones)
         self.constants = np.zeros(1, rate.CONSTANTS).view(np.recarray)
         self._constants()
+
+    def again(self, parameters, effects, nuisance):
+        """The same rig under the same supply and load, otherwise changed."""
+        return Truth(self.sheet, parameters, effects, nuisance, self.supply, self.load)
 
     def _constants(self):
         """The record of constants that the right-hand side reads."""
@@ -376,7 +266,7 @@ class Truth:
         sheet, h = self.sheet, self.period
         count = int(round(duration / h))
         random = np.random.default_rng(seed)
-        path = CommandPath(self.ports.get("command.valve_command", {}), h, self.nuisance["spool_hysteresis"])
+        path = CommandPath(self.ports.get("command.valve_command", {}), h, self.nuisance["spool_hysteresis"], 10.0)
         sensors = self.sensors()
         std = [sheet.noise[c] for c in OUTPUTS]
         step = [sheet.resolution[c] for c in OUTPUTS]
@@ -431,7 +321,9 @@ class Truth:
         Memory of the command path and of the transducers is taken along from the start of the run: the path sees every
         command, a transducer starts settled at the window's first value.
         """
-        path = CommandPath(self.ports.get("command.valve_command", {}), self.period, self.nuisance["spool_hysteresis"])
+        path = CommandPath(
+            self.ports.get("command.valve_command", {}), self.period, self.nuisance["spool_hysteresis"], 10.0
+        )
         solver = self.solver(tolerance)
         clean = []
         k = 0

@@ -1,4 +1,7 @@
-"""Families, near-equivalents and parameter twins, as effects.md and the datasheet's notes name them."""
+"""Families, near-equivalents and parameter twins, as effects.md and the datasheets' notes name them.
+
+One table for all rigs: what a rig's datasheet does not list does not count there.
+"""
 
 FAMILY = {}
 for _family, _names in {
@@ -34,6 +37,18 @@ PARAMETER_TWINS = {
     "compliance_factor@compliance.chambers",
     "clogging@restriction.valve",
     "scale@command.valve_command",
+    # hydraulic drive
+    "viscous_friction@force.shaft",
+    "added_mass@force.shaft",
+    "laminar_leakage@flow.motor_in_motor_out",
+    "compliance_factor@compliance.motor_line",
+    "scale@command.valve",
+    "scale@transmission.motor",
+    "scale@transmission.pump",
+    "scale@transmission.displacement",
+    "scale@sensor.pump_pressure",
+    "load_dependent_friction@force.shaft",
+    "viscosity_drift@source.oil",
 }
 # Parameter that does exactly what the effect does: effect -> (parameter, its relative shift from the effect and its
 # value).
@@ -44,6 +59,19 @@ EXACT_TWIN = {
     "compliance_factor@compliance.chambers": ("compliance", lambda e, nominal: 1 / e["factor"] - 1),
     "clogging@restriction.valve": ("flow_coefficient", lambda e, nominal: -e["fraction"]),
     "scale@command.valve_command": ("spool_gain", lambda e, nominal: e["factor"] - 1),
+    # hydraulic drive
+    "viscous_friction@force.shaft": ("viscous_friction", lambda e, nominal: e["coefficient"] / nominal),
+    "added_mass@force.shaft": ("inertia", lambda e, nominal: e["mass"] / nominal),
+    "laminar_leakage@flow.motor_in_motor_out": (
+        "leakage_coefficient",
+        lambda e, nominal: e["coefficient"] / nominal,
+    ),
+    "compliance_factor@compliance.motor_line": ("bulk_modulus", lambda e, nominal: e["factor"] - 1),
+    "scale@command.valve": ("valve_gain", lambda e, nominal: e["factor"] - 1),
+    "scale@transmission.motor": ("motor_efficiency", lambda e, nominal: e["factor"] - 1),
+    "scale@transmission.pump": ("pump_efficiency", lambda e, nominal: 1 / e["factor"] - 1),
+    "scale@transmission.displacement": ("displacement", lambda e, nominal: e["factor"] - 1),
+    "scale@sensor.pump_pressure": ("pump_efficiency", lambda e, nominal: e["factor"] - 1),
 }
 
 
@@ -87,8 +115,40 @@ _GROUPS = [
     ["line_inertia@line.valve_cylinder", "lag@command.valve_command"],
     ["quantisation@sensor.position", "lag@sensor.position"],
     ["scale@sensor.position", "drift@sensor.position"],
+    # hydraulic drive: the notes, and what follows from its equations at positive speed
+    ["scale@command.valve", "clogging@restriction.valve", "gain_curve@command.valve"],
+    ["offset@sensor.pump_pressure", "load_force@force.shaft", "coulomb_friction@force.shaft"],
+    ["drift@sensor.pump_pressure", "offset@sensor.pump_pressure"],
+    ["scale@sensor.pump_pressure", "scale@transmission.pump"],
+    ["load_dependent_friction@force.shaft", "scale@transmission.motor", "scale@sensor.motor_pressure"],
+    [
+        "coulomb_friction@force.shaft",
+        "load_dependent_friction@force.shaft",
+        "viscous_friction@force.shaft",
+        "stribeck_friction@force.shaft",
+    ],
+    ["viscosity_drift@source.oil", "viscous_friction@force.shaft"],
+    ["viscosity_drift@source.oil", "laminar_leakage@flow.motor_in_motor_out"],
+    ["laminar_leakage@flow.motor_in_motor_out", "orifice_leakage@flow.motor_in_motor_out"],
+    ["entrained_air@compliance.motor_line", "compliance_factor@compliance.motor_line"],
+    ["line_inertia@line.motor", "compliance_factor@compliance.motor_line"],
+    ["added_mass@force.shaft", "elasticity@transmission.shaft"],
+    ["lag@command.valve", "delay@command.valve", "rate_limit@command.valve"],
+    ["lag@sensor.shaft_speed", "delay@sensor.shaft_speed"],
+    ["lag@sensor.motor_pressure", "delay@sensor.motor_pressure"],
+    ["lag@sensor.pump_pressure", "delay@sensor.pump_pressure"],
+    ["deadband@command.valve", "offset@command.valve", "hysteresis@command.valve"],
+    ["area_curve@restriction.valve", "gain_curve@command.valve", "offset@command.valve"],
+    ["saturation@command.valve", "gain_curve@command.valve"],
+    ["droop@source.supply", "offset@sensor.supply_pressure", "scale@sensor.supply_pressure"],
+    ["droop@source.supply", "clogging@restriction.valve"],
+    ["offset@sensor.supply_pressure", "clogging@restriction.valve"],
+    ["scale@sensor.supply_pressure", "clogging@restriction.valve"],
+    ["scale@sensor.shaft_speed", "scale@transmission.displacement"],
+    ["offset@sensor.shaft_speed", "drift@sensor.shaft_speed"],
+    ["offset@sensor.motor_pressure", "drift@sensor.motor_pressure"],
+    ["offset@sensor.motor_pressure", "scale@sensor.motor_pressure"],
 ]
-
 
 def rivals(key, known):
     """Effects that could be mistaken for this one and that the datasheet knows."""

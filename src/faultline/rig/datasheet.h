@@ -72,6 +72,13 @@ struct DrivenCommand {
   Settings settings;  // that shape's
 };
 
+// What a measured input does in a run: `value` plus an excitation of rig/excitation.h; empty shape: none.
+struct InputLevel {
+  double value = 0;
+  std::string shape;
+  Settings settings;
+};
+
 // What a rig is asked for during a run. With a controller: `controller` names an entry of Datasheet::controllers;
 // `shape` one of the excitation shapes of rig/excitation.h; `settings` are that shape's. Open loop: no controller, and
 // `commands` are driven.
@@ -85,16 +92,21 @@ struct Profile {
   Settings settings;
   std::string second_shape;  // of a second raw set point; empty: there is none
   Settings second_settings;
-  std::map<std::string, double> inputs;  // value of measured inputs during this profile, where not the rig's
+  std::map<std::string, InputLevel> inputs;  // of measured inputs during this profile, where not the rig's
 };
 
-// How a simulator makes a measured input when no recording gives it: value + wander (band-limited noise) at the sensor.
+// How a simulator makes a measured input when no recording gives it: its level through lags, plus wander (band-limited
+// noise), less droop times the flow that the rig draws from it (Rig::drawn), through a lag.
 struct InputSignal {
   std::string channel;
-  double value = 0;
+  InputLevel level;
+  double lag = 0;  // s, of each lag that the level passes
+  int lags = 0;
   double wander_std = 0;     // in the channel's unit
   double wander_low = 0.05;  // Hz
   double wander_high = 1;    // Hz
+  double droop = 0;          // the channel's unit per m^3/s
+  double droop_lag = 0;      // s
 };
 
 // A command that follows a table of (time, value), linear in between; for what no controller moves (a leak valve).

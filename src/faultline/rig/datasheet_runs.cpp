@@ -134,6 +134,17 @@ std::vector<StageSpec> read_stages(const YamlValue& root, const std::string& key
   return stages;
 }
 
+// The value of a measured input, and what moves it: at `value` of the entry, and `moves`.
+void read_level(const YamlValue& entry, const Channel& channel, InputLevel& level) {
+  level.value = value_of(entry.at("value"), channel);
+  if (!entry.has("moves")) return;
+  const YamlValue moves = entry.at("moves");
+  if (!moves.has("shape")) moves.fail("lacks the key 'shape'");
+  level.shape = moves.at("shape").name();
+  level.settings = read_settings(moves, {"shape"});
+  make_excitation(level.shape, level.settings, 1);
+}
+
 // What a controller follows.
 void read_set_points(const YamlValue& entry, const std::vector<std::string>& controllers, Profile& profile) {
   profile.controller = entry.at("controller").name();
@@ -169,12 +180,21 @@ void read_driven(const YamlValue& entry, const Datasheet& sheet, Profile& profil
 
 void read_excitation(const YamlValue& root, Datasheet& sheet) {
   for (const YamlValue& entry : mapping_at(root, "inputs")) {
-    entry.allow({"value", "wander_std"}, {"wander_low", "wander_high", "meaning"});
+    entry.allow({"value", "wander_std"},
+                {"wander_low", "wander_high", "moves", "lag", "lags", "droop", "droop_lag", "meaning"});
     InputSignal input;
     input.channel = entry.key();
     const Channel& channel = channel_named(sheet, entry, input.channel);
     if (channel.role != Role::input) entry.fail("is not a channel of role input");
-    input.value = value_of(entry.at("value"), channel);
+    read_level(entry, channel, input.level);
+    if (entry.has("lag")) {
+      input.lag = entry.at("lag").number(1e-9);
+      input.lags = entry.has("lags") ? static_cast<int>(entry.at("lags").number(1, 100)) : 1;
+    }
+    if (entry.has("droop")) {
+      input.droop = entry.at("droop").number(0);
+      input.droop_lag = entry.at("droop_lag").number(0);
+    }
     input.wander_std = entry.at("wander_std").number(0);
     if (entry.has("wander_low")) input.wander_low = entry.at("wander_low").number(1e-6);
     if (entry.has("wander_high")) input.wander_high = entry.at("wander_high").number();
@@ -212,7 +232,15 @@ void read_excitation(const YamlValue& root, Datasheet& sheet) {
     for (const YamlValue& input : mapping_at(entry, "inputs")) {
       const Channel& channel = channel_named(sheet, input, input.key());
       if (channel.role != Role::input) input.fail("is not a channel of role input");
-      profile.inputs[input.key()] = value_of(input, channel);
+      InputLevel& level = profile.inputs[input.key()];
+      if (input.is_number()) {  // elsewhere, but as ever
+        for (const InputSignal& usual : sheet.inputs)
+          if (usual.channel == channel.name) level = usual.level;
+        level.value = value_of(input, channel);
+      } else {
+        input.allow({"value"}, {"moves"});
+        read_level(input, channel, level);
+      }
     }
     add_unique(names, entry, profile.name);
     sheet.profiles.push_back(profile);

@@ -266,7 +266,7 @@ void give_inputs(Datasheet& sheet) {
       continue;
     InputSignal input;
     input.channel = channel.name;
-    input.value = input_value(sheet, channel);
+    input.level.value = input_value(sheet, channel);
     sheet.inputs.push_back(input);
     sheet.defaulted.insert("inputs");
   }
@@ -306,7 +306,7 @@ std::string defaulted_text(const Datasheet& sheet) {
     text += "inputs:\n";
     for (const InputSignal& input : sheet.inputs)
       text += fmt::format("  {}: {{value: {:g}, wander_std: {:g}, wander_low: {:g}, wander_high: {:g}}}\n",
-                          input.channel, input.value, input.wander_std, input.wander_low, input.wander_high);
+                          input.channel, input.level.value, input.wander_std, input.wander_low, input.wander_high);
   }
   if (sheet.defaulted.count("profiles") > 0) {
     text += "profiles:\n";

@@ -158,14 +158,25 @@ class Steps : public Held {
         low_(s.number("low", -kHuge, kHuge)),
         high_(s.number("high", -kHuge, kHuge)),
         shortest_(s.number("shortest", 1e-6, kHuge)),
-        longest_(s.number("longest", shortest_, kHuge)) {}
+        longest_(s.number("longest", shortest_, kHuge)),
+        largest_(s.number_or("largest", 0, 0, kHuge)),
+        smallest_(largest_ > 0 ? s.number_or("smallest", 0, 0, std::min(largest_, (high_ - low_) / 2)) : 0) {}
 
  private:
   double draw(Random& random, double& level) override {
-    level = random.uniform(low_, high_);
+    level = largest_ > 0 && !first_ ? level + step(random, level) : random.uniform(low_, high_);
+    first_ = false;
     return random.uniform(shortest_, longest_);
   }
-  double low_, high_, shortest_, longest_;
+  // The way that was drawn, or the other one where there is no room.
+  double step(Random& random, double level) const {
+    const double size = random.uniform(smallest_, largest_), up = high_ - level, down = level - low_;
+    const bool rises = random.uniform() < 0.5 ? size <= up || up >= down : size > down && up > down;
+    return rises ? std::min(size, up) : -std::min(size, down);
+  }
+  void start_over() override { first_ = true; }
+  double low_, high_, shortest_, longest_, largest_, smallest_;
+  bool first_ = true;
 };
 
 class RandomBinary : public Held {

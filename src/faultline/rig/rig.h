@@ -27,6 +27,11 @@ class Rig : public OdeSystem {
   virtual void set_modes(const double* /*state*/) {}
   // Writes the output channels (and inputs that the model predicts) into `channels`, before sensors.
   virtual void outputs(double time, const double* state, double* channels) const = 0;
+  // Flow drawn from the source that the measured input `channel` shows, m^3/s: what its pressure falls with, where the
+  // datasheet says so.
+  virtual double drawn(int /*channel*/, double /*time*/, const double* /*state*/, const double* /*channels*/) const {
+    return 0;
+  }
 };
 
 struct RigType {

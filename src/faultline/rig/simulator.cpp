@@ -13,7 +13,9 @@ namespace faultline {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr int kWanderTones = 12;  // sines that make up the wander of a measured input
+constexpr int kWanderTones = 12;                 // sines that make up the wander of a measured input
+constexpr std::uint64_t kSecondSeed = 15485863;  // of what moves a measured input, beside its wander
+constexpr int kSettlings = 4;                    // rounds in which a supply that droops and the flow from it agree
 
 std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<EffectSpec>& extra) {
   std::vector<EffectSpec> specs = nominal_effects(sheet);
@@ -130,6 +132,9 @@ class Plant {
   const std::vector<double>& seen() const { return shown_; }
   const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
   const double* state() const { return integrator_->state(); }
+  double drawn(int channel, double time) const {
+    return rig_->drawn(channel, time, integrator_->state(), true_.data());
+  }
   double period() const { return period_; }
 
  private:
@@ -163,10 +168,17 @@ class Plant {
   std::vector<double> true_, shown_, start_, rest_, moved_;
 };
 
-// Value plus band-limited wander, a sum of sines with random phases.
+// The level through its lags plus band-limited wander, a sum of sines with random phases, less the droop of the flow
+// that is drawn. Called once per sample, with rising times.
 class InputSource {
  public:
-  InputSource(const InputSignal& signal, std::uint64_t seed) : value_(signal.value) {
+  InputSource(const InputSignal& signal, const InputLevel& level, std::uint64_t seed, double period)
+      : value_(level.value),
+        droop_(signal.droop),
+        lag_share_(signal.lag > 0 ? 1 - std::exp(-period / signal.lag) : 1.0),
+        droop_share_(signal.droop_lag > 0 ? 1 - std::exp(-period / signal.droop_lag) : 1.0),
+        lags_(static_cast<std::size_t>(signal.lags)) {
+    if (!level.shape.empty()) moves_ = make_excitation(level.shape, level.settings, seed + kSecondSeed);
     Random random(seed);
     if (signal.wander_std <= 0) return;
     for (int k = 0; k < kWanderTones; ++k) {
@@ -176,14 +188,24 @@ class InputSource {
     }
     amplitude_ = signal.wander_std * std::sqrt(2.0 / kWanderTones);
   }
-  double value(double time) const {
+  bool droops() const { return droop_ > 0; }
+  void settle(double drawn) { drawn_ = drawn; }  // at the start: as if it had been drawn for long
+
+  // One sample period after the last call, unless at the start; `drawn`: m^3/s over that period.
+  double value(double time, double drawn) {
+    double level = moves_ ? moves_->value(time) : 0.0;
+    if (time <= 0) std::fill(lags_.begin(), lags_.end(), level);
+    for (double& lag : lags_) level = lag += lag_share_ * (level - lag);
+    if (time > 0) drawn_ += droop_share_ * (drawn - drawn_);
     double sum = 0;
     for (const auto& [frequency, phase] : tones_) sum += std::sin(2 * kPi * frequency * time + phase);
-    return value_ + amplitude_ * sum;
+    return value_ + level + amplitude_ * sum - droop_ * drawn_;
   }
 
  private:
-  double value_, amplitude_ = 0;
+  double value_, amplitude_ = 0, droop_, lag_share_, droop_share_, drawn_ = 0;
+  std::vector<double> lags_;
+  std::unique_ptr<Excitation> moves_;
   std::vector<std::pair<double, double>> tones_;
 };
 
@@ -230,11 +252,11 @@ struct Simulator::Parts {
       tables.push_back({channel, table});
     }
     for (std::size_t i = 0; i < sheet.inputs.size(); ++i) {
-      InputSignal input = sheet.inputs[i];
-      const auto value = profile.inputs.find(input.channel);
-      if (value != profile.inputs.end()) input.value = value->second;
-      sources.push_back(
-          {static_cast<std::size_t>(sheet.channel(input.channel)), InputSource(input, setup.seed * 7919 + i + 1)});
+      const InputSignal& input = sheet.inputs[i];
+      const auto elsewhere = profile.inputs.find(input.channel);
+      const InputLevel& level = elsewhere == profile.inputs.end() ? input.level : elsewhere->second;
+      sources.push_back({static_cast<std::size_t>(sheet.channel(input.channel)),
+                         InputSource(input, level, setup.seed * 7919 + i + 1, sheet.sample_period)});
     }
     const std::size_t n = sheet.channels.size();
     driving.resize(n);
@@ -260,14 +282,25 @@ struct Simulator::Parts {
     noise = sensor_noise(setup.seed);
     controller->reset();
     row = 0;
-    fill_inputs(0, driving.data());
-    plant.start(0, driving.data(), nullptr);
+    bool droops = false;
+    for (auto& [channel, source] : sources) {
+      source.settle(0);
+      droops |= source.droops();
+    }
+    for (int i = 0; i < (droops ? kSettlings : 1); ++i) {
+      fill_inputs(0, driving.data());
+      plant.start(0, driving.data(), nullptr);
+      for (auto& [channel, source] : sources)
+        if (source.droops()) source.settle(plant.drawn(static_cast<int>(channel), 0));
+    }
   }
 
   double time_of(std::uint64_t k) const { return static_cast<double>(k) * sheet.sample_period; }
 
   void fill_inputs(double time, double* channels) {
-    for (const auto& [channel, source] : sources) channels[channel] = source.value(time);
+    for (auto& [channel, source] : sources)
+      channels[channel] =
+          source.value(time, source.droops() ? plant.drawn(static_cast<int>(channel), time - sheet.sample_period) : 0);
   }
 
   double measured(std::size_t channel, double value) {

@@ -274,7 +274,7 @@ TimeScales time_scales(const Datasheet& sheet) { return step_test(sheet).scales;
 
 double input_value(const Datasheet& sheet, const Channel& channel) {
   for (const InputSignal& input : sheet.inputs)
-    if (input.channel == channel.name) return input.value;
+    if (input.channel == channel.name) return input.level.value;
   return 0.5 * (channel.minimum + channel.maximum);
 }
 
