@@ -61,9 +61,9 @@ bool RecursiveLeastSquares::step(const double* h, double y) {
   residual_ = y - predicted;
   // Where P would outgrow its bound this row is weighed like those before it: no forgetting.
   const bool forget = (trace_ - sv_square / (g + vv)) / g <= settings_.covariance_limit;
-  const double weight = forget ? g : 1;
-  const double s = weight + vv;
-  const double take = 1 / (s + std::sqrt(weight * s));
+  weight_ = forget ? g : 1;
+  const double s = weight_ + vv;
+  const double take = 1 / (s + std::sqrt(weight_ * s));
   const double grow = forget ? 1 / root_forgetting_ : 1;
   const double step = residual_ / s;
   trace_ = 0;
@@ -78,7 +78,7 @@ bool RecursiveLeastSquares::step(const double* h, double y) {
   }
   // A plain mean first, so that the first rows do not weigh for ever.
   rows_ += 1;
-  noise_variance_ += std::max(gain_, 1 / rows_) * (residual_ * residual_ * weight / s - noise_variance_);
+  noise_variance_ += std::max(gain_, 1 / rows_) * (residual_ * residual_ * weight_ / s - noise_variance_);
   return true;
 }
 
@@ -91,6 +91,11 @@ double RecursiveLeastSquares::covariance(int i, int j) const {
 
 double RecursiveLeastSquares::standard_deviation(int i) const {
   return std::sqrt(covariance(i, i) * noise_variance_ / (1 + settings_.forgetting));
+}
+
+void RecursiveLeastSquares::parameter_covariance(double* result) const {
+  for (int i = 0; i < n_; ++i)
+    for (int j = 0; j < n_; ++j) *result++ = covariance(i, j) * noise_variance_ / (1 + settings_.forgetting);
 }
 
 }  // namespace faultline

@@ -8,7 +8,7 @@
 // P is positive whatever is rounded. Bounded: where trace(P/g) would pass `covariance_limit`, that step does not
 // forget, so the trace never passes it however long the input stands still. Excitation guard: |h| below `excitation`
 // changes nothing. Variance of theta, for white noise and a window of about 1/(1 - g) samples: P noise_variance/(1 +
-// g), noise_variance being the running mean of r^2 g/s. Units are the caller's. Blind to what it cannot tell: a wrong
+// g), noise_variance being the running mean of r^2 g/s; for other noise see coloured_noise.h. Units are the caller's. Blind to what it cannot tell: a wrong
 // theta fits a wrong y just as well.
 #pragma once
 
@@ -37,9 +37,11 @@ class RecursiveLeastSquares {
   const double* parameters() const { return theta_.data(); }
   double covariance(int i, int j) const;  // of P
   double covariance_trace() const { return trace_; }
+  double forgetting() const { return weight_; }  // with which the last row used was taken: g, or 1
   double residual() const { return residual_; }  // r of the last row used, before its correction
   double noise_variance() const { return noise_variance_; }
   double standard_deviation(int i) const;
+  void parameter_covariance(double* result) const;  // of theta, row after row
 
  private:
   int n_;
@@ -47,7 +49,7 @@ class RecursiveLeastSquares {
   double root_forgetting_, gain_;
   std::array<double, kMaximumRegressors> theta_{}, v_{}, sv_{};
   std::array<double, kMaximumRegressors * kMaximumRegressors> root_{};  // S, row after row
-  double trace_ = 0, residual_ = 0, noise_variance_ = 0, rows_ = 0;
+  double trace_ = 0, weight_ = 1, residual_ = 0, noise_variance_ = 0, rows_ = 0;
 };
 
 }  // namespace faultline

@@ -2,10 +2,13 @@
 // forgetting, initial_covariance (of the coefficients at the start, in units of noise variance over the square of the
 // least excitation), covariance_limit (times the initial covariance). The coefficients are the first quantities of the
 // estimate. The innovation is y - h' theta before the correction; its predicted sigma the running root mean square of
-// itself.
+// itself. Coefficients that are estimated together (a relation of several) are the state too, with their covariance.
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
+#include "faultline/estimators/coloured_noise.h"
 #include "faultline/estimators/estimator.h"
 #include "faultline/estimators/recursive_least_squares.h"
 #include "faultline/estimators/relation_model.h"
@@ -13,50 +16,76 @@
 namespace faultline {
 namespace {
 
+struct Fit {
+  Relation relation;
+  RecursiveLeastSquares squares;
+  std::optional<ColouredNoise> noise;
+  bool used = false;
+};
+
 class RelationCore : public Estimator {
  public:
   RelationCore(const Datasheet& sheet, const StageSpec& spec)
-      : model_(make_relation_model(spec.settings.word("model"), sheet, spec.settings)),
-        relations_(model_->relations()) {
+      : model_(make_relation_model(spec.settings.word("model"), sheet, spec.settings)) {
     const double forgetting = spec.settings.number("forgetting", 0.5, 1);
     const double variance = spec.settings.number("initial_covariance", 1e-12, 1e12);
     const double limit = spec.settings.number("covariance_limit", 1, 1e12);
-    for (const Relation& relation : relations_) {
+    for (Relation& relation : model_->relations()) {
       const auto n = static_cast<int>(relation.coefficients.size());
       // In units of 1/|h|^2 at the least excitation: the same numbers then suit rows of any size.
       const double unit = variance / (relation.excitation * relation.excitation);
-      fits_.emplace_back(n, RecursiveLeastSquaresSettings{forgetting, unit, limit * n * unit, relation.excitation});
-      used_.push_back(false);
+      if (relation.scale.empty()) relation.scale.assign(relation.coefficients.size(), 1);
+      if (n > 1) states_ += relation.coefficients.size();
+      RecursiveLeastSquares squares(n, {forgetting, unit, limit * n * unit, relation.excitation});
+      std::optional<ColouredNoise> noise;
+      if (!relation.noise.empty()) noise.emplace(n, relation.noise, unit);
+      fits_.push_back({std::move(relation), squares, std::move(noise)});
     }
   }
 
-  std::vector<State> states() const override { return {}; }
+  // Coefficients that are estimated together, so that their covariance is told.
+  std::vector<State> states() const override {
+    std::vector<State> result;
+    for (const Fit& fit : fits_)
+      if (fit.relation.coefficients.size() > 1)
+        result.insert(result.end(), fit.relation.coefficients.begin(), fit.relation.coefficients.end());
+    return result;
+  }
   std::vector<std::string> innovation_names() const override {
     std::vector<std::string> names;
-    for (const Relation& relation : relations_) names.push_back(relation.name);
+    for (const Fit& fit : fits_) names.push_back(fit.relation.name);
     return names;
   }
 
   void begin(const double* channels) override {
     model_->reset(channels);
-    for (std::size_t i = 0; i < fits_.size(); ++i) {
-      fits_[i].reset(relations_[i].first.data());
-      used_[i] = false;
+    for (Fit& fit : fits_) {
+      std::array<double, kMaximumRegressors> first{};
+      for (std::size_t c = 0; c < fit.relation.first.size(); ++c)
+        first[c] = fit.relation.first[c] / fit.relation.scale[c];
+      fit.squares.reset(first.data());
+      if (fit.noise) fit.noise->reset();
+      fit.used = false;
     }
   }
 
-  bool advance(const double* channels, const ChannelStatus* status, double dt, int steps) override {
-    for (int i = 0; i < steps; ++i) model_->advance(channels, dt / steps);
+  bool advance(const double* channels, const ChannelStatus* status, double dt, int) override {
+    model_->advance(channels, status, dt);
     std::array<double, kMaximumRegressors> h{};
     for (std::size_t i = 0; i < fits_.size(); ++i) {
-      bool good = true;
-      for (const int channel : relations_[i].channels) good = good && status[channel] == ChannelStatus::good;
-      if (!good) {
-        used_[i] = false;
-        continue;
+      Fit& fit = fits_[i];
+      fit.used = std::all_of(fit.relation.channels.begin(), fit.relation.channels.end(),
+                             [&](int channel) { return status[channel] == ChannelStatus::good; });
+      if (fit.used) {
+        const double y = model_->row(i, h.data());
+        for (std::size_t c = 0; c < fit.relation.scale.size(); ++c) h[c] *= fit.relation.scale[c];
+        fit.used = fit.squares.step(h.data(), y);
       }
-      const double y = model_->row(i, h.data());
-      used_[i] = fits_[i].step(h.data(), y);
+      if (!fit.noise) continue;
+      if (fit.used)
+        fit.noise->take(h.data(), fit.squares.forgetting());
+      else
+        fit.noise->skip();
     }
     return true;
   }
@@ -64,33 +93,53 @@ class RelationCore : public Estimator {
   void write(const double* channels, bool, Estimate& estimate) const override {
     estimate.innovation.resize(fits_.size());
     estimate.innovation_std.resize(fits_.size());
+    estimate.state.resize(states_);
+    estimate.covariance.resize(states_ * states_);
     estimate.observed = 0;
     estimate.normalised_innovation = 0;
-    std::size_t at = 0;
+    std::size_t at = 0, state = 0;
     if (estimate.quantities.empty())
-      for (const Relation& relation : relations_)
-        for (const State& c : relation.coefficients) estimate.quantities.push_back({c.name, c.unit, 0, 0});
+      for (const Fit& fit : fits_)
+        for (const State& c : fit.relation.coefficients) estimate.quantities.push_back({c.name, c.unit, 0, 0});
     model_->quantities(channels, estimate.quantities);
     for (std::size_t i = 0; i < fits_.size(); ++i) {
-      const double std = std::sqrt(fits_[i].noise_variance());
-      estimate.innovation[i] = used_[i] ? fits_[i].residual() : 0.0;
-      estimate.innovation_std[i] = used_[i] ? std : 0.0;
-      if (used_[i] && std > 0) {
+      const Fit& fit = fits_[i];
+      const double std = std::sqrt(fit.squares.noise_variance());
+      estimate.innovation[i] = fit.used ? fit.squares.residual() : 0.0;
+      estimate.innovation_std[i] = fit.used ? std : 0.0;
+      if (fit.used && std > 0) {
         estimate.normalised_innovation += estimate.innovation[i] * estimate.innovation[i] / (std * std);
         ++estimate.observed;
       }
-      for (std::size_t c = 0; c < relations_[i].coefficients.size(); ++c, ++at) {
-        estimate.quantities[at].value = fits_[i].parameters()[c];
-        estimate.quantities[at].std = fits_[i].standard_deviation(static_cast<int>(c));
+      const std::size_t n = fit.relation.coefficients.size();
+      std::array<double, kMaximumRegressors * kMaximumRegressors> covariance{};
+      covariance_of(fit, covariance.data());
+      for (std::size_t r = 0; r < n; ++r, ++at) {
+        estimate.quantities[at].value = fit.relation.scale[r] * fit.squares.parameters()[r];
+        estimate.quantities[at].std = std::sqrt(covariance[r * n + r]);
+        if (n == 1) continue;
+        estimate.state[state + r] = estimate.quantities[at].value;
+        for (std::size_t c = 0; c < n; ++c)
+          estimate.covariance[(state + r) * states_ + state + c] = covariance[r * n + c];
       }
+      if (n > 1) state += n;
     }
   }
 
  private:
+  static void covariance_of(const Fit& fit, double* result) {
+    const std::size_t n = fit.relation.scale.size();
+    if (fit.noise)
+      fit.noise->covariance(fit.squares, result);
+    else
+      fit.squares.parameter_covariance(result);
+    for (std::size_t r = 0; r < n; ++r)
+      for (std::size_t c = 0; c < n; ++c) result[r * n + c] *= fit.relation.scale[r] * fit.relation.scale[c];
+  }
+
   std::unique_ptr<RelationModel> model_;
-  std::vector<Relation> relations_;
-  std::vector<RecursiveLeastSquares> fits_;
-  std::vector<bool> used_;
+  std::vector<Fit> fits_;
+  std::size_t states_ = 0;
 };
 
 FAULTLINE_ESTIMATOR(recursive_least_squares,

@@ -19,6 +19,11 @@ struct Relation {
   std::vector<double> first;        // theta at the start
   std::vector<int> channels;        // that y and h need
   double excitation = 0;            // smallest |h| that says something
+  // Size of each coefficient: h comes times scale, least squares work on theta over scale; empty: 1.
+  std::vector<double> scale = {};
+  // Autocovariance of what the sensors' noise leaves of the relation, from lag 0 on (coloured_noise.h); empty: white,
+  // of a size that is measured.
+  std::vector<double> noise = {};
 };
 
 class RelationModel {
@@ -26,9 +31,11 @@ class RelationModel {
   virtual ~RelationModel() = default;
 
   virtual std::vector<Relation> relations() const = 0;
-  virtual void reset(const double* channels) = 0;                 // begins anew with this sample
-  virtual void advance(const double* channels, double dt) = 0;    // filters, from the last sample to this one, dt in s
-  virtual double row(std::size_t relation, double* h) const = 0;  // writes h, returns y, for the last sample
+  virtual void reset(const double* channels) = 0;  // begins anew with this sample
+  // From the last sample to this one, dt in s.
+  virtual void advance(const double* channels, const ChannelStatus* status, double dt) = 0;
+  // Writes h, returns y, for the last sample; NaN where its row is not to be used.
+  virtual double row(std::size_t relation, double* h) const = 0;
   // Further quantities, after the coefficients. Names and number never change.
   virtual void quantities(const double* channels, std::vector<Quantity>& result) const = 0;
 };

@@ -110,7 +110,7 @@ class CoolingBalances : public RelationModel {
     }
   }
 
-  void advance(const double* channels, double dt) override {
+  void advance(const double* channels, const ChannelStatus*, double dt) override {
     // Commands act from their row to the next: the lags run with those of the last sample.
     const double u = std::clamp(valve_input_, 0.0, 1.0), h = std::max(heat_input_, 0.0);
     valve_ += (1 - std::exp(-dt / valve_time_)) * (u - valve_);
