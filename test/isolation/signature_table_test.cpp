@@ -28,13 +28,20 @@ const std::string kMotor = "scale@transmission.motor", kPump = "scale@transmissi
                   kFriction = "viscous_friction@force.shaft";
 
 Settings settings() {
-  Settings s(
-      "table.yaml:1", {{"fit", 14}, {"relative_error", 0.02}},
-      {{kMotor, {0, 1, 0}}, {kPump, {0, 0, 1}}, {kBoth, {0, 1, 1}}, {kInertia, {-1, -1, -1}}, {kFriction, {1, 0, 0}}},
-      {{"signatures", kMotor + ", " + kPump + ", " + kBoth + ", " + kInertia + ", " + kFriction},
-       {"unit_" + kInertia, "inertia"},
-       {"unit_" + kFriction, "viscous_friction"}});
-  return s;
+  return Settings("table.yaml:1", {{"fit", 14}, {"relative_error", 0.02}},
+                  {{"exponents_motor", {0, 1, 0}},
+                   {"exponents_pump", {0, 0, 1}},
+                   {"exponents_both", {0, 1, 1}},
+                   {"exponents_inertia", {-1, -1, -1}},
+                   {"exponents_friction", {1, 0, 0}}},
+                  {{"signatures", "motor, pump, both, inertia, friction"},
+                   {"fault_motor", kMotor},
+                   {"fault_pump", kPump},
+                   {"fault_both", kBoth},
+                   {"fault_inertia", kInertia},
+                   {"fault_friction", kFriction},
+                   {"unit_inertia", "inertia"},
+                   {"unit_friction", "viscous_friction"}});
 }
 
 SignatureTable table() { return {drive(), settings(), 3}; }
@@ -130,10 +137,10 @@ TEST(SignatureTable, ThreeAtOnceAreNotExplained) {
 
 TEST(SignatureTable, SettingsThatMakeNoSenseAreRefused) {
   Settings wrong = settings();
-  wrong.set("signatures", std::string("scale@transmission.wheel"));
+  wrong.set("fault_motor", std::string("scale@transmission.wheel"));
   EXPECT_THROW(SignatureTable(drive(), wrong, 3), InputError);
   wrong = settings();
-  wrong.set(kMotor, std::vector<double>{0, 0, 0});
+  wrong.set("exponents_motor", std::vector<double>{0, 0, 0});
   EXPECT_THROW(SignatureTable(drive(), wrong, 3), InputError);
   EXPECT_THROW(SignatureTable(drive(), settings(), 2), InputError);
 }
@@ -155,6 +162,7 @@ class TableIsolation : public ::testing::Test {
                                                                                 {"window", 20},
                                                                                 {"least", 0.8},
                                                                                 {"inflation", 1},
+                                                                                {"scatter", 3},
                                                                                 {"learn", 10},
                                                                                 {"threshold", 30},
                                                                                 {"hold", 8},

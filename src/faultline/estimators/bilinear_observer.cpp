@@ -263,7 +263,12 @@ bool BilinearObserver::advance(const double* channels, const ChannelStatus* stat
   observed_ = 0;
   residual_.setZero();
   residual_std_.setZero();
-  const bool good = std::all_of(used_.begin(), used_.end(), [&](int c) { return status[c] == ChannelStatus::good; });
+  // A noisy reading that stands at the end of its range may be anything beyond.
+  const bool good = std::all_of(used_.begin(), used_.end(), [&](int c) {
+    const Channel& channel = channels_[static_cast<std::size_t>(c)];
+    return status[c] == ChannelStatus::good &&
+           (channel.noise_std == 0 || (channels[c] > channel.minimum && channels[c] < channel.maximum));
+  });
   steady_ = good ? steady_ + 1 : 0;
   if (!good) return state_.allFinite();
 

@@ -29,15 +29,14 @@ ParameterChange::ParameterChange(int parameters, const ParameterChangeOptions& o
       samples_per_block_(static_cast<std::size_t>(std::max(1.0, std::round(options.block_s / options.period_s)))),
       least_blocks_(static_cast<std::size_t>(std::max(1.0, std::ceil(options.least_s / options.block_s - 1e-9)))) {
   const auto blocks = static_cast<std::size_t>(std::max(1.0, std::ceil(options.window_s / options.block_s)));
-  current_ = {Eigen::MatrixXd::Zero(n_, n_), Eigen::VectorXd::Zero(n_)};
+  current_ = nothing();
   ring_.assign(blocks, current_);
   inverse_.setZero(n_, n_);
 }
 
 void ParameterChange::reset() {
   head_ = filled_ = samples_ = 0;
-  current_.information.setZero();
-  current_.weighted.setZero();
+  current_ = nothing();
 }
 
 bool ParameterChange::add(const double* theta, const double* covariance, bool news) {
@@ -46,25 +45,30 @@ bool ParameterChange::add(const double* theta, const double* covariance, bool ne
     const double weight = options_.period_s / options_.memory_s;
     current_.information += weight * inverse_;
     current_.weighted += weight * (inverse_ * t);
+    current_.square += weight * t.dot(inverse_ * t);
   }
   if (++samples_ < samples_per_block_) return false;
   samples_ = 0;
   ring_[head_] = current_;
   head_ = (head_ + 1) % ring_.size();
   filled_ = std::min(filled_ + 1, ring_.size());
-  current_.information.setZero();
-  current_.weighted.setZero();
+  current_ = nothing();
   return true;
 }
 
 double ParameterChange::seconds() const { return static_cast<double>(filled_) * options_.block_s; }
 
+ParameterChange::Block ParameterChange::nothing() const {
+  return {Eigen::MatrixXd::Zero(n_, n_), Eigen::VectorXd::Zero(n_), 0};
+}
+
 ParameterChange::Block ParameterChange::last(std::size_t blocks) const {
-  Block sum = {Eigen::MatrixXd::Zero(n_, n_), Eigen::VectorXd::Zero(n_)};
+  Block sum = nothing();
   for (std::size_t i = 1; i <= blocks; ++i) {
     const Block& block = ring_[(head_ + ring_.size() - i) % ring_.size()];
     sum.information += block.information;
     sum.weighted += block.weighted;
+    sum.square += block.square;
   }
   return sum;
 }
@@ -96,19 +100,29 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
   }
   step.chi2 = step.change.dot(step.covariance.ldlt().solve(step.change));
   step.age = static_cast<double>(blocks) * options_.block_s;
+  step.scatter = sum.square - sum.weighted.dot(theta);
   return step;
 }
 
 ParameterStep ParameterChange::step_from(const ParameterLevel& reference) const {
-  Block sum = {Eigen::MatrixXd::Zero(n_, n_), Eigen::VectorXd::Zero(n_)};
-  ParameterStep best;
+  const double allowed = options_.scatter * options_.inflation * n_ * options_.block_s / options_.memory_s;
+  Block sum = nothing();
+  ParameterStep best, pending, step;
+  double most = 0;
   for (std::size_t i = 1; i <= filled_; ++i) {
     const Block& block = ring_[(head_ + ring_.size() - i) % ring_.size()];
     sum.information += block.information;
     sum.weighted += block.weighted;
+    sum.square += block.square;
     if (i < least_blocks_) continue;
-    ParameterStep step = compare(reference, sum, i);
-    if (step.chi2 > best.chi2) best = std::move(step);
+    step = compare(reference, sum, i);
+    if (step.age == 0) continue;
+    const double agree = allowed * static_cast<double>(i) - step.scatter;
+    if (agree >= 0 && step.chi2 > pending.chi2) pending = step;
+    if (agree > most) {
+      most = agree;
+      best = pending;
+    }
   }
   return best;
 }

@@ -7,6 +7,10 @@
 // kept. For a step before block j, the blocks since give
 //   theta_j = J_j^-1 b_j,   change_i = ln(theta_ji/theta_0i),   V_j = D (inflation (J_j^-1 + P_0)) D + diag(floor_i^2),
 //   D = diag(1/theta_0i),   chi2_j = change' V_j^-1 change,   told: the j of the greatest chi2
+// Estimates that still rest on samples from before the step are of neither rig (with two large terms that nearly cancel
+// they fall towards zero). So j is sought only where the blocks since agree with one level, j >= j*:
+//   j* = argmax of  sum over blocks since j of  (scatter n T_block/memory) - Q_j,
+//   Q_j = sum of (theta_k - theta_j)' J_k (theta_k - theta_j), about n T_block/memory a block if they agree
 // `inflation` and `floor` stand for what the estimates' covariance does not know: friction that is not viscous,
 // entrained air, noise that is not white. The logarithm makes a factor on a parameter a shift of any size; a parameter
 // that changes its sign counts as fallen to `kLeastRatio` of the reference. Estimates that are not finite say nothing.
@@ -26,6 +30,7 @@ struct ParameterChangeOptions {
   double window_s = 0;        // longest time since a step
   double least_s = 0;         // shortest time since a step: what is younger still holds samples from before it
   double inflation = 1;       // of the estimates' covariance
+  double scatter = 3;         // times its expected value, that the blocks since a step may scatter
   std::vector<double> floor;  // relative, one per parameter
 };
 
@@ -37,6 +42,7 @@ struct ParameterLevel {  // estimate over some time
 struct ParameterStep {
   double chi2 = 0;
   double age = 0;              // s, since the step
+  double scatter = 0;          // of the blocks since, Q
   Eigen::VectorXd change;      // ln(theta/reference)
   Eigen::MatrixXd covariance;  // of it
 };
@@ -60,7 +66,9 @@ class ParameterChange {
   struct Block {
     Eigen::MatrixXd information;
     Eigen::VectorXd weighted;  // information times theta
+    double square = 0;         // theta' information theta
   };
+  Block nothing() const;
   Block last(std::size_t blocks) const;
   std::size_t blocks_of(double age) const;
   ParameterStep compare(const ParameterLevel& reference, const Block& sum, std::size_t blocks) const;

@@ -20,19 +20,21 @@ constexpr double kLeastFactor = 1e-3;  // e^s of a size that may fall to nothing
 SignatureTable::SignatureTable(const Datasheet& sheet, const Settings& settings, int parameters)
     : fit_(settings.number("fit", 0, 1e9)), relative_error_(settings.number("relative_error", 0, 1)) {
   const std::vector<FaultHypothesis> all = fault_hypotheses(sheet);
-  for (const std::string& name : split_words(settings.word("signatures"))) {
+  for (const std::string& label : split_words(settings.word("signatures"))) {
+    const std::string name = settings.word("fault_" + label);
     const auto found =
         std::find_if(all.begin(), all.end(), [&](const FaultHypothesis& h) { return h.effect + "@" + h.port == name; });
     if (found == all.end())
-      throw InputError(fmt::format("{}: the signature '{}' is no effect with a size at a port of the datasheet",
-                                   settings.where(), name));
+      throw InputError(fmt::format("{}: 'fault_{}' is '{}', which is no effect with a size at a port of the datasheet",
+                                   settings.where(), label, name));
     Signature s;
-    const std::vector<double> exponents = settings.list(name, static_cast<std::size_t>(parameters), -100, 100);
+    const std::vector<double> exponents =
+        settings.list("exponents_" + label, static_cast<std::size_t>(parameters), -100, 100);
     s.exponents = Eigen::Map<const Eigen::VectorXd>(exponents.data(), parameters);
     if (s.exponents.isZero(0))
-      throw InputError(fmt::format("{}: the signature '{}' changes no parameter", settings.where(), name));
+      throw InputError(fmt::format("{}: 'exponents_{}' changes no parameter", settings.where(), label));
     double unit = 1;
-    const std::string of = settings.word_or("unit_" + name, "");
+    const std::string of = settings.word_or("unit_" + label, "");
     if (!of.empty()) unit = sheet.parameters[static_cast<std::size_t>(sheet.parameter(of))].nominal;
     RankedHypothesis& h = s.hypothesis;
     h.effect = found->effect;

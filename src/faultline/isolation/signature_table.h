@@ -13,9 +13,9 @@
 // What cannot be told apart has the same chi2 and stands side by side in the ranking: signatures that span the same
 // plane explain the same changes in pairs (of three signatures in one plane, any two).
 //
-// Settings: signatures (effect@port, with commas) and, for each, its name as a key with its exponents; unit_NAME: the
-// parameter of the datasheet whose nominal value is one relative change of the effect's size (size = none + unit
-// (e^s - 1)), without it 1; fit, relative_error.
+// Settings: signatures (labels, with commas); for each label fault_LABEL (effect@port), exponents_LABEL (a list) and
+// unit_LABEL, the parameter of the datasheet whose nominal value is one relative change of the effect's size (size =
+// none + unit (e^s - 1)), without it 1; fit, relative_error.
 #pragma once
 
 #include <string>

@@ -11,7 +11,7 @@
 // neither one nor two signatures fit. A fault that moves no parameter of the stage is none of the table's: what an
 // observer of the other part says stands then.
 // Settings: stage, parameters (states of the stage, with commas), learn, memory, block, window, least (shortest time
-// since a step), inflation, floor, threshold, hold; those of signature_table.h and ranking_finding.h.
+// since a step), inflation, scatter, floor, threshold, hold; those of signature_table.h and ranking_finding.h.
 #include <algorithm>
 #include <cmath>
 
@@ -38,6 +38,7 @@ ParameterChangeOptions change_options(const Datasheet& sheet, const Settings& s,
   o.window_s = s.number("window", o.block_s, 1e6);
   o.least_s = s.number("least", 0, o.window_s);
   o.inflation = s.number("inflation", 1e-3, 1e6);
+  o.scatter = s.number("scatter", 1, 1e6);
   o.floor = s.list("floor", parameters, 0, 10);
   return o;
 }
@@ -152,7 +153,8 @@ class SignatureTableIsolator : public Isolator {
       if (there) {
         first_.since = time - step.age;
         first_.answer = table_.explain(step.change, step.covariance);
-        unexplained_ = !first_.answer.explained;
+        // While it is young, what still rests on samples from before the step may look like anything.
+        unexplained_ = !first_.answer.explained && step.age >= hold_;
         if (step.age >= hold_ && first_.answer.explained) {
           held_ = change_.level(step.age);
           change_.reset();
