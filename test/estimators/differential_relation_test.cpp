@@ -100,8 +100,8 @@ TEST(DifferentialRelation, FindsTheParametersOfItsEquation) {
     ASSERT_EQ(estimate.state.size(), 2u);
     EXPECT_EQ(estimate.state[1], estimate.quantities[1].value);
     EXPECT_DOUBLE_EQ(std::sqrt(estimate.covariance[3]), estimate.quantities[1].std);
-    EXPECT_EQ(estimate.covariance[1], estimate.covariance[2]);
-    EXPECT_GT(estimate.covariance[1], 0);  // a speed and b torque oppose each other
+    EXPECT_NEAR(estimate.covariance[1], estimate.covariance[2], 1e-9);
+    EXPECT_LT(estimate.covariance[1], 0);  // speed and torque are positive in the mean
   }
 }
 
@@ -141,7 +141,7 @@ TEST(DifferentialRelation, IntervalsHoldUnderColouredNoise) {
   for (const double order : {1.0, 3.0}) {
     int runs = 0, within[2] = {};
     for (std::uint64_t seed = 1; seed <= 300; ++seed) {
-      EstimatorStage stage(shaft(), first_order({}, {{"interpolation", order}}));
+      EstimatorStage stage(shaft(), first_order({}, {{"interpolation", order}}, {-4.4, 28}));
       Estimate estimate;
       Shaft run;
       run.t = 0.37 * static_cast<double>(seed);

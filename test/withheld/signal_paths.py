@@ -2,6 +2,7 @@
 with src/."""
 import math
 
+import numpy as np
 from numba import njit
 
 
@@ -157,6 +158,12 @@ class Sensor:
         if "drift" in e:
             y += e["drift"]["rate"] * t
         return y
+
+    def all(self, times, values, slopes):
+        """A whole stretch at once, last() included."""
+        if not self.e and not self.lags:
+            return self.gain * values
+        return np.array([self.last(t, self(t, y, s)) for t, y, s in zip(times, values, slopes)])
 
     def last(self, t, y):
         """After the noise: what the electronics behind the transducer do."""

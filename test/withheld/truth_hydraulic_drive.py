@@ -53,6 +53,7 @@ NO_NUISANCE = {
     "gain_error": 0.0,
     "pressure_filter": 0.0,
 }
+STIFFEST = 2.0e-4  # rad/(N m), where a search asks for a spring that yields to nothing
 SCALE = np.array([1e-4, 1e-4, 1e6, 50.0, 10.0, 1.0, 1e7, 1e6, 1e6, 1e6])  # of the states, for the integrator's error
 
 
@@ -71,7 +72,7 @@ class Truth:
     """The rig with given parameters and effects; the names that the check asks for are told in truth_servo_actuator.py.
 
     supply: (level, tones), load: (set value over time, tones), as of excitation_hydraulic_drive; given: supply and load
-    pressure at the samples in place of both, linear in between.
+    pressure at the samples in place of both, linear in between, and what replays of the run share.
     """
 
     COMMAND, OUTPUTS, PARAMETERS = "valve_voltage", OUTPUTS, PARAMETERS
@@ -141,7 +142,7 @@ class Truth:
         c.has_spring, c.spring_at, c.size = self.has_spring, self.spring_at, self.size
         if self.has_spring:
             spring = self.ports["transmission.shaft"]["elasticity"]
-            c.spring_k, c.spring_d = 1 / spring["compliance"], spring["damping"]
+            c.spring_k, c.spring_d = 1 / max(spring["compliance"], STIFFEST), spring["damping"]
         for name, (level, terms) in (("supply", self.supply), ("load", self.load)):
             for field, values in zip("awp", zip(*terms)):
                 getattr(c, f"{name}_{field}")[: len(values)] = values
@@ -150,11 +151,10 @@ class Truth:
     def _pressures(self):
         """(supply, slope, load, slope) at the samples of a replay, behind their transducers."""
         columns = []
-        for name, values in zip(INPUTS, self.given):
+        for name, values in zip(INPUTS, self.given[:2]):
             sensor = self.sensor(name)
             if sensor.e:
-                slopes = np.gradient(values, self.period)
-                values = np.array([sensor(k * self.period, v, s) for k, (v, s) in enumerate(zip(values, slopes))])
+                values = sensor.all(np.arange(len(values)) * self.period, values, np.gradient(values, self.period))
             columns += [values, np.append(np.diff(values), 0.0) / self.period]
         return np.column_stack(columns)
 
@@ -226,6 +226,7 @@ class Truth:
         states, clean = np.empty((count, rate.STATES)), np.empty((count, 2))
         supply, load = np.empty(count), np.empty(count)
         c = self.constants[0]
+        load_a, load_w, load_p = c.load_a.copy(), c.load_w.copy(), c.load_p.copy()
         dac = sheet.resolution["valve_voltage"]
         first, _ = controller(0, {"shaft_speed": math.nan})
         y = self.rest(first if math.isfinite(first) else 0.35)
@@ -234,11 +235,11 @@ class Truth:
             t = k * h
             c.load_set = self.load[0](t)
             states[k] = self.base(y)
-            flutter = rate.tones(c.load_a, c.load_w, c.load_p, t)
+            flutter = rate.tones(load_a, load_w, load_p, t)
             supply[k], load[k] = y[6], y[9] + flutter
             dy = np.zeros(rate.MOST_STATES)
             rate.rate(t, y, c, drive, np.zeros(4), t, dy)
-            tone_slope = float(np.sum(c.load_a * c.load_w * np.cos(c.load_w * t + c.load_p)))
+            tone_slope = float(np.sum(load_a * load_w * np.cos(load_w * t + load_p)))
             slopes = [dy[2], dy[3], dy[6], dy[9] + tone_slope]
             values = [
                 sensors[name](t, v, s) for name, v, s in zip(names, (y[2], y[3], supply[k], load[k]), slopes)
@@ -257,7 +258,7 @@ class Truth:
             volts = dac * math.floor(min(max(volts, -5.0), 5.0) / dac + 0.5)
             record["valve_voltage"][k] = volts
             self.advance(y, path.pieces(k, volts))
-        self.seen = (supply, load)
+        self.seen = (supply, load, {})
         return {"t": np.arange(count) * h, "record": record, "states": states, "clean": clean, "truth": self}
 
     def replay(self, commands, windows, starts):
@@ -268,8 +269,7 @@ class Truth:
         output starts settled at the window's first value.
         """
         self.seen = self.given
-        pressures, path = self._pressures(), self.path()
-        pieces = np.array([(k, *p) for k in range(windows[-1][1]) for p in path.pieces(k, commands[k])])
+        pressures, pieces = self._pressures(), self._pieces(commands, windows[-1][1])
         clean = []
         for (first, last), base in zip(windows, starts):
             shown = rate.replay(
@@ -277,8 +277,19 @@ class Truth:
             )
             if not len(shown):
                 raise RuntimeError(f"the truth could not be replayed from sample {first}")
-            sensors = [self.sensor(name) for name in OUTPUTS]
-            for k, row in enumerate(shown, first):
-                values = [sensor(k * self.period, row[n], row[n + 2]) for n, sensor in enumerate(sensors)]
-                clean.append([s.last(k * self.period, value) for s, value in zip(sensors, values)])
-        return np.array(clean)
+            times = np.arange(first, last) * self.period
+            clean.append(
+                np.column_stack(
+                    [self.sensor(name).all(times, shown[:, n], shown[:, n + 2]) for n, name in enumerate(OUTPUTS)]
+                )
+            )
+        return np.concatenate(clean)
+
+    def _pieces(self, commands, count):
+        """Rows of (sample, start, end, kind, a, b, c) of the command path; most replays of a run share them."""
+        key = (count, repr(self.ports.get("command.valve")), self.nuisance["spool_hysteresis"])
+        known = self.given[2]
+        if key not in known:
+            path = self.path()
+            known[key] = np.array([(k, *p) for k in range(count) for p in path.pieces(k, commands[k])])
+        return known[key]

@@ -238,7 +238,7 @@ void AlarmStage::tell_findings(double time) {
     i.claim.kind = i.finding.kind;
     i.claim.holds = i.finding.active;
     i.claim.raised = i.alarm >= 0;
-    i.claim.told_by_another = w && w->alarm >= 0;
+    i.claim.told_by_another = (w && w->alarm >= 0) || told_by_another(i);
     i.claim.model_fits = model_fits_;
     i.reason = reason_of(i.claim);
     if (!w) {
@@ -331,6 +331,17 @@ bool AlarmStage::judgement_awaited(const Watched& w) const {
 bool AlarmStage::told_by_isolator(const Watched& w) const {
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     return i.alarm >= 0 && i.names_the_cause() && detected(i.finding) == &w;
+  });
+}
+
+bool AlarmStage::told_by_another(const Isolated& i) const {
+  const Finding& f = i.finding;
+  if (!f.active || f.effect.empty()) return false;
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& other) {
+    const Finding& g = other.finding;
+    return &other != &i && other.alarm >= 0 && g.active && !g.effect.empty() &&
+           ((f.effect == g.effect && f.port == g.port) || among(f.equivalent, named(g.effect, g.port)) ||
+            among(g.equivalent, named(f.effect, f.port)));
   });
 }
 

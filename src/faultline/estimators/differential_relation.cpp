@@ -118,6 +118,8 @@ class DifferentialRelation : public RelationModel {
     since_ = 0;
   }
 
+  void renew() override { settled_ = 0; }
+
   double row(std::size_t, double* h) const override {
     if (!fresh_ || settled_ < (order_ + kSettling) / bandwidth_) return std::numeric_limits<double>::quiet_NaN();
     for (std::size_t i = 0; i < right_.size(); ++i)

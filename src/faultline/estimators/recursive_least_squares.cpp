@@ -32,7 +32,7 @@ void RecursiveLeastSquares::reset(const double* theta) {
   root_.fill(0);
   for (int i = 0; i < n_; ++i) root_[static_cast<std::size_t>(i * n_ + i)] = std::sqrt(settings_.initial_variance);
   trace_ = n_ * settings_.initial_variance;
-  residual_ = noise_variance_ = rows_ = 0;
+  residual_ = surprise_ = noise_variance_ = rows_ = 0;
 }
 
 bool RecursiveLeastSquares::step(const double* h, double y) {
@@ -78,7 +78,8 @@ bool RecursiveLeastSquares::step(const double* h, double y) {
   }
   // A plain mean first, so that the first rows do not weigh for ever.
   rows_ += 1;
-  noise_variance_ += std::max(gain_, 1 / rows_) * (residual_ * residual_ * weight_ / s - noise_variance_);
+  surprise_ = residual_ * residual_ * weight_ / s;
+  noise_variance_ += std::max(gain_, 1 / rows_) * (surprise_ - noise_variance_);
   return true;
 }
 

@@ -39,6 +39,7 @@ class RecursiveLeastSquares {
   double covariance_trace() const { return trace_; }
   double forgetting() const { return weight_; }  // with which the last row used was taken: g, or 1
   double residual() const { return residual_; }  // r of the last row used, before its correction
+  double surprise() const { return surprise_; }  // r^2 g/s of that row: of the noise's variance where nothing changed
   double noise_variance() const { return noise_variance_; }
   double standard_deviation(int i) const;
   void parameter_covariance(double* result) const;  // of theta, row after row
@@ -49,7 +50,7 @@ class RecursiveLeastSquares {
   double root_forgetting_, gain_;
   std::array<double, kMaximumRegressors> theta_{}, v_{}, sv_{};
   std::array<double, kMaximumRegressors * kMaximumRegressors> root_{};  // S, row after row
-  double trace_ = 0, weight_ = 1, residual_ = 0, noise_variance_ = 0, rows_ = 0;
+  double trace_ = 0, weight_ = 1, residual_ = 0, surprise_ = 0, noise_variance_ = 0, rows_ = 0;
 };
 
 }  // namespace faultline

