@@ -7,8 +7,8 @@
 // of a fault lists in `doubts`, with commas between; where one of those is itself off, that fault is not raised. An
 // isolator's alarm changes its place and size as it learns. An isolator that overrules weighed every fault of the
 // datasheet: while it names one, detections of faults, of sensors without an effect and of unknown trouble that it does
-// not confirm are not told; a detected fault waits for its judgement. What two isolators name alike is one alarm. What both found is one alarm, by the detector's
-// effect and size. reason.h has these rules as a table.
+// not confirm are not told; a detected fault waits for its judgement. What both found is one alarm, by the detector's
+// effect and size; what two isolators name is one alarm too. reason.h has these rules as a table.
 //
 // Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell
 // silent (stale: from the last sample plus a while; alarm_options.h has both). While the model does not fit (a

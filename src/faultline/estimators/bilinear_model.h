@@ -39,6 +39,7 @@ class BilinearModel {
   virtual std::vector<int> driving_channels() const = 0;   // further channels that inputs() need
   // At these parameters, in the datasheet's order.
   virtual BilinearSystem system(const std::vector<double>& parameters) const = 0;
+  // NaN where the equations do not hold: that sample is then no evidence.
   virtual void take_inputs(const double* channels, double* u) const = 0;
 };
 

@@ -17,7 +17,7 @@ using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 
 constexpr double kStepsPerTimeConstant = 1;  // of the fastest: a Runge-Kutta step is then good to 1 %
-constexpr double kSettled = 1e-2;            // of an initial error that may be left
+constexpr double kSettled = 1e-3;            // of an initial error that may be left
 constexpr int kMostRiccatiSteps = 100000;
 constexpr double kRiccatiTolerance = 1e-10;
 constexpr double kDifference = 1e-4;  // relative, of a parameter
@@ -238,6 +238,7 @@ Vector BilinearObserver::rate(const Vector& w, const Vector& y, const Vector& u)
 
 void BilinearObserver::begin(const double* channels) {
   read(channels);
+  if (!u_.allFinite()) u_.setZero();
   u_before_ = u_;
   y_before_ = y_;
   equations(0);
@@ -256,6 +257,8 @@ void BilinearObserver::begin(const double* channels) {
 
 bool BilinearObserver::advance(const double* channels, const ChannelStatus* status, double dt, int steps) {
   read(channels);
+  const bool says = u_.allFinite();
+  if (!says) u_ = u_before_;
   const int n = steps * substeps_;
   for (int i = 0; i < n; ++i) step(dt / n, static_cast<double>(i) / n, static_cast<double>(i + 1) / n);
   u_before_ = u_;
@@ -264,11 +267,12 @@ bool BilinearObserver::advance(const double* channels, const ChannelStatus* stat
   residual_.setZero();
   residual_std_.setZero();
   // A noisy reading that stands at the end of its range may be anything beyond.
-  const bool good = std::all_of(used_.begin(), used_.end(), [&](int c) {
-    const Channel& channel = channels_[static_cast<std::size_t>(c)];
-    return status[c] == ChannelStatus::good &&
-           (channel.noise_std == 0 || (channels[c] > channel.minimum && channels[c] < channel.maximum));
-  });
+  const bool good =
+      says && std::all_of(used_.begin(), used_.end(), [&](int c) {
+        const Channel& channel = channels_[static_cast<std::size_t>(c)];
+        return status[c] == ChannelStatus::good &&
+               (channel.noise_std == 0 || (channels[c] > channel.minimum && channels[c] < channel.maximum));
+      });
   steady_ = good ? steady_ + 1 : 0;
   if (!good) return state_.allFinite();
 

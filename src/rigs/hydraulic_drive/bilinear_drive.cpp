@@ -6,7 +6,8 @@
 //   P_m' = B/V_t (K_0 X_s R - C_r S_s - K_l P_m)              the one product, A_R
 //   S_s' = (C_r eta_m P_m - D S_s - C_r/eta_p P_p)/I
 // With the root as an input nothing is linearised. The sign is the voltage's, since no spool position is measured: it
-// is wrong while the spool crosses zero. As decoupling.h has it:
+// is wrong while the spool crosses zero. Below kLeastPressure at the motor nothing is said: what air there is in the oil
+// then makes the line soft. As decoupling.h has it:
 //   unknown on shaft_speed (torques, friction, load): decoupled; the residual is the flow balance of valve, line and
 //     motor. Not strict: X_s is not measured, so T A_R M != 0 and the error's coefficients contain R. They form a
 //     cascade, valve before line, whose poles R does not touch.
@@ -24,6 +25,7 @@ enum { kStage, kSpool, kPressure, kSpeed, kStates };
 enum { kVoltage, kRoot, kLoad, kInputs };
 
 constexpr double kTransition = 1e4;                         // Pa, of the root
+constexpr double kLeastPressure = 0;                        // Pa, at the motor: below it the line's air expands
 constexpr double kLeastDrop = 5e6, kGreatestDrop = 1.45e7;  // Pa, over the valve: 145 bar less 0..95 bar at the motor
 
 class BilinearDrive : public BilinearModel {
@@ -83,7 +85,8 @@ class BilinearDrive : public BilinearModel {
   void take_inputs(const double* channels, double* u) const override {
     const double sign = channels[v_] < 0 ? -1 : 1;
     u[kVoltage] = channels[v_];
-    u[kRoot] = signed_root(channels[ps_] - sign * channels[pm_], kTransition);
+    u[kRoot] =
+        channels[pm_] < kLeastPressure ? std::nan("") : signed_root(channels[ps_] - sign * channels[pm_], kTransition);
     u[kLoad] = channels[pp_];
   }
 
