@@ -171,6 +171,7 @@ TEST(DifferentialRelation, HolesAndBadSamplesNeverReachTheFilters) {
     Sample sample = run.sample();
     if (k % 20 == 7) sample.values[0] = std::nan("");
     if (k % 20 == 13) sample.values[1] = 1e9;
+    if (k % 20 == 14) sample.values[1] = 1e6;           // the end of its range
     if (k % 20 == 16) sample.values[2] = std::nan("");  // no business of this relation
     const bool lost = k % 50 == 31 || (k > 400 && k < 440);
     if (!lost) {
@@ -184,8 +185,8 @@ TEST(DifferentialRelation, HolesAndBadSamplesNeverReachTheFilters) {
     }
     run.advance(kPeriod);
   }
-  // Two samples in twenty, and 8/30 s after the hole of 0.4 s.
-  EXPECT_NEAR(unused, 66 + 24, 6);
+  // Three samples in twenty, and 8/30 s after the hole of 0.4 s.
+  EXPECT_NEAR(unused, 99 + 23, 8);
 }
 
 TEST(DifferentialRelation, UnevenStampsAreFollowed) {
@@ -199,6 +200,30 @@ TEST(DifferentialRelation, UnevenStampsAreFollowed) {
   }
   EXPECT_NEAR(estimate.quantities[0].value, -4, 0.01);
   EXPECT_NEAR(estimate.quantities[1].value, 30, 0.06);
+}
+
+TEST(DifferentialRelation, ARowOfAnotherRigBeginsTheLeastSquaresAnew) {
+  double error[2] = {};  // of the gain, mean over what follows a change of it; with renewal, without
+  for (const bool renewed : {true, false}) {
+    EstimatorStage stage(shaft(), first_order({}, {{"forgetting", 0.995}, {"renewal", renewed ? 6 : 1e9}}, {-4.4, 28}));
+    Estimate estimate;
+    Shaft run;
+    Random noise(3);
+    int paused = 0;
+    for (int k = 0; k < 1000; ++k) {
+      if (k == 600) run.b = 36;
+      stage.process(run.sample(&noise), estimate);
+      run.advance(kPeriod);
+      if (k > 100) paused += estimate.observed == 0;
+      if (k >= 640 && k < 840) error[renewed ? 0 : 1] += std::abs(estimate.quantities[1].value - 36) / 200;
+      if (renewed && k >= 630) {
+        EXPECT_LT(std::abs(estimate.quantities[1].value - 36), 4 * estimate.quantities[1].std) << k;
+      }
+    }
+    EXPECT_NEAR(paused, renewed ? 27 : 0, renewed ? 2 : 0);  // 8/30 s, once
+  }
+  EXPECT_LT(error[0], 0.5);
+  EXPECT_GT(error[1], 1.5);
 }
 
 TEST(DifferentialRelation, AStepAllocatesNothing) {
@@ -245,6 +270,7 @@ TEST(DifferentialRelation, BadSettingsAreOneLineThatSaysWhatToDo) {
       {{}, {{"bandwidth", 1e4}}, first, "'bandwidth' is 10000"},
       {{}, {{"excitation", 0}}, first, "'excitation' is 0"},
       {{}, {{"forgetting", 1.2}}, first, "'forgetting' is 1.2"},
+      {{}, {{"renewal", 1}}, first, "'renewal' is 1"},
       {{}, {{"bandwith", 30}}, first, "key 'bandwith' is not known"},
   };
   for (const Bad& bad : cases) {

@@ -45,6 +45,8 @@ def estimate(message):
             "topic": "estimate",
             "time": message.header.stamp.to_nsec(),
             "sequence": message.sequence,
+            "stage": message.stage,
+            "quantities": {quantity.name: quantity.value for quantity in message.quantities},
             "restarted": message.restarted,
             "finite": all(abs(value) < 1e300 for value in message.state),
             "status": list(message.channel_status),

@@ -96,6 +96,22 @@ class LaunchFiles(unittest.TestCase):
         numbers = [entry["sequence"] for entry in entries if entry["topic"] == "estimate"]
         self.assertEqual(len(numbers), 2 * len(set(numbers)))
 
+    def test_parameters_of_the_hydraulic_drive_are_estimated_live(self):
+        heard, listener = self.listen("sample", "estimate", rig="hydraulic_drive")
+        code, said = self.graph.wait(
+            self.launch("hydraulic_drive.launch", "rate:=3", "duration:=14", "seed:=3", "fault:=motor_efficiency"), 60
+        )
+        self.assertEqual(code, 0, said)
+        self.graph.end(listener)
+        entries = read_lines(heard)
+        samples = [entry["sequence"] for entry in entries if entry["topic"] == "sample"]
+        told = [entry for entry in entries if entry["topic"] == "estimate" and entry["stage"] == "shaft"]
+        self.assertEqual([entry["sequence"] for entry in told], samples)
+        last = told[-1]["quantities"]
+        # Nominal parameters, and 10 % more torque of the motor from 2 s on.
+        for name, value, within in (("a11", -8.8, 0.08), ("a12", 1.1 * 8.6802e-4, 0.05), ("a13", -1.19895e-3, 0.05)):
+            self.assertLess(abs(last[name] / value - 1), within, name)
+
     def test_a_session_is_recorded_whole(self):
         # In real time: rosbag record itself queues 100 messages a topic, which is little at several kHz on a busy
         # machine.

@@ -33,6 +33,7 @@ PUBLISHED = yaml.safe_load((pathlib.Path(__file__).parent / "published.yaml").re
 ALLOWED = PUBLISHED["delay_samples"]
 FIRST_SEED = 501
 LAST = 3000
+NEVER = 1e9  # renewal
 
 # The paper's faults: symbol there, parameter, sample, and what a perfect estimator would see of a11, a12, a13.
 SETS = {
@@ -134,47 +135,62 @@ def ends(fault):
 # ---- the paper's figures
 
 
+WAYS = [
+    ("as printed: forgetting 0.95", {"forgetting": PUBLISHED["forgetting_factor"], "renewal": NEVER}),
+    (f"as shipped: forgetting {stage()['forgetting']:g}, renewal {stage()['renewal']:g}", {}),
+    ("longer memory: forgetting 0.98, renewal 6", {"forgetting": 0.98, "renewal": 6}),
+]
+
+
 def paper(runs, out, seeds):
-    figure, axes = plt.subplots(3, 1, figsize=(8.6, 8.4), constrained_layout=True, sharex=True)
-    for axis, fault in zip(axes, SETS):
+    figure, axes = plt.subplots(3, 2, figsize=(11.5, 8.2), constrained_layout=True, sharex=True, sharey=True)
+    shown = [WAYS[0], WAYS[2]]
+    for row, fault in zip(axes, SETS):
         bag, parameters = runs.record(FIRST_SEED, "--fault", fault, "--nuisance")
         truth = course(parameters, fault)
-        [(estimate, sigma)] = runs.estimates(bag, [{}])
-        samples = np.arange(len(estimate))
-        for i, colour in enumerate((BLUE, ORANGE, GREEN)):
-            w = WEIGHTS[i]
-            axis.plot(samples, w * truth[:, i], color=GREY, linewidth=0.8)
-            axis.fill_between(
-                samples,
-                w * (estimate[:, i] - 1.645 * sigma[:, i]),
-                w * (estimate[:, i] + 1.645 * sigma[:, i]),
-                color=colour,
-                alpha=0.25,
-                linewidth=0,
-            )
-            axis.plot(samples, w * estimate[:, i], color=colour, linewidth=1, label=f"{NAMES[i]} times {w:g}")
-        for symbol, _, k, _ in SETS[fault]:
-            axis.axvline(k, color=GREY, linewidth=0.7, linestyle=":")
-            axis.text(k, 1.42, f" {symbol}", color="#5a646e", fontsize=9, va="top")
-        axis.set_ylim(-1.6, 1.5)
-        axis.set_xlim(0, LAST)
-        axis.spines[["top", "right"]].set_visible(False)
-    axes[0].legend(frameon=False, fontsize=8.5, ncol=3, loc="upper right", bbox_to_anchor=(1, 1.12))
-    axes[-1].set_xlabel("samples of 10 ms; grey: true values; bands: 90 %")
-    figure.savefig(out / "drive_paper.png", dpi=110)
+        for axis, found in zip(row, runs.estimates(bag, [change for _, change in shown])):
+            draw(axis, fault, truth, *found)
+    for axis, (title, _) in zip(axes[0], shown):
+        axis.set_title(title, fontsize=10, pad=18)
+    axes[0, 0].legend(frameon=False, fontsize=8, ncol=3, loc="lower left", bbox_to_anchor=(0, 0.98))
+    for axis in axes[-1]:
+        axis.set_xlabel("samples of 10 ms; grey: true values; bands: 90 %")
+    figure.savefig(out / "drive_paper.png", dpi=100)
     changes(runs, seeds)
+
+
+def draw(axis, fault, truth, estimate, sigma):
+    samples = np.arange(len(estimate))
+    for i, colour in enumerate((BLUE, ORANGE, GREEN)):
+        w = WEIGHTS[i]
+        axis.plot(samples, w * truth[:, i], color=GREY, linewidth=0.8)
+        low, high = (w * (estimate[:, i] + z * sigma[:, i]) for z in (-1.645, 1.645))
+        axis.fill_between(samples, low, high, color=colour, alpha=0.25, linewidth=0)
+        axis.plot(samples, w * estimate[:, i], color=colour, linewidth=1, label=f"{NAMES[i]} times {w:g}")
+    for symbol, _, k, _ in SETS[fault]:
+        axis.axvline(k, color=GREY, linewidth=0.7, linestyle=":")
+        axis.text(k, 1.42, f" {symbol}", color="#5a646e", fontsize=9, va="top")
+    axis.set_ylim(-1.6, 1.5)
+    axis.set_xlim(0, LAST)
+    axis.spines[["top", "right"]].set_visible(False)
 
 
 def changes(runs, seeds):
     """Relative changes and delays of the nine faults over seeds, beside the paper's."""
-    rows = {}
+    rows = [{} for _ in WAYS]
     for fault in SETS:
         for seed in range(FIRST_SEED, FIRST_SEED + seeds):
             bag, parameters = runs.record(seed, "--fault", fault, "--nuisance")
             truth = course(parameters, fault)
-            [(estimate, _)] = runs.estimates(bag, [{}])
-            for symbol, factors, change, late, _ in judged(estimate, truth, fault):
-                rows.setdefault(symbol, []).append((change, late, factors))
+            for kept, (estimate, _) in zip(rows, runs.estimates(bag, [change for _, change in WAYS])):
+                for symbol, factors, change, late, _ in judged(estimate, truth, fault):
+                    kept.setdefault(symbol, []).append((change, late, factors))
+    for (title, _), kept in zip(WAYS, rows):
+        print(f"\n{title[0].upper()}{title[1:]}:")
+        table(kept, seeds)
+
+
+def table(rows, seeds):
     print(
         f"\n| fault | exact | paper | ours, median of {seeds} rigs | ours, 5 to 95 % of the rigs | delay, samples: median |"
         " largest | within 250 |\n|---|---|---|---|---|---|---|---|"
@@ -198,40 +214,41 @@ def changes(runs, seeds):
 
 # ---- trade-offs
 
-FORGETTING = (0.9, 0.93, 0.95, 0.96, 0.97, 0.98, 0.985, 0.99, 0.995)
-BANDWIDTH = (10, 20, 30, 40, 50, 70, 100, 150, 250)
+FORGETTING = (0.9, 0.93, 0.95, 0.97, 0.98, 0.985, 0.99, 0.995)
+BANDWIDTH = (10, 20, 30, 40, 60, 80, 120, 250)
 INTERPOLATION = (0, 1, 2, 3)
 
 
 def trade(runs, out, seeds):
     variants = (
-        [("forgetting", g) for g in FORGETTING]
-        + [("bandwidth", w) for w in BANDWIDTH]
-        + [("interpolation", r) for r in INTERPOLATION]
+        [("forgetting", g, {"forgetting": g, "renewal": NEVER}) for g in FORGETTING]
+        + [("forgetting with renewal", g, {"forgetting": g}) for g in FORGETTING]
+        + [("bandwidth", w, {"bandwidth": w}) for w in BANDWIDTH]
+        + [("interpolation", r, {"interpolation": r}) for r in INTERPOLATION]
     )
-    results = {}  # variant, noise -> lists
+    results = {}  # what is varied, value, noise -> lists
     for noise in (True, False):
         for seed in range(FIRST_SEED, FIRST_SEED + seeds):
             for fault in SETS:
                 more = [] if noise else ["--no-noise"]
                 bag, parameters = runs.record(seed, "--fault", fault, "--nuisance", *more)
                 truth = course(parameters, fault)
-                found = runs.estimates(bag, [{name: value} for name, value in variants])
-                for variant, (estimate, _) in zip(variants, found):
-                    kept = results.setdefault((variant, noise), {"delay": [], "error": []})
+                found = runs.estimates(bag, [change for _, _, change in variants])
+                for (name, value, _), (estimate, _) in zip(variants, found):
+                    kept = results.setdefault((name, value, noise), {"delay": [], "error": []})
                     for _, factors, _, late, steady in judged(estimate, truth, fault):
                         if any(f != 1 for f in factors):
                             kept["delay"].append(late)
                         kept["error"].append((estimate / truth - 1)[steady])
-    for name, values_of in (("forgetting", FORGETTING), ("bandwidth", BANDWIDTH), ("interpolation", INTERPOLATION)):
+    for name in dict.fromkeys(name for name, _, _ in variants):
         print(
             f"\n| {name} | bias %, a11, a12, a13 | scatter % (1 sigma) | delay, samples: median | largest |"
             " without noise: bias % | scatter % | delay: median | largest |\n|---|---|---|---|---|---|---|---|---|"
         )
-        for value in values_of:
+        for value in [v for n, v, _ in variants if n == name]:
             cells = []
             for noise in (True, False):
-                bias, scatter, delays = summary(results[((name, value), noise)])
+                bias, scatter, delays = summary(results[(name, value, noise)])
                 cells += [
                     ", ".join(f"{100 * b:+.2f}" for b in bias),
                     ", ".join(f"{100 * s:.2f}" for s in scatter),
@@ -251,27 +268,30 @@ def summary(result):
 def pictures(results, out):
     figure, axes = plt.subplots(1, 3, figsize=(11.5, 3.9), constrained_layout=True)
     axis = axes[0]
-    for noise, colour in ((True, BLUE), (False, GREY)):
-        points = [summary(results[(("forgetting", g), noise)]) for g in FORGETTING]
+    for name, noise, colour, label in (
+        ("forgetting", True, BLUE, "as printed"),
+        ("forgetting with renewal", True, ORANGE, "with renewal"),
+        ("forgetting", False, GREY, "as printed, noise off"),
+    ):
+        points = [summary(results[(name, g, noise)]) for g in FORGETTING]
         scatter, median = [100 * s[1][1] for s in points], [np.median(s[2]) for s in points]
-        axis.plot(median, scatter, "o-", color=colour, label="noise on" if noise else "noise off")
+        axis.plot(median, scatter, "o-", markersize=4, color=colour, label=label)
         if noise:
             for g, x, y in zip(FORGETTING, median, scatter):
                 if np.isfinite(x):
-                    axis.annotate(f"{g:g}", (x, y), xytext=(4, 4), textcoords="offset points", fontsize=8)
+                    axis.annotate(f"{g:g}", (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7, color=colour)
+    axis.axvline(ALLOWED, color=GREY, linewidth=0.7, linestyle=":")
     axis.set_xlabel("median delay, samples")
     axis.set_ylabel("scatter of a12, %")
     axis.set_title("forgetting factor", fontsize=10)
     for axis, name, over in ((axes[1], "bandwidth", BANDWIDTH), (axes[2], "interpolation", INTERPOLATION)):
         for noise, line in ((True, "-"), (False, "--")):
-            points = [summary(results[((name, v), noise)]) for v in over]
+            points = [summary(results[(name, v, noise)]) for v in over]
             for i, colour in enumerate((BLUE, ORANGE, GREEN)):
                 label = f"{NAMES[i]}, noise {'on' if noise else 'off'}"
                 rms = [100 * np.hypot(p[0][i], p[1][i]) for p in points]
                 axis.plot(over, rms, line, marker="o", markersize=3, color=colour, label=label)
         axis.set_ylabel("error: bias and scatter together, %")
-        axis.set_yscale("log")
-        axis.yaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
         axis.set_title(f"{name} of the filter", fontsize=10)
     axes[1].set_xscale("log")
     axes[1].set_xticks([10, 20, 50, 100, 200], ["10", "20", "50", "100", "200"])
@@ -282,8 +302,12 @@ def pictures(results, out):
     axes[2].legend(frameon=False, fontsize=7.5, loc="upper right")
     axes[0].legend(frameon=False, fontsize=8)
     for axis in axes:
+        axis.set_yscale("log")
+        axis.yaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
+        axis.yaxis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+        axis.set_yticks([t for t in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20)])
         axis.spines[["top", "right"]].set_visible(False)
-    figure.savefig(out / "drive_trade.png", dpi=110)
+    figure.savefig(out / "drive_trade.png", dpi=100)
 
 
 # ---- do the intervals hold

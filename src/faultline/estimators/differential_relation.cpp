@@ -12,7 +12,8 @@
 // Noise: the channels' noise_std and rounding, white, through the filter, at p = first; its autocovariance goes to the
 // covariance of the estimates (coloured_noise.h). The filters begin at the first sample, and again after a hole of more
 // than 1/bandwidth (or of two samples where that is longer); no row is given until (order + 6)/bandwidth later. A
-// sample in which one of the channels is missing or out of range is no sample for the filters. The innovation bears
+// sample in which one of the channels is missing, out of range or, where it is noisy, at the end of its range (it may be
+// anything beyond) is no sample for the filters. The innovation bears
 // the name of the channel on the left.
 // Blind to terms that the equation lacks (a constant torque, an offset): they move the parameters. Noise of the u_i
 // pulls all p_i towards zero, the more the less the channels move.
@@ -51,6 +52,11 @@ std::vector<std::string> texts_of(const std::string& list) {
   std::istringstream parts(list);
   for (std::string part; std::getline(parts >> std::ws, part, ',');) result.push_back(part);
   return result;
+}
+
+// A noisy reading at the end of its range may be anything beyond.
+bool within(const Channel& channel, double value) {
+  return channel.noise_std == 0 || (value > channel.minimum && value < channel.maximum);
 }
 
 struct Term {
@@ -108,8 +114,9 @@ class DifferentialRelation : public RelationModel {
 
   void advance(const double* channels, const ChannelStatus* status, double dt) override {
     since_ += dt;
-    fresh_ = std::all_of(channels_.begin(), channels_.end(),
-                         [&](std::size_t c) { return status[c] == ChannelStatus::good; });
+    fresh_ = std::all_of(channels_.begin(), channels_.end(), [&](std::size_t c) {
+      return status[c] == ChannelStatus::good && within(known_[c], channels[c]);
+    });
     if (!fresh_) return;
     if (since_ > hole_) return reset(channels);
     take(channels);
