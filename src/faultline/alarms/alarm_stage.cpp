@@ -6,26 +6,13 @@
 #include <fmt/format.h>
 
 #include "faultline/signal/error.h"
+#include "faultline/signal/text.h"
 
 namespace faultline {
 namespace {
 
 std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
   return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
-}
-
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> words;
-  std::string word;
-  for (const char c : text + ",") {
-    if (c != ',') {
-      if (c != ' ') word += c;
-    } else if (!word.empty()) {
-      words.push_back(word);
-      word.clear();
-    }
-  }
-  return words;
 }
 
 bool yes_or_no(const StageSpec& spec, const std::string& key, bool fallback) {
@@ -77,7 +64,7 @@ AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
       for (const Port& port : sheet_.ports)
         if (port.name == w.finding.port && port.kind == PortKind::sensor)
           w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(port.channel)));
-    for (const std::string& channel : split(spec.settings.word_or("doubts", "")))
+    for (const std::string& channel : split_words(spec.settings.word_or("doubts", "")))
       w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
     w.detector = make_detector(sheet_, spec);
     spec.settings.check_used();
@@ -251,7 +238,7 @@ void AlarmStage::tell_findings(double time) {
     i.claim.kind = i.finding.kind;
     i.claim.holds = i.finding.active;
     i.claim.raised = i.alarm >= 0;
-    i.claim.told_by_another = w && w->alarm >= 0;
+    i.claim.told_by_another = (w && w->alarm >= 0) || told_by_another(i);
     i.claim.model_fits = model_fits_;
     i.reason = reason_of(i.claim);
     if (!w) {
@@ -344,6 +331,17 @@ bool AlarmStage::judgement_awaited(const Watched& w) const {
 bool AlarmStage::told_by_isolator(const Watched& w) const {
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     return i.alarm >= 0 && i.names_the_cause() && detected(i.finding) == &w;
+  });
+}
+
+bool AlarmStage::told_by_another(const Isolated& i) const {
+  const Finding& f = i.finding;
+  if (!f.active || f.effect.empty()) return false;
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& other) {
+    const Finding& g = other.finding;
+    return &other != &i && other.alarm >= 0 && g.active && !g.effect.empty() &&
+           ((f.effect == g.effect && f.port == g.port) || among(f.equivalent, named(g.effect, g.port)) ||
+            among(g.equivalent, named(f.effect, f.port)));
   });
 }
 

@@ -8,7 +8,7 @@
 // isolator's alarm changes its place and size as it learns. An isolator that overrules weighed every fault of the
 // datasheet: while it names one, detections of faults, of sensors without an effect and of unknown trouble that it does
 // not confirm are not told; a detected fault waits for its judgement. What both found is one alarm, by the detector's
-// effect and size. reason.h has these rules as a table.
+// effect and size; what two isolators name is one alarm too. reason.h has these rules as a table.
 //
 // Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell
 // silent (stale: from the last sample plus a while; alarm_options.h has both). While the model does not fit (a
@@ -93,6 +93,8 @@ class AlarmStage {
   bool explained(const Watched& w) const;
   bool judgement_awaited(const Watched& w) const;
   bool told_by_isolator(const Watched& w) const;
+  // Whether another isolator's alarm already names the same cause.
+  bool told_by_another(const Isolated& i) const;
   // The detector that found what the finding names, or what cannot be told from it; null: none did.
   Watched* detected(const Finding& finding);
   const Watched* detected(const Finding& finding) const;

@@ -1,0 +1,79 @@
+// Bilinear fault detection observer with unknown inputs, of fixed gain. Its innovation is what the known part of a rig
+// cannot explain, whatever the unknown inputs do. decoupling.h has the equations and the sources.
+//
+// Between samples (Runge-Kutta; measured inputs and outputs linear, commands held):
+//   w^' = T (A + sum u_i A_i)(M w^ + N y) + T B u
+// at a sample:  r = z - H w^,  w^ += K r,   K the steady Kalman gain in the middle of the inputs' range: of process
+// noise, of the measurement noise in z, and of that of y where it drives w.
+//
+// A real rig's parameters are off the datasheet's, so r is not zero on a healthy one. To first order
+//   r = sum over j of g_j theta_j + noise,   s_j' = T (A + sum u_i A_i) M s_j + d(w^')/dtheta_j,   g_j = H s_j
+// corrected at samples as the error is, with theta_j the deviation of a parameter in units of its tolerance. Over the
+// first `learn` s theta is fitted by least squares with the tolerances as prior, then kept: the residual is r - g theta
+// and its variance (1 + g' P g) times that of the noise found meanwhile. With `learn` 0 nothing is taken off and the
+// variance is what the tolerances allow: the best there is without a healthy run. A fault that is there from the start
+// is learnt as normal. Parameters are taken as constant: what friction and entrained air do beyond that stays in the
+// noise.
+//
+// Throws InputError where the unknown inputs cannot be decoupled, leave no residual, or leave what no gain makes
+// stable, with the reason. Settings: model, unknown (states whose equations are acted upon by unknown inputs, with
+// commas; empty: none), process_noise (one per state, in its unit per sqrt(s)), learn (s), learnt (parameters with a
+// tolerance, with commas).
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "faultline/estimators/bilinear_model.h"
+#include "faultline/estimators/decoupling.h"
+#include "faultline/estimators/estimator.h"
+#include "faultline/estimators/recursive_least_squares.h"
+
+namespace faultline {
+
+class BilinearObserver : public Estimator {
+ public:
+  BilinearObserver(const Datasheet& sheet, const StageSpec& spec);
+
+  std::vector<State> states() const override { return {}; }
+  std::vector<std::string> innovation_names() const override;
+  void begin(const double* channels) override;
+  bool advance(const double* channels, const ChannelStatus* status, double dt, int steps) override;
+  void write(const double* channels, bool begun, Estimate& estimate) const override;
+
+  const Decoupling& decoupling() const { return decoupling_; }
+  // w^' for given w^, y and u: for checks against the rig's own equations.
+  Eigen::VectorXd rate(const Eigen::VectorXd& w, const Eigen::VectorXd& y, const Eigen::VectorXd& u) const;
+
+ private:
+  void build(const Datasheet& sheet);
+  void find_gain(const Settings& settings);
+  void read(const double* channels);
+  void equations(double fraction);  // at this fraction of the way from the last sample to this one
+  void slope(const Eigen::MatrixXd& state, Eigen::MatrixXd& rate);
+  void step(double dt, double from, double to);
+
+  std::unique_ptr<BilinearModel> model_;
+  std::vector<BilinearInput> inputs_;
+  std::vector<Channel> channels_;
+  std::vector<int> measured_, used_, learnt_;
+  std::vector<double> nominal_, tolerance_;  // of all parameters; of those learnt, in their unit
+  double period_, learn_;
+  Decoupling decoupling_;
+  // Row blocks: w^' itself, then its derivatives by the parameters learnt. Columns: w^, then y.
+  Eigen::MatrixXd kernel_, drive_;
+  std::vector<Eigen::MatrixXd> products_;
+  Eigen::MatrixXd gain_;
+  Eigen::VectorXd innovation_std_;
+  int substeps_ = 1, settle_ = 1;  // steps a sample; samples
+
+  Eigen::VectorXd u_, y_, u_before_, y_before_, u_now_, y_now_, wy_, stacked_;
+  Eigen::MatrixXd now_, state_, tried_, k1_, k2_, k3_, k4_, sensitivity_;
+  RecursiveLeastSquares fit_;
+  double noise_variance_ = 1, learnt_for_ = 0;
+  int steady_ = 0;  // samples since all channels were good
+  Eigen::VectorXd residual_, residual_std_;
+  int observed_ = 0;
+};
+
+}  // namespace faultline

@@ -1,0 +1,115 @@
+#include "faultline/isolation/ranking_finding.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+namespace faultline {
+namespace {
+
+RankingOptions read_options(const Settings& s) {
+  RankingOptions o;
+  o.second = s.number_or("place", 1, 1, 2) > 1.5;
+  o.confirm_judgements = static_cast<std::size_t>(std::ceil(s.number_or("confirm", 1, 1, 1e6)));
+  o.rival_fraction = s.number("rival", 0, 1);
+  o.rival_evidence = s.number("rival_least", 0, 1e6);
+  o.most_rivals = static_cast<std::size_t>(s.number("most_rivals", 0, 100));
+  o.model_error_fraction = s.number("model_error", 0, 10);
+  o.std_ratio = s.number_or("std_factor", 1, 0.01, 10);
+  return o;
+}
+
+std::string spaced(std::string name) {
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
+}
+
+}  // namespace
+
+RankingFinding::RankingFinding(const Datasheet& sheet, const Settings& settings) : options_(read_options(settings)) {
+  for (const Port& port : sheet.ports) components_[port.name] = port.component;
+}
+
+void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool restarted, Finding& finding) {
+  if (heard_ && !restarted && ranking->judged_until == judged_) return;  // nothing new
+  if (!heard_ || restarted) {
+    finding = Finding();
+    told_ = named_ = -1;
+    held_ = false;
+  }
+  heard_ = ranking;
+  judged_ = heard_->judged_until;
+  const std::vector<RankedHypothesis>& ranked = options_.second ? heard_->second : heard_->first;
+  if (ranked.empty()) {
+    finding.active = held_ = false;
+    told_ = named_ = -1;
+    return;
+  }
+  if (!held_) {
+    held_ = true;
+    judgements_ = 0;
+    finding.since = heard_->since;
+  }
+  if (++judgements_ < options_.confirm_judgements) return;
+  finding.active = true;
+  const RankedHypothesis& best = ranked.front();
+  if (best.order == told_ && best.evidence == told_evidence_) return;
+  told_ = best.order;
+  told_evidence_ = best.evidence;
+  write(ranked, finding);
+}
+
+void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding& finding) {
+  const double evidence = ranked.front().evidence;
+  const double margin = std::max(options_.rival_fraction * evidence, options_.rival_evidence);
+  // A name that explains as well as the best stays.
+  const RankedHypothesis* chosen = &ranked.front();
+  for (const RankedHypothesis& h : ranked)
+    if (h.order == named_ && h.evidence >= evidence - margin) chosen = &h;
+  // Twins at one place go by the name that the datasheet lists first.
+  const std::string port = chosen->port;
+  for (const RankedHypothesis& h : ranked)
+    if (h.evidence >= evidence - margin && h.order < chosen->order && h.port == port) chosen = &h;
+  named_ = chosen->order;
+  finding.effect = chosen->effect;
+  finding.port = chosen->port;
+  finding.kind = chosen->kind;
+  finding.equivalent.clear();
+  double sum = 1;
+  for (const RankedHypothesis& other : ranked) {
+    if (&other == chosen) continue;
+    const double behind = evidence - other.evidence;
+    sum += std::exp(-0.5 * behind);
+    if (behind > margin || other.name() == chosen->name()) continue;
+    if (std::find(finding.equivalent.begin(), finding.equivalent.end(), other.name()) == finding.equivalent.end())
+      finding.equivalent.push_back(other.name());
+  }
+  finding.confidence = 1 / std::max(sum, static_cast<double>(finding.equivalent.size()) + 1);
+  finding.text = text(*chosen);
+  std::string rivals;
+  for (const std::string& name : finding.equivalent) rivals += (rivals.empty() ? "" : ", ") + name;
+  if (!rivals.empty()) finding.text += "; this motion cannot tell it from " + rivals;
+  if (finding.equivalent.size() > options_.most_rivals) {
+    finding.kind = AlarmKind::unknown;
+    finding.effect = finding.port = "";
+    finding.text = "Something changed that this motion cannot tell apart: " + chosen->name() + ", " + rivals;
+  }
+  finding.has_size = finding.kind != AlarmKind::unknown;
+  finding.size_name = chosen->size_name;
+  finding.size_unit = chosen->size_unit;
+  finding.none = chosen->none;
+  finding.size = chosen->size();
+  const SizeInterval sizes =
+      chosen->sizes(std::hypot(options_.std_ratio * chosen->std, options_.model_error_fraction * chosen->amplitude));
+  finding.low = sizes.low;
+  finding.high = sizes.high;
+}
+
+std::string RankingFinding::text(const RankedHypothesis& h) const {
+  const auto found = components_.find(h.port);
+  std::string component = found == components_.end() ? h.port : found->second;
+  if (!component.empty()) component[0] = static_cast<char>(std::toupper(component[0]));
+  return component + ": " + spaced(h.effect);
+}
+
+}  // namespace faultline

@@ -1,0 +1,60 @@
+// From a ranking of causes (estimators/estimate.h) to a finding: what is named, what cannot be told from it, of which
+// size. Of every isolator that ranks.
+//
+// Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What explains
+// within `rival` of that evidence (a fraction, and never less than `rival_least`) cannot be told from it and is listed
+// as equivalent; if more than `most_rivals` are, the fault is unknown. Size with 90 % bounds from the ranking's standard
+// deviation and `model_error` (relative: what tolerances leave). The evidence's variances are inflated to decide with
+// care; `std_factor` takes that back for the bounds.
+// Settings: place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals, model_error,
+// std_factor [1].
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faultline/estimators/estimate.h"
+#include "faultline/isolation/isolator.h"
+
+namespace faultline {
+
+// All constants, by the datasheet's keys; it says why they have their values.
+struct RankingOptions {
+  bool second = false;                 // place: 2 tells what is wrong beside the fault
+  std::size_t confirm_judgements = 1;  // confirm: in a row that find something
+  double rival_fraction = 0;           // rival: of the evidence, within which hypotheses cannot be told apart ...
+  double rival_evidence = 0;           // rival_least: ... and at least this
+  std::size_t most_rivals = 0;         // beyond which naming the best would say nothing
+  double model_error_fraction = 0;     // model_error: of an amplitude, from the tolerances
+  double std_ratio = 1;                // std_factor: of the bounds' standard deviation to the inflated one
+};
+
+class RankingFinding {
+ public:
+  RankingFinding(const Datasheet& sheet, const Settings& settings);
+
+  void reset() { heard_.reset(); }
+  // `restarted`: what was heard before belongs to another course.
+  void tell(const std::shared_ptr<const Ranking>& ranking, bool restarted, Finding& finding);
+  bool second() const { return options_.second; }
+  double judged_until() const { return judged_; }
+
+ private:
+  void write(const std::vector<RankedHypothesis>& ranked, Finding& finding);
+  std::string text(const RankedHypothesis& h) const;
+
+  std::map<std::string, std::string> components_;  // of the ports
+  RankingOptions options_;
+  std::shared_ptr<const Ranking> heard_;  // the last
+  double judged_ = -std::numeric_limits<double>::infinity();
+  bool held_ = false;
+  std::size_t judgements_ = 0;
+  double told_evidence_ = 0;
+  std::int64_t told_ = -1, named_ = -1;  // RankedHypothesis::order; -1: none
+};
+
+}  // namespace faultline
