@@ -1,6 +1,7 @@
 // The effects of one simulation, by port, in the order in which they were given.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <memory>
 #include <set>
@@ -25,6 +26,18 @@ class EffectChain {
   double undo_signal(double value, double time) const {
     for (auto e = effects_.rbegin(); e != effects_.rend(); ++e) value = (*e)->undo_signal(value, time);
     return value;
+  }
+  // What went in at `time`, from what came out around it; effects with memory go on from there. `own`: of a model that
+  // runs, what goes in.
+  Shown resume(const Course& out, double time, double own) const {
+    Course in = out;
+    for (auto e = effects_.rbegin(); e != effects_.rend(); ++e) {
+      const double mine = e + 1 == effects_.rend() ? own : std::numeric_limits<double>::quiet_NaN();
+      const Course after = std::move(in);
+      in = [effect = *e, after, time, mine](double later) { return effect->undo(after, later, time, mine); };
+      (*e)->resume(in(0), after(0));
+    }
+    return in(0);
   }
   BodyForces forces(const Motion& motion) const {
     BodyForces sum;
