@@ -239,8 +239,11 @@ TEST(EffectContract, WhatASensorShowsIsUndoneWhateverItRemembers) {
   for (const EffectType& type : effect_types()) {
     if (!type.fits_kind(PortKind::sensor) || type.name == "noise" || type.name == "quantisation") continue;
     SCOPED_TRACE(type.name);
-    if (!forgets(type)) with_memory.insert(type.name);
     const auto effect = made(type, typical_parameters(type));
+    if (!forgets(type)) {
+      with_memory.insert(type.name);
+      EXPECT_TRUE(effect->remembers());
+    }
     const int count = 1150;  // before the probe's jumps
     std::vector<double> in, out;
     for (int k = 0; k <= count; ++k) {

@@ -37,6 +37,7 @@ class Delay : public Effect {
   Shown undo(const Course& out, double later, double /*time*/, double /*own*/) const override {
     return out(later + parameter(0));
   }
+  bool remembers() const override { return true; }
   void resume(const Shown& in, const Shown& /*out*/) override {
     if (started_) return;
     for (std::size_t i = 0; i < past_.size(); ++i)

@@ -43,6 +43,7 @@ class FlexibleMemory : public Effect {
     in.std /= std::fabs(rest);
     return in;
   }
+  bool remembers() const override { return true; }
   void resume(const Shown& in, const Shown& out) override {
     state_ = parameter(0) == 0 ? in.value : in.value + (out.value - in.value) / parameter(0);
     started_ = true;

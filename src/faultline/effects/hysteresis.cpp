@@ -41,6 +41,7 @@ class Hysteresis : public Effect {
       in.value += half * last_motion(out, later, in.value);
     return in;
   }
+  bool remembers() const override { return true; }
   void resume(const Shown& /*in*/, const Shown& out) override {
     memory_ = out.value;
     started_ = true;

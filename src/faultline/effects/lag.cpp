@@ -33,6 +33,7 @@ class Lag : public Effect {
     in.std = std::hypot(in.std, parameter(0) * in.slope_std);
     return in;
   }
+  bool remembers() const override { return true; }
   void resume(const Shown& in, const Shown& out) override {
     state_ = out.value;
     before_ = in.value;

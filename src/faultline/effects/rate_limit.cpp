@@ -29,6 +29,7 @@ class RateLimit : public Effect {
     if (limited) in.value = own;
     return in;
   }
+  bool remembers() const override { return true; }
   void resume(const Shown& /*in*/, const Shown& out) override {
     last_ = out.value;
     started_ = true;

@@ -20,6 +20,7 @@ class Stuck : public Effect {
     return held_;
   }
   double undo_signal(double value, double time) const override { return time < parameter(0) ? value : std::nan(""); }
+  bool remembers() const override { return true; }
 
  private:
   double held_ = 0;

@@ -142,6 +142,7 @@ std::unique_ptr<Stretch> StretchModel::prepare(const Recording& recording) const
   auto stretch = std::make_unique<Stretch>(sums.tt.rows(), sums.dd.rows());
   stretch->begin = recording.time.front();
   stretch->run = cut_run(sheet_, "", recording, settings_.segment_s, settings_.segment, Inputs::as_measured);
+  stretch->run.lead = 1;
   model_.place_starts(stretch->run, sigma_, model_.nominal());
   return stretch;
 }

@@ -69,6 +69,8 @@ class Effect {
   // The same `later` s after `time` for any effect, from what comes out around `time`. `own`: what goes in as a model
   // has it; NaN where none does. Here: of a static effect.
   virtual Shown undo(const Course& out, double later, double time, double own) const;
+  // Whether what comes out depends on what went in before.
+  virtual bool remembers() const { return false; }
   // Sets the memory to that of an effect in which `in` goes while `out` comes out.
   virtual void resume(const Shown& /*in*/, const Shown& /*out*/) {}
   virtual void force(const Motion&, BodyForces&) const {}

@@ -101,6 +101,7 @@ class EffectSet {
   const EffectChain& at(const std::string& port) const;  // empty chain where nothing sits
   void set_time(double time);                            // grows what grows
   void reset();                                          // clears all memory
+  bool remembers() const;                                // whether any has one
 
  private:
   std::vector<EffectSpec> specs_;

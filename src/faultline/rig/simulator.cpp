@@ -146,6 +146,9 @@ class Plant {
   const std::vector<double>& seen() const { return shown_; }
   const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
   const double* state() const { return integrator_->state(); }
+  bool remembers() const {
+    return effects_.remembers() || static_cast<std::size_t>(rig_->states()) > sheet_.states.size();
+  }
   double period() const { return period_; }
 
  private:
@@ -397,6 +400,8 @@ void DrivenModel::begin(const Recording& recording, std::size_t row, const doubl
   parts_->take(recording, row, parts_->now);
   parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, parts_->around(recording, row));
 }
+
+bool DrivenModel::remembers() const { return parts_->plant.remembers(); }
 
 void DrivenModel::set_around(Around around) { parts_->look = std::move(around); }
 

@@ -94,6 +94,9 @@ class DrivenModel {
   using Around = std::function<Shown(const Recording& recording, std::size_t row, std::size_t channel, double later)>;
   void set_around(Around around);
 
+  // Whether effects have memories or states of their own, which a run must first fill.
+  bool remembers() const;
+
   // The rig's states after the last row, in the datasheet's order.
   const double* state() const;
   std::size_t state_count() const;

@@ -180,17 +180,21 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
                      sigma[output];
     return static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
   };
+  const std::size_t lead = driven.remembers() ? 0 : run.lead;
   auto restart = restarts.begin();
   for (const Stretched& stretch : run.stretches) {
     std::vector<std::size_t> own;
+    // What follows a lead is as it would be without.
+    const auto ends = std::find_if(restart, restarts.end(), [&](std::size_t k) { return k >= stretch.last; });
+    restart += std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(lead), ends - restart - 1);
     const double* first = starts.data() + static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
     for (; restart != restarts.end() && *restart < stretch.last; ++restart) own.push_back(*restart);
     auto next = own.begin() + 1;
     bool ended = false;
     driven.run(run.recording, own.front(), stretch.last - own.front(), own, first,
                [&](std::size_t k, const double* channels) {
-                 const bool shows_the_last = next != own.end() && *next == k;
-                 next += shows_the_last;
+                 const bool shows_the_last = (next != own.end() && *next == k) || (lead > 0 && k == own.front());
+                 next += next != own.end() && *next == k;
                  for (std::size_t i = 0; i < outputs_.size(); ++i)
                    if (counts(run, k, i) && !(shows_the_last && restarted == Restarted::left_out))
                      result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) = residual(k, i, channels);
