@@ -225,12 +225,12 @@ void run(const Options& options) {
     for (const LoadedRecording& run : *list) recordings.push_back(&run.recording);
   const double segment = segment_length(sheet, recordings);
   const auto cut = [&](const std::vector<std::string>& files, std::vector<LoadedRecording>& list) {
-    std::vector<GapRun> result;
+    std::vector<SegmentedRun> result;
     for (std::size_t i = 0; i < list.size(); ++i)
       result.push_back(cut_run(sheet, files[i], std::move(list[i].recording), segment));
     return result;
   };
-  std::vector<GapRun> learned = cut(options.runs, runs), held_out = cut(options.holdout, holdout);
+  std::vector<SegmentedRun> learned = cut(options.runs, runs), held_out = cut(options.holdout, holdout);
   const bool show = isatty(STDERR_FILENO) != 0;
   std::mutex guard;
   int shown = -1;

@@ -13,8 +13,8 @@ namespace {
 
 constexpr double kSegment = 0.25;  // s
 
-std::vector<GapRun> runs_with(const std::vector<std::string>& effects) {
-  std::vector<GapRun> runs;
+std::vector<SegmentedRun> runs_with(const std::vector<std::string>& effects) {
+  std::vector<SegmentedRun> runs;
   std::uint64_t seed = 11;
   for (const char* profile : {"multisine", "square"}) {
     SimulationSetup setup = servo_setup(profile, seed++);

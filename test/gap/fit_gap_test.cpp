@@ -15,21 +15,21 @@
 namespace faultline {
 namespace {
 
-GapModel nominal() {
-  GapModel model;
+ModelChange nominal() {
+  ModelChange model;
   model.parameters = servo().nominal();
   return model;
 }
 
 ResidualModel model_of(const SimulationSetup& setup, double duration, double segment) {
-  std::vector<GapRun> runs;
+  std::vector<SegmentedRun> runs;
   runs.push_back(cut_run(servo(), "run", simulate(servo(), setup, duration), segment));
   return ResidualModel(servo(), std::move(runs));
 }
 
 std::size_t parameter(const std::string& name) { return static_cast<std::size_t>(servo().parameter(name)); }
 
-std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& residuals, const GapModel& model) {
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& residuals, const ModelChange& model) {
   return {residuals.residuals(model, 0)};
 }
 
@@ -117,31 +117,30 @@ TEST(Linearisation, GradientAgreesWithDifferences) {
   const ResidualModel residuals = model_of(setup, 3, 0.5);
   const Linearisation linear(residuals, nominal(), {0}, 2);
   const std::vector<Eigen::MatrixXf> r = residuals_of(residuals, nominal());
-  const SegmentProducts products = linear.products(r);
+  const std::vector<Eigen::MatrixXd> products = linear.products(r);
   const std::vector<double> losses = linear.segment_losses(r);
-  ASSERT_EQ(products.squares.size(), losses.size());
-  for (std::size_t g = 0; g < losses.size(); ++g)
-    EXPECT_NEAR(products.squares[g], 2 * losses[g], 1e-4 * (1 + losses[g]));
+  ASSERT_EQ(products.size(), losses.size());
+  for (std::size_t g = 0; g < losses.size(); ++g) EXPECT_NEAR(products[g](0, 0), 2 * losses[g], 1e-4 * (1 + losses[g]));
 
   // Of the loss along the columns: exact, the loss being quadratic in the residuals.
   const auto column_of = [&](std::size_t index) {
     const Parameter& p = servo().parameters[index];
     const double step = residuals.options().linearisation.difference_tolerances;
-    GapModel moved = nominal();
+    ModelChange moved = nominal();
     moved.parameters[index] += step * p.tolerance * p.nominal;
     return Eigen::MatrixXf((residuals.residuals(moved, 0) - r[0]) / static_cast<float>(step));
   };
   for (std::size_t j = 0; j < linear.free_parameters().size(); ++j) {
-    const auto at = static_cast<Eigen::Index>(j);
+    const auto at = 1 + static_cast<Eigen::Index>(j);
     const Eigen::MatrixXf column = column_of(linear.free_parameters()[j]);
     for (std::size_t g = 0; g < losses.size(); ++g) {
-      const double size = std::max(1e-3, std::sqrt(linear.parameter_grams()[g](at, at)));
+      const double size = std::max(1e-3, std::sqrt(products[g](at, at)));
       const auto h = static_cast<float>(10 / size);
-      const double up = linear.products({r[0] + h * column}).squares[g],
-                   down = linear.products({r[0] - h * column}).squares[g];
-      const double gradient = products.against_parameters[g][at] / size;
+      const double up = linear.products({r[0] + h * column})[g](0, 0),
+                   down = linear.products({r[0] - h * column})[g](0, 0);
+      const double gradient = products[g](at, 0) / size;
       EXPECT_NEAR(gradient, (up - down) / (4 * static_cast<double>(h) * size),
-                  1e-3 * std::sqrt(products.squares[g]) + 1e-3 * std::abs(gradient))
+                  1e-3 * std::sqrt(products[g](0, 0)) + 1e-3 * std::abs(gradient))
           << servo().parameters[linear.free_parameters()[j]].name;
     }
   }
@@ -149,7 +148,7 @@ TEST(Linearisation, GradientAgreesWithDifferences) {
   // Of the residuals in the parameters: with a smaller step from both sides.
   for (const char* name : {"viscous_damping", "flow_coefficient", "moving_mass", "spool_time_constant"}) {
     const Parameter& p = servo().parameters[parameter(name)];
-    GapModel plus = nominal(), minus = nominal();
+    ModelChange plus = nominal(), minus = nominal();
     plus.parameters[parameter(name)] *= 1 + 0.03 * p.tolerance;
     minus.parameters[parameter(name)] *= 1 - 0.03 * p.tolerance;
     const Eigen::MatrixXf direct = (residuals.residuals(plus, 0) - residuals.residuals(minus, 0)) / 0.06f;
@@ -169,7 +168,7 @@ TEST(Linearisation, ProjectedLossIsNoMoreThanTheLoss) {
   EXPECT_EQ(z.norm(), 0);
   double loss = 0;
   for (const double segment : linear.segment_losses(r)) loss += linear.robust(segment);
-  const double projected = projected_loss(linear, linear.products(r), z);
+  const double projected = adjusted(linear, linear.products(r), z).loss;
   EXPECT_LT(projected, 0.5 * loss);  // the run is off by its parameters alone
   EXPECT_NEAR(total(linear.subset({0}).segment_losses(r)), total(linear.segment_losses(r)), 1e-6 * loss);
 }
@@ -181,10 +180,10 @@ TEST(Linearisation, ProjectedParametersStayWithinTheirBound) {
   const ResidualModel residuals = model_of(setup, 3, 0.5);
   const Linearisation linear(residuals, nominal(), {0}, 2);
   const Eigen::VectorXd z = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(linear.free_parameters().size()));
-  const SegmentProducts products = linear.products(residuals_of(residuals, nominal()));
-  Eigen::VectorXd move;
+  const std::vector<Eigen::MatrixXd> products = linear.products(residuals_of(residuals, nominal()));
   const double bound = residuals.options().linearisation.parameter_bound_tolerances;
-  const double loss = projected_loss(linear, products, z, &move);
+  const auto [loss, move, fraction] = adjusted(linear, products, z);
+  EXPECT_EQ(fraction, 0);
   EXPECT_LE(move.cwiseAbs().maxCoeff(), bound * (1 + 1e-12));
   const auto& free = linear.free_parameters();
   const auto at = std::find(free.begin(), free.end(), parameter("viscous_damping")) - free.begin();
@@ -192,9 +191,9 @@ TEST(Linearisation, ProjectedParametersStayWithinTheirBound) {
   // The loss belongs to the move: nothing along a parameter that is not held is better.
   const auto loss_at = [&](const Eigen::VectorXd& to) {
     double sum = 0.5 * (z + to).squaredNorm();
-    for (std::size_t g = 0; g < products.squares.size(); ++g)
-      sum += linear.robust(0.5 * (products.squares[g] + 2 * products.against_parameters[g].dot(to) +
-                                  to.dot(linear.parameter_grams()[g] * to)));
+    Eigen::VectorXd at(1 + to.size());
+    at << 1, to;
+    for (const Eigen::MatrixXd& segment : products) sum += linear.robust(0.5 * at.dot(segment * at));
     return sum;
   };
   EXPECT_NEAR(loss_at(move), loss, 1e-6 * std::abs(loss));

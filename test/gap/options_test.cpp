@@ -82,7 +82,7 @@ TEST(Options, ReachTheirStages) {
   setup.parameters = servo().nominal();
   setup.parameters[static_cast<std::size_t>(servo().parameter("viscous_damping"))] *= 1.3;
   const auto prepared = [&] { return cut_run(servo(), "run", simulate(servo(), setup, 1), 0.25); };
-  GapModel nominal;
+  ModelChange nominal;
   nominal.parameters = servo().nominal();
   const ResidualModel residuals(servo(), {prepared()}, options), usual(servo(), {prepared()});
   EXPECT_NEAR((residuals.runs()[0].start_roots[0] - 2.5 * usual.runs()[0].start_roots[0]).norm(), 0, 1e-9);

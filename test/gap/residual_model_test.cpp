@@ -16,8 +16,8 @@ namespace {
 
 constexpr double kSegment = 0.5;  // s
 
-GapModel nominal() {
-  GapModel model;
+ModelChange nominal() {
+  ModelChange model;
   model.parameters = servo().nominal();
   return model;
 }
@@ -32,11 +32,11 @@ TEST(Residuals, OfAStuckTransducerAreNoiseOnceItIsInTheModel) {
   const auto position =
       std::find(residuals.outputs().begin(), residuals.outputs().end(), static_cast<int>(column("position"))) -
       residuals.outputs().begin();
-  const auto mean_square = [&](const GapModel& model) {
+  const auto mean_square = [&](const ModelChange& model) {
     const Eigen::VectorXf held = residuals.residuals(model, 0).col(position).tail(3500);
     return static_cast<double>(held.squaredNorm()) / 3500;
   };
-  GapModel model = nominal();
+  ModelChange model = nominal();
   EXPECT_GT(mean_square(model), 10);
   model.effects = {parse_effect(stuck)};
   EXPECT_LT(mean_square(model), 1.2);
@@ -45,7 +45,7 @@ TEST(Residuals, OfAStuckTransducerAreNoiseOnceItIsInTheModel) {
 TEST(ResidualModel, IsNoiseWhereTheModelIsRightAndMoreWhereItIsNot) {
   SimulationSetup other = servo_setup("prbs", 2);
   other.effects.push_back(parse_effect("viscous_friction@force.piston:coefficient=800"));
-  std::vector<GapRun> runs;
+  std::vector<SegmentedRun> runs;
   runs.push_back(cut_run(servo(), "right", simulate(servo(), servo_setup("multisine"), 3), kSegment));
   runs.push_back(cut_run(servo(), "wrong", simulate(servo(), other, 3), kSegment));
   const ResidualModel model(servo(), std::move(runs));
@@ -107,14 +107,14 @@ TEST(GridStep, OfARoundedSignalAndOfOneThatIsNot) {
 
 TEST(GridStep, NamesTheChannelThatIsRounded) {
   const auto position = static_cast<std::size_t>(servo().channel("position"));
-  std::vector<GapRun> runs;
+  std::vector<SegmentedRun> runs;
   for (const std::uint64_t seed : {1, 2}) {
     SimulationSetup setup = servo_setup("multisine");
     setup.seed = seed;
     runs.push_back(cut_run(servo(), "a", simulate(servo(), setup, 5), kSegment));
   }
   EXPECT_TRUE(rounded_channels(servo(), runs, {}).empty());
-  const auto round_run = [&](GapRun& run) {
+  const auto round_run = [&](SegmentedRun& run) {
     for (std::size_t k = 0; k < run.recording.rows(); ++k) {
       double& value = run.recording.values[k * run.recording.columns() + position];
       value = 5e-4 * std::round(value / 5e-4);
@@ -135,14 +135,14 @@ TEST(GridStep, NamesTheChannelThatIsRounded) {
 
 TEST(GapSeries, HoldsTheRecordingAndThreeCourses) {
   SimulationSetup setup = servo_setup("multisine");
-  std::vector<GapRun> runs;
+  std::vector<SegmentedRun> runs;
   for (const char* name : {"a", "b"}) {
     setup.seed += 1;
     runs.push_back(cut_run(servo(), name, simulate(servo(), setup, 6), kSegment));
     for (double& time : runs.back().recording.time) time += 100;
   }
   const ResidualModel model(servo(), std::move(runs));
-  GapModel wrong = nominal();
+  ModelChange wrong = nominal();
   wrong.parameters[static_cast<std::size_t>(servo().parameter("viscous_damping"))] *= 1.5;
   wrong.parameters[static_cast<std::size_t>(servo().parameter("flow_coefficient"))] *= 0.8;
   const GapSeries series = gap_series(model, 1, wrong, nominal(), nominal(), 2);

@@ -10,7 +10,7 @@ namespace faultline {
 namespace {
 
 GapResult diagnose(const Datasheet& sheet, double lowest) {
-  std::vector<GapRun> runs;
+  std::vector<SegmentedRun> runs;
   for (const std::uint64_t seed : {1, 2})
     runs.push_back(cut_run(sheet, "run", two_gains_run(2, 0.2, 20, seed, 0.8, lowest), 2));
   GapSettings settings;
@@ -64,7 +64,7 @@ TEST(NextRun, ThatCannotBeSimulatedIsARemark) {
   profile.duration = 20;
   sheet.profiles = {profile};
   std::vector<std::string> remarks;
-  const GapModel nominal{sheet.nominal(), {}};
+  const ModelChange nominal{sheet.nominal(), {}};
   EXPECT_TRUE(separating_runs(sheet, nominal, nominal, "a and b", GapOptions(), 1, remarks).empty());
   ASSERT_EQ(remarks.size(), 1u);
   EXPECT_NE(remarks.front().find("loop was not tried"), std::string::npos) << remarks.front();

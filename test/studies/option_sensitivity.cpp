@@ -146,7 +146,7 @@ Json gap_answer(const GapCase& asked, const std::vector<Recording>& recordings, 
   settings.options = options;
   settings.without = elsewhere(asked.ports);
   settings.without.insert(settings.without.end(), asked.without.begin(), asked.without.end());
-  std::vector<GapRun> runs;
+  std::vector<SegmentedRun> runs;
   for (const Recording& recording : recordings)
     runs.push_back(cut_run(small_servo(), "run", recording, small_servo().segment, options.segments));
   const GapResult result = diagnose_gap(small_servo(), std::move(runs), {}, settings, {});

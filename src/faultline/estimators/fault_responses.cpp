@@ -3,14 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
-#include "faultline/numerics/in_parallel.h"
+#include "faultline/attribution/screening.h"
 
 namespace faultline {
 namespace {
-
-bool by_evidence(const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; }
 
 bool power_of_two(unsigned count) { return (count & (count - 1)) == 0; }
 
@@ -21,7 +17,8 @@ FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& s
       settings_(settings),
       model_(sheet, settings),
       point_(model_.nominal()),
-      reference_(model_.no_sums()) {
+      reference_(model_.no_sums()),
+      known_(model_) {
   reset();
 }
 
@@ -36,8 +33,7 @@ void FaultResponses::reset() {
   second_.clear();
   candidates_.clear();
   evidence_ = 0;
-  model_.forget_starts();
-  healthy_misfits_.clear();
+  known_.forget();
   know_healthy();
 }
 
@@ -96,58 +92,36 @@ std::vector<EffectSpec> FaultResponses::found_effects() const {
 }
 
 void FaultResponses::know_healthy() {
-  ResponsePrior all = model_.tolerances(point_);
-  all.add(reference_);
+  Eigen::MatrixXd all = known_to_tolerance(point_.shift) + known_part(reference_);
   for (const auto& stretch : recent_)
-    if (stretch->responded) all.add(stretch->sums);
-  const Eigen::VectorXd theta = all.theta();
-  known_ = model_.known(point_, theta, {});
-  for (const auto& stretch : recent_)
-    if (stretch->responded) stretch->misfit = model_.misfit(*stretch, theta);
-  if (!recent_.empty()) {
-    healthy_misfits_.push_back(recent_.back()->misfit);
-    if (static_cast<double>(healthy_misfits_.size()) > settings_.memory_stretches) healthy_misfits_.pop_front();
-  }
-  healthy_usual_ = model_.noise_misfit();
-  if (!healthy_misfits_.empty()) {
-    std::vector<double> sorted(healthy_misfits_.begin(), healthy_misfits_.end());
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    healthy_usual_ = *middle;
-  }
-  usual_ = healthy_usual_;
+    if (stretch->responded) all += known_part(stretch->sums);
+  known_.learn_healthy(point_, best_parameters(all, model_.parameters()), recent_);
 }
 
 void FaultResponses::know_fault(const Scene& scene) {
-  ResponsePrior after;
+  Eigen::MatrixXd after;
   model_.loss(scene.prior, scene.stretches, scene.point, found_effects(), kInfinity, &after);
-  known_ = model_.known(point_, after.theta(), found_effects());
-  usual_ = 0;
-  for (std::size_t i = recent_.size() - window_.stretches; i < recent_.size(); ++i) {
-    recent_[i]->misfit = model_.misfit(*recent_[i], known_, 0);
-    usual_ += recent_[i]->misfit / static_cast<double>(window_.stretches);
-  }
-  usual_ = std::max(usual_, healthy_usual_);
+  known_.learn_fault(point_, best_parameters(after, model_.parameters()), found_effects(), recent_, window_.stretches);
 }
 
 bool FaultResponses::says_nothing_new() {
   Stretch& last = *recent_.back();
   const double suspicion = settings_.suspicion_fraction * settings_.threshold_evidence;
   const double news = settings_.new_fraction * settings_.threshold_evidence;
-  last.misfit = model_.misfit(last, known_, usual_ + news);
+  const double latest = known_.beyond(last, news);
   double beyond = 0, most = 0;
   for (auto stretch = recent_.rbegin(); stretch != recent_.rend(); ++stretch) {
-    beyond += (*stretch)->misfit - usual_;
+    beyond += known_.beyond(**stretch);
     most = std::max(most, beyond);
   }
   if (!event_) {
-    if (last.misfit - usual_ <= news || most <= suspicion) {
+    if (latest <= news || most <= suspicion) {
       evidence_ = std::min(most, suspicion);
       return true;
     }
     return false;
   }
-  return last.misfit - usual_ <= std::max(news, settings_.followed_fraction * first_.front().evidence);
+  return latest <= std::max(news, settings_.followed_fraction * first_.front().evidence);
 }
 
 // The latest stretch is what was known already.
@@ -178,11 +152,10 @@ void FaultResponses::learn_parameters() {
 
 // Moves the parameters to what all stretches say of them.
 bool FaultResponses::relinearise() {
-  ResponseSums sums = reference_;
-  for (const auto& stretch : recent_) sums.add(stretch->sums);
   const Eigen::VectorXd& shift = point_.shift;
-  const Eigen::MatrixXd lambda = Eigen::MatrixXd::Identity(shift.size(), shift.size()) + sums.tt;
-  Eigen::VectorXd step = -Eigen::LDLT<Eigen::MatrixXd>(lambda).solve(shift + sums.tr);
+  Eigen::MatrixXd sums = known_to_tolerance(shift) + known_part(reference_);
+  for (const auto& stretch : recent_) sums += known_part(stretch->sums);
+  Eigen::VectorXd step = best_parameters(sums, model_.parameters());
   step.tail(shift.size() - static_cast<Eigen::Index>(model_.free_parameters())).setZero();
   const double farthest = settings_.farthest_tolerances;
   step = (shift + step).cwiseMax(-farthest).cwiseMin(farthest) - shift;
@@ -194,14 +167,14 @@ bool FaultResponses::relinearise() {
 // One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model.
 bool FaultResponses::search_parameters() {
   const Stretches all = latest(recent_.size());
-  double least = model_.loss(model_.tolerances(point_), all) - settings_.worthwhile_evidence;
+  double least = model_.loss(known_to_tolerance(point_.shift), all) - settings_.worthwhile_evidence;
   Eigen::VectorXd best = Eigen::VectorXd::Zero(point_.shift.size());
   for (std::size_t i = 0; i < model_.free_parameters(); ++i)
     for (const double reach : settings_.reach_tolerances) {
       Eigen::VectorXd step = Eigen::VectorXd::Zero(point_.shift.size());
       step[static_cast<Eigen::Index>(i)] = reach;
       const ModelPoint tried = model_.at(point_.shift + step);
-      const double found = model_.loss(model_.tolerances(tried), all, tried, {}, least);
+      const double found = model_.loss(known_to_tolerance(tried.shift), all, tried, {}, least);
       if (found >= least) continue;
       least = found;
       best = step;
@@ -216,7 +189,7 @@ void FaultResponses::move(const Eigen::VectorXd& step) {
   point_ = model_.at((point_.shift + step).cwiseMax(-farthest).cwiseMin(farthest));
   // What was summed around other parameters would pull towards them: it is learnt anew.
   reference_ = model_.no_sums();
-  healthy_misfits_.clear();
+  known_.forget_misfits();
   for (auto& stretch : recent_) model_.respond(*stretch, point_);
 }
 
@@ -224,54 +197,26 @@ void FaultResponses::forget_oldest() {
   if (recent_.size() <= settings_.recent_stretches) return;
   if (!event_ && recent_.front()->responded) {
     if (!recent_.front()->weighed) model_.weigh(*recent_.front(), point_);
-    reference_.scale(1 - 1 / settings_.memory_stretches);
-    reference_.add(recent_.front()->sums);
+    reference_ = (1 - 1 / settings_.memory_stretches) * reference_ + recent_.front()->sums;
   }
   recent_.erase(recent_.begin());
 }
 
 // ---- hypotheses
 
-ResponsePrior FaultResponses::prior(const Window& window) const {
-  ResponsePrior prior = model_.tolerances(point_);
+Eigen::MatrixXd FaultResponses::prior(const Window& window) const {
+  Eigen::MatrixXd prior = known_to_tolerance(point_.shift);
   if (!window.change) return prior;
-  prior.add(reference_);
-  for (std::size_t i = 0; i + window.stretches < recent_.size(); ++i) prior.add(recent_[i]->sums);
+  prior += known_part(reference_);
+  for (std::size_t i = 0; i + window.stretches < recent_.size(); ++i) prior += known_part(recent_[i]->sums);
   return prior;
 }
 
-std::vector<RankedFault> FaultResponses::screen(const ResponsePrior& prior, const Stretches& stretches,
-                                                bool with_reference) const {
-  const std::vector<FaultHypothesis>& all = hypotheses();
-  ResponseSums sums = model_.no_sums();
-  for (const Stretch* stretch : stretches) sums.add(stretch->sums);
-  if (with_reference) sums.add(reference_);
-  const Eigen::LDLT<Eigen::MatrixXd> lambda(prior.information + sums.tt);
-  const Eigen::VectorXd theta = lambda.solve(prior.pull + sums.tr);
-  const Eigen::MatrixXd known = lambda.solve(sums.td);
-  std::vector<RankedFault> result;
-  for (std::size_t h = 0; h < all.size(); ++h) {
-    const auto at = static_cast<Eigen::Index>(h);
-    const double left = sums.dd(at, at) - sums.td.col(at).dot(known.col(at));
-    RankedFault ranked;
-    ranked.hypothesis = h;
-    if (!(left > settings_.least_response)) {  // standstill: nothing is said
-      ranked.std = kInfinity;
-      result.push_back(ranked);
-      continue;
-    }
-    ranked.amplitude = std::clamp(-(sums.dr[at] - sums.td.col(at).dot(theta)) / left, all[h].lowest, all[h].highest);
-    ranked.std = 1 / std::sqrt(left);
-    // Evidence of the clamped amplitude: L(0) - L(a).
-    ranked.evidence = -ranked.amplitude * (2 * (sums.dr[at] - sums.td.col(at).dot(theta)) + ranked.amplitude * left);
-    result.push_back(ranked);
-  }
-  std::sort(result.begin(), result.end(), by_evidence);
-  return result;
-}
-
 std::vector<RankedFault> FaultResponses::screen(const Window& window) const {
-  return screen(prior(window), latest(window.stretches), !window.change);
+  Eigen::MatrixXd sums = window.change ? model_.no_sums() : reference_;
+  for (const Stretch* stretch : latest(window.stretches)) sums += stretch->sums;
+  known_part(sums) += prior(window);
+  return faultline::screen(model_, sums);
 }
 
 std::vector<RankedFault> FaultResponses::find_window() {
@@ -292,165 +237,43 @@ std::vector<RankedFault> FaultResponses::find_window() {
   return best;
 }
 
-FaultResponses::Scene FaultResponses::scene() const {
+Scene FaultResponses::scene() const {
   Scene scene{prior(window_), latest(window_.stretches), point_, 0};
   scene.healthy_loss = model_.loss(scene.prior, scene.stretches);
   return scene;
 }
 
-// Parabolas through three losses: robust where the response bends.
-RankedFault FaultResponses::refine(const Scene& scene, RankedFault start) const {
-  const FaultHypothesis& h = hypotheses()[start.hypothesis];
-  if (!std::isfinite(start.std)) return start;
-  const double least = std::isinf(h.none) ? h.lowest : -kInfinity;
-  const auto at = [&](double amplitude) {
-    return model_.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitude)});
-  };
-  double a = std::max(start.amplitude, least), here = at(a);
-  double curvature = 1 / (start.std * start.std);
-  for (std::size_t i = 0; i < settings_.refinements; ++i) {
-    const double step = std::max(settings_.refine_step_fraction * std::abs(a), settings_.refine_step_sigma * start.std);
-    const double up = std::min(a + step, h.highest), down = std::max({a - step, h.lowest, least});
-    const double l_up = up > a ? at(up) : here, l_down = down < a ? at(down) : here;
-    double slope, bend = curvature;
-    if (up > a && down < a) {
-      const double s1 = (l_up - here) / (up - a), s2 = (here - l_down) / (a - down);
-      slope = (s1 * (a - down) + s2 * (up - a)) / (up - down);
-      bend = (s1 - s2) / (up - down);
-    } else {
-      slope = up > a ? (l_up - here) / (up - a) : (here - l_down) / (a - down);
-    }
-    if (bend > 0) curvature = bend;
-    double best = a, least_loss = here;
-    for (const auto& [amplitude, l] : {std::pair(up, l_up), std::pair(down, l_down)})
-      if (l < least_loss) {
-        best = amplitude;
-        least_loss = l;
-      }
-    const double wide = std::max(std::abs(a), settings_.refine_reach_sigma * start.std);
-    const double newton =
-        std::clamp(a - std::clamp(slope / (2 * curvature), -wide, wide), std::max(h.lowest, least), h.highest);
-    const double l_newton = at(newton);
-    if (l_newton < least_loss) {
-      best = newton;
-      least_loss = l_newton;
-    }
-    const bool done = here - least_loss < settings_.refine_settled_fraction * (scene.healthy_loss - least_loss);
-    a = best;
-    here = least_loss;
-    if (done) break;
-  }
-  start.amplitude = a;
-  start.evidence = scene.healthy_loss - here;
-  start.std = 1 / std::sqrt(std::max(curvature, 1e-300));
-  return start;
-}
-
-std::vector<RankedFault> FaultResponses::best_of(const Scene& scene, std::vector<RankedFault> screened,
-                                                 std::map<std::size_t, double>* closely) const {
-  // The linear answer misses what only a large fault does (a piston that no longer breaks away): a few sizes of each
-  // are tried. While a fault lasts, those that explained it best when it was found start from what they were then; now
-  // and then all are tried anew, since one stretch shows twins as one that three tell apart, or the other way round.
-  const bool known = event_ && !candidates_.empty() && !power_of_two(age_);
-  if (known) {
-    const std::size_t looked = std::min(screened.size(), settings_.looked_hypotheses);
-    screened.erase(std::remove_if(screened.begin() + static_cast<std::ptrdiff_t>(looked), screened.end(),
-                                  [&](const RankedFault& f) { return candidates_.count(f.hypothesis) == 0; }),
-                   screened.end());
-  }
-  // Those that screening puts first tell how good the others would have to be: most of them end after few rows.
-  const std::size_t first =
-      std::min(screened.size(), std::max(settings_.kept_hypotheses, settings_.refined_hypotheses));
-  double worth = kInfinity;
-  const auto attempt = [&](std::size_t i) {
-    const FaultHypothesis& h = hypotheses()[screened[i].hypothesis];
-    double least = worth;
-    std::vector<double> sizes = {screened[i].amplitude};
-    const auto before = candidates_.find(screened[i].hypothesis);
-    if (known && before != candidates_.end()) sizes.push_back(before->second);
-    if (!known)
-      for (const double fraction : settings_.coarse_fractions)
-        sizes.insert(sizes.end(), {fraction * h.highest, fraction * h.lowest});
-    bool any = false;
-    for (const double a : sizes) {
-      if (a == 0 || (std::isinf(h.none) && a < h.lowest)) continue;
-      const double found = model_.loss(scene.prior, scene.stretches, scene.point, {h.at(a)}, least);
-      if (found >= least) continue;
-      least = found;
-      screened[i].amplitude = a;
-      any = true;
-    }
-    screened[i].evidence = any ? scene.healthy_loss - least : -kInfinity;
-  };
-  in_parallel(first, settings_.jobs, attempt);
-  worth = -kInfinity;
-  for (std::size_t i = 0; i < first; ++i) worth = std::max(worth, scene.healthy_loss - screened[i].evidence);
-  in_parallel(screened.size() - first, settings_.jobs, [&](std::size_t i) { attempt(first + i); });
-  std::sort(screened.begin(), screened.end(), by_evidence);
-  if (closely != nullptr) {
-    closely->clear();
-    for (std::size_t i = 0; i < std::min(settings_.kept_hypotheses, screened.size()); ++i)
-      (*closely)[screened[i].hypothesis] = screened[i].amplitude;
-  }
-  screened.resize(std::min(screened.size(), settings_.refined_hypotheses));
-  in_parallel(screened.size(), settings_.jobs, [&](std::size_t i) { screened[i] = refine(scene, screened[i]); });
-  std::sort(screened.begin(), screened.end(), by_evidence);
-  return screened;
+std::map<std::size_t, double> FaultResponses::remembered() const {
+  // Now and then all are tried anew: one stretch shows twins as one that three tell apart, or the other way round.
+  return event_ && !power_of_two(age_) ? candidates_ : std::map<std::size_t, double>();
 }
 
 // ---- the event
 
 bool FaultResponses::over() const {
   const RankedFault& first = first_.front();
-  ResponsePrior before = model_.tolerances(point_);
-  if (window_.change) before.add(reference_);
+  Eigen::MatrixXd before = known_to_tolerance(point_.shift);
+  if (window_.change) before += known_part(reference_);
   const Stretches last = latest(1);
   const double with = model_.loss(before, last, point_, {hypotheses()[first.hypothesis].at(first.amplitude)});
   return with > model_.loss(before, last) + settings_.over_evidence;
 }
 
-// The model with the first fault in it, and all looked for anew around that: segments count by what is left of them.
-void FaultResponses::look_beside(const ResponsePrior& before) {
-  const std::vector<FaultHypothesis>& all = hypotheses();
-  const RankedFault first = first_.front();
-  const double limit = std::max(settings_.threshold_evidence, settings_.second_evidence_fraction * first.evidence);
+void FaultResponses::look_beside(const Eigen::MatrixXd& before) {
+  const double limit =
+      std::max(settings_.threshold_evidence, settings_.second_evidence_fraction * first_.front().evidence);
   // No second fault explains more than the first leaves.
   double left = 0;
-  for (const Stretch* stretch : latest(window_.stretches)) left += stretch->misfit - healthy_usual_;
+  for (const Stretch* stretch : latest(window_.stretches)) left += stretch->misfit - known_.healthy();
   if (left < settings_.second_misfit_fraction * limit) return;
-  Scene scene{before, {}, point_, 0};
-  scene.point.effects = {all[first.hypothesis].at(first.amplitude)};
-  std::vector<std::unique_ptr<Stretch>> stretches;
-  for (const Stretch* stretch : latest(window_.stretches)) {
-    stretches.push_back(model_.prepare(stretch->run.recording));
-    model_.respond(*stretches.back(), scene.point);
-    model_.weigh(*stretches.back(), scene.point);
-    scene.stretches.push_back(stretches.back().get());
-  }
-  std::vector<RankedFault> beside = screen(before, scene.stretches, false);
-  const double alternative = settings_.alternative_evidence_fraction * first.evidence;
-  beside.erase(
-      std::remove_if(beside.begin(), beside.end(),
-                     // What the first leaves at its own place, and what explains it nearly as well, is no second fault.
-                     [&](const RankedFault& f) {
-                       return all[f.hypothesis].port == all[first.hypothesis].port ||
-                              std::any_of(first_.begin(), first_.end(), [&](const RankedFault& other) {
-                                return other.hypothesis == f.hypothesis && other.evidence > alternative;
-                              });
-                     }),
-      beside.end());
-  if (beside.empty() || beside.front().evidence <= limit) return;
-  beside.resize(std::min(beside.size(), settings_.kept_hypotheses));
-  scene.healthy_loss = model_.loss(before, scene.stretches);
-  beside = best_of(scene, beside);
-  if (beside.front().evidence > limit) second_ = beside;
+  second_ = beside(model_, {before, latest(window_.stretches), point_, 0}, first_, limit, remembered());
 }
 
 // Between refinements the size is followed; how the other hypotheses stand to it stays, unless the size has moved, for
 // theirs have not been followed, or is at its bound, where another may go on.
 bool FaultResponses::follow() {
   const Scene now = scene();
-  const RankedFault followed = refine(now, first_.front());
+  const RankedFault followed = refine(model_, now, first_.front());
   const double least = settings_.release_fraction * settings_.threshold_evidence;
   const auto grown = [](double value, double before, double ratio) {
     return value > ratio * before || value * ratio < before;
@@ -538,7 +361,7 @@ void FaultResponses::find_healthy_or_fault() {
   }
   const Scene now = scene();
   std::map<std::size_t, double> closely;
-  const std::vector<RankedFault> ranked = best_of(now, screened, &closely);
+  const std::vector<RankedFault> ranked = best_of(model_, now, screened, remembered(), &closely);
   candidates_ = closely;
   for (const RankedFault& f : ranked) candidates_[f.hypothesis] = f.amplitude;
   if (!ranked.empty()) evidence_ = ranked.front().evidence;
@@ -564,12 +387,12 @@ void FaultResponses::find_healthy_or_fault() {
 
 // Parameters are known to their tolerance and from as much healthy motion as there is with the fault.
 Eigen::MatrixXd FaultResponses::information() const {
-  ResponseSums sums = reference_;
+  Eigen::MatrixXd sums = reference_;
   for (const auto& stretch : recent_)
-    if (stretch->weighed) sums.add(stretch->sums);
-  const Eigen::Index t = point_.shift.size();
-  return sums.dd - sums.td.transpose() *
-                       Eigen::LDLT<Eigen::MatrixXd>(Eigen::MatrixXd::Identity(t, t) + 2 * sums.tt).solve(sums.td);
+    if (stretch->weighed) sums += stretch->sums;
+  const Eigen::Index t = model_.parameters(), d = static_cast<Eigen::Index>(hypotheses().size());
+  sums.block(1, 1, t, t) = Eigen::MatrixXd::Identity(t, t) + 2 * sums.block(1, 1, t, t).eval();
+  return without_parameters(sums, t).bottomRightCorner(d, d);
 }
 
 std::vector<double> FaultResponses::amplitude_errors() const {

@@ -27,20 +27,14 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <memory>
 #include <vector>
 
-#include "faultline/estimators/stretch_model.h"
+#include "faultline/estimators/fault_search.h"
+#include "faultline/estimators/known_model.h"
 
 namespace faultline {
-
-struct RankedFault {
-  std::size_t hypothesis = 0;
-  double amplitude = 0, std = 0;
-  double evidence = 0;
-};
 
 class FaultResponses {
  public:
@@ -77,13 +71,6 @@ class FaultResponses {
     bool change = false;
     std::size_t stretches = 0;
   };
-  // What hypotheses are weighed on.
-  struct Scene {
-    ResponsePrior prior;
-    Stretches stretches;
-    ModelPoint point;
-    double healthy_loss;  // without any fault beside those of the point
-  };
   Stretches latest(std::size_t count) const;  // newest first
   bool says_nothing_new();                    // the latest stretch
   void pass_over();
@@ -94,21 +81,22 @@ class FaultResponses {
   bool search_parameters();
   void move(const Eigen::VectorXd& step);
   void forget_oldest();
-  bool over() const;  // the latest stretch no longer shows the fault
-  ResponsePrior prior(const Window& window) const;
-  std::vector<RankedFault> screen(const ResponsePrior& prior, const Stretches& stretches, bool with_reference) const;
+  bool over() const;                                  // the latest stretch no longer shows the fault
+  Eigen::MatrixXd prior(const Window& window) const;  // [r T]'[r T] of what is known of theta
   std::vector<RankedFault> screen(const Window& window) const;
   std::vector<RankedFault> find_window();  // sets window_; what it screened there
   Scene scene() const;                     // of window_
-  RankedFault refine(const Scene& scene, RankedFault start) const;
-  // Best first; sorted by evidence and cut to those that are refined. `closely`, if given, takes the amplitudes of
-  // the best before that.
-  std::vector<RankedFault> best_of(const Scene& scene, std::vector<RankedFault> screened,
-                                   std::map<std::size_t, double>* closely = nullptr) const;
+  // [r T] of sums over [r T D].
+  template <class Sums>
+  auto known_part(Sums& sums) const {
+    return sums.topLeftCorner(1 + model_.parameters(), 1 + model_.parameters());
+  }
+  // What best_of() goes by while a fault lasts.
+  std::map<std::size_t, double> remembered() const;
   void find_healthy_or_fault();
   bool follow();  // the fault that is there; false: all causes must be weighed anew
   void follow_all();
-  void look_beside(const ResponsePrior& before);
+  void look_beside(const Eigen::MatrixXd& before);
   void end_event();
   std::vector<EffectSpec> found_effects() const;
   void know_healthy();
@@ -123,16 +111,13 @@ class FaultResponses {
   double next_ = 0;  // s, when the next stretch begins
   bool started_ = false;
   std::vector<std::unique_ptr<Stretch>> recent_;
-  ResponseSums reference_;  // of the stretches before the recent ones
+  Eigen::MatrixXd reference_;  // sums of the stretches before the recent ones
   bool event_ = false;
   Window window_;
   std::vector<RankedFault> first_, second_;
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
-  ModelPoint known_;  // with all that was found
-  double usual_ = 0;  // misfit of what holds nothing but that
-  std::deque<double> healthy_misfits_;
-  double healthy_usual_ = 0;
+  KnownModel known_;
   unsigned age_ = 0;        // of the event, in stretches
   unsigned stretches_ = 0;  // since the beginning
 };

@@ -12,20 +12,12 @@
 // first segments is never more than that of all: a run ends where it is beyond what is asked for.
 //
 // A stretch costs one run of the model for r, one more for each column of T and for each start state (respond), and one
-// for each column of D (weigh). Whether that is worth its price one run tells (misfit):
-//
-//   misfit = sum over segments of  weight |C r_w|^2
-//
-// r_w: residuals of the model with all that is known in it (ModelPoint: parameters, nuisance effects, faults), start
-// states projected out; C: the first cosines (DCT-II) of each output over a segment. What an effect does to an output
-// is as smooth as the plant and lies in C; noise is white and hardly does. What any effect could explain of a stretch
-// is at most what its misfit has beyond that of noise and of the model's usual error.
-// Units: amplitudes as in FaultHypothesis; losses and misfits as evidence.
+// for each column of D (weigh). Whether that is worth its price known_model.h tells.
+// Units: amplitudes as in FaultHypothesis; losses as evidence.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <vector>
 
@@ -33,16 +25,6 @@
 #include "faultline/segments/linearisation.h"
 
 namespace faultline {
-
-// T'T, T'D, D'D, T'r, D'r, r'r over stretches.
-struct ResponseSums {
-  Eigen::MatrixXd tt, td, dd;
-  Eigen::VectorXd tr, dr;
-  double rr = 0;
-  ResponseSums(Eigen::Index t, Eigen::Index d);
-  void scale(double factor);
-  void add(const ResponseSums& other);
-};
 
 // What a segment of a stretch says at a point.
 struct SegmentResponse {
@@ -53,15 +35,14 @@ struct SegmentResponse {
 };
 
 struct Stretch {
-  Stretch(Eigen::Index t, Eigen::Index d) : sums(t, d) {}
   SegmentedRun run;
   double begin = 0;        // s
-  double misfit = 0;       // of what was known when it was judged last
+  double misfit = 0;       // of what was known when it was judged last (known_model.h)
   bool responded = false;  // r and T are there ...
   bool weighed = false;    // ... and the sums of D
   std::shared_ptr<const StartProjection> starts;
   std::vector<SegmentResponse> segments;  // those that count: all but the first
-  ResponseSums sums;
+  Eigen::MatrixXd sums;                   // of them, weighted: [r T D]'[r T D] (attribution/screening.h)
 };
 
 // The latest of some stretches, by reference.
@@ -74,62 +55,46 @@ struct ModelPoint {
   std::vector<EffectSpec> effects;
 };
 
-// What is known of theta before some stretches: from the tolerances, and from other stretches.
-struct ResponsePrior {
-  Eigen::MatrixXd information;  // 1 + T'T
-  Eigen::VectorXd pull;         // information vector of the parameters: shift + T'r
-  double constant = 0;          // shift'shift + r'r
-  void add(const ResponseSums& sums);
-  Eigen::VectorXd theta() const;  // of the least loss
-  double loss() const;
-};
-
 class StretchModel {
  public:
   StretchModel(const Datasheet& sheet, const ResponseSettings& settings);
 
   const std::vector<FaultHypothesis>& hypotheses() const { return hypotheses_; }
+  const ResponseSettings& settings() const { return settings_; }
   std::size_t free_parameters() const { return free_.size(); }
-  ResponseSums no_sums() const;
+  Eigen::Index parameters() const { return static_cast<Eigen::Index>(free_.size() + nuisance_.size()); }  // in theta
+  std::size_t outputs() const { return model_.outputs().size(); }
+  std::size_t segment_rows() const { return segment_rows_; }
+  Eigen::MatrixXd no_sums() const;
 
   ModelPoint nominal() const;
   ModelPoint at(const Eigen::VectorXd& shift) const;  // no effects
   // Parameters and nuisance effects moved by theta from `point`, with its effects and more. A nuisance effect that
   // would turn against its direction is left out.
   ModelPoint known(const ModelPoint& point, const Eigen::VectorXd& theta, const std::vector<EffectSpec>& effects) const;
-  ResponsePrior tolerances(const ModelPoint& point) const;
 
   std::unique_ptr<Stretch> prepare(const Recording& recording) const;
   void respond(Stretch& stretch, const ModelPoint& point) const;
   void weigh(Stretch& stretch, const ModelPoint& point) const;  // after respond(), at the same point
 
   // With `effects` beside those of the point, theta adjusted to first order; infinite where it is more than `limit`.
-  // The prior as of all that is known then goes to `after`.
-  double loss(const ResponsePrior& prior, const Stretches& stretches, const ModelPoint& point,
-              const std::vector<EffectSpec>& effects, double limit = kInfinity, ResponsePrior* after = nullptr) const;
+  // `prior`: [r T]'[r T] of what is known of theta from the tolerances and from other stretches. `after` takes all.
+  double loss(const Eigen::MatrixXd& prior, const Stretches& stretches, const ModelPoint& point,
+              const std::vector<EffectSpec>& effects, double limit = kInfinity, Eigen::MatrixXd* after = nullptr) const;
   // Without any: nothing runs.
-  static double loss(const ResponsePrior& prior, const Stretches& stretches);
+  double loss(Eigen::MatrixXd prior, const Stretches& stretches) const;
 
-  // Of white noise as the datasheet has it.
-  double noise_misfit() const;
-  // One run; the start states' part is borrowed from a stretch before where that leaves less than `enough`, else more
-  // runs find the stretch's own.
-  double misfit(const Stretch& stretch, const ModelPoint& known, double enough);
-  void forget_starts() { lately_.clear(); }  // nothing is borrowed from before
-  // To first order, of a stretch that responded at a point, theta from there.
-  double misfit(const Stretch& stretch, const Eigen::VectorXd& theta) const;
+  // One run, and the start states' part as seen from a change.
+  Eigen::MatrixXf residuals(const Stretch& stretch, const ModelPoint& known) const;
+  std::shared_ptr<const StartProjection> starts_at(const ModelChange& base, const SegmentedRun& run) const;
+  double weight_of(const Eigen::VectorXd& residuals) const;  // of a segment
   // Runs of the model so far: what judging costs.
   std::uint64_t runs() const { return runs_; }
 
  private:
-  using Starts = std::shared_ptr<const StartProjection>;
-  Starts starts_at(const ModelChange& base, const SegmentedRun& run) const;
   std::vector<LinearSegment> linear(const Stretch& stretch, const ModelPoint& point,
                                     const std::vector<Direction>& directions) const;
   double segment_values() const;  // readings in a segment
-  double misfit(const Stretch& stretch, const Eigen::MatrixXf& residuals, const StartProjection& starts) const;
-  double smooth_square(const Eigen::VectorXd& residuals) const;
-  double weight_of(const Eigen::VectorXd& residuals) const;
 
   Datasheet sheet_;
   ResponseSettings settings_;
@@ -139,8 +104,6 @@ class StretchModel {
   std::vector<FaultHypothesis> hypotheses_;
   std::vector<std::size_t> free_;  // parameters with a tolerance
   std::vector<EffectSpec> nuisance_;
-  Eigen::MatrixXd cosines_;    // C of one output
-  std::deque<Starts> lately_;  // of stretches before
   mutable std::atomic<std::uint64_t> runs_{0};
 };
 

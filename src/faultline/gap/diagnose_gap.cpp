@@ -72,7 +72,7 @@ double certain_excess(const ResidualModel& model, const std::vector<double>& sco
   const double mean = sum(scores) / static_cast<double>(scores.size());
   double scatter = 0, rows = 0;
   for (const double score : scores) scatter += (score - mean) * (score - mean);
-  for (const GapRun& run : model.runs()) rows += static_cast<double>(run.recording.rows());
+  for (const SegmentedRun& run : model.runs()) rows += static_cast<double>(run.recording.rows());
   const double level = 2 * 1.8 / std::sqrt(rows * static_cast<double>(model.outputs().size()));
   const double error = std::hypot(2 * std::sqrt(scatter) / values, level);
   const double certain = 2 * sum(scores) / values - model.options().verdict.chance_standard_errors * error;
@@ -83,8 +83,8 @@ std::string kind_of(const Datasheet& sheet, const std::string& port) {
   return sheet.port(port).kind == PortKind::sensor ? "sensor" : "process";
 }
 
-std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run, const SegmentOptions& options) {
-  std::vector<GapRun> parts;
+std::vector<SegmentedRun> cut_in_two(const Datasheet& sheet, const SegmentedRun& run, const SegmentOptions& options) {
+  std::vector<SegmentedRun> parts;
   const std::size_t rows = run.recording.rows();
   const std::size_t middle = rows / 2;
   for (int half = 0; half < 2; ++half) {
@@ -100,12 +100,12 @@ std::vector<GapRun> cut_in_two(const Datasheet& sheet, const GapRun& run, const 
 
 // Which runs are learned from and which judge: held-out runs, or the runs each other, a single one its halves.
 struct Split {
-  std::vector<GapRun> runs;
+  std::vector<SegmentedRun> runs;
   std::vector<std::size_t> learn;
   std::vector<Fold> folds;
 };
 
-Split split_runs(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
+Split split_runs(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
                  const SegmentOptions& options) {
   if (runs.empty()) throw InputError("gap: no run was given");
   Split split;
@@ -130,7 +130,7 @@ Split split_runs(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<G
     }
     split.folds = {even, odd};
   }
-  for (GapRun& run : holdout) runs.push_back(std::move(run));
+  for (SegmentedRun& run : holdout) runs.push_back(std::move(run));
   split.runs = std::move(runs);
   return split;
 }
@@ -259,17 +259,17 @@ double strain_of(const Datasheet& sheet, const std::vector<double>& parameters) 
 
 }  // namespace
 
-GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
+GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
                        const GapSettings& settings, const GapProgress& progress) {
   const auto begin = std::chrono::steady_clock::now();
   const GapOptions& options = settings.options;
   const GapOptions::Verdict& verdict = options.verdict;
   GapResult result;
   result.rig = sheet.rig;
-  for (const GapRun& run : runs) result.runs.push_back(run.name);
-  for (const GapRun& run : holdout) result.holdout.push_back(run.name);
+  for (const SegmentedRun& run : runs) result.runs.push_back(run.name);
+  for (const SegmentedRun& run : holdout) result.holdout.push_back(run.name);
   for (const auto* list : {&runs, &holdout})
-    for (const GapRun& run : *list)
+    for (const SegmentedRun& run : *list)
       if (!run.remark.empty()) result.remarks.push_back(run.remark);
   Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.segments);
 
@@ -283,7 +283,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::ve
         static_cast<double>(work.model().runs().front().segment) * work.model().runs().front().period));
   work.tell(0.02, "refitting parameters");
   const EffectSearch search = search_effects(work, settings.most_effects, quiet);
-  GapModel nominal;
+  ModelChange nominal;
   nominal.parameters = sheet.nominal();
   const double nominal_excess = mean_excess(search.nominal, values);
   const double refit_excess = mean_excess(search.plain.held_out, values);

@@ -30,7 +30,7 @@ using GapProgress = std::function<void(double done, const std::string& text)>;
 
 // `runs` to learn from; `holdout` to score on (empty: the runs score each other; one run is cut in two). Throws
 // InputError.
-GapResult diagnose_gap(const Datasheet& sheet, std::vector<GapRun> runs, std::vector<GapRun> holdout,
+GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
                        const GapSettings& settings, const GapProgress& progress);
 
 }  // namespace faultline

@@ -103,7 +103,7 @@ double mean_excess(const std::vector<double>& losses, double values) {
 EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_variances) {
   const double values = work.held_out_values();
   EffectSearch search;
-  GapModel nominal;
+  ModelChange nominal;
   nominal.parameters = work.model().sheet().nominal();
   search.base = work.refit(nominal, {});
   search.plain = work.score(search.base);

@@ -77,8 +77,8 @@ void shift_parameters(const ResidualModel& residuals, const std::vector<std::siz
   }
 }
 
-GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters) {
-  GapModel model;
+ModelChange with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters) {
+  ModelChange model;
   model.parameters = parameters;
   for (const Candidate& candidate : effects) model.effects.push_back(candidate.effect);
   return model;
@@ -86,7 +86,7 @@ GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<d
 
 namespace {
 
-FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+FitResult fit(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
               const Linearisation& linear, std::size_t iterations, bool parameters_move, int jobs) {
   const GapOptions::Fit& options = residuals.options().fit;
   const Datasheet& sheet = residuals.sheet();
@@ -117,10 +117,12 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
   double damping = 0;
   for (std::size_t iteration = 0; iteration < iterations; ++iteration) {
     const auto effect_columns = effect_sensitivity(residuals, result, coordinates, now, linear.runs(), jobs);
-    std::vector<double> weights;
-    for (const double loss : linear.segment_losses(now)) weights.push_back(linear.robust_weight(loss));
-    const Eigen::MatrixXd gram = linear.gram(now, parameters_move, effect_columns, weights);
-    const Eigen::Index n = parameters + extra;
+    Eigen::MatrixXd gram;
+    for (const Eigen::MatrixXd& segment : linear.products(now, effect_columns)) {
+      if (gram.size() == 0) gram.setZero(segment.rows(), segment.cols());
+      gram += linear.robust_weight(0.5 * segment(0, 0)) * segment;
+    }
+    const Eigen::Index n = parameters + extra;  // without parameters, the last rows are the effects'
     Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
     hessian.diagonal().array() += 1;
     Eigen::VectorXd gradient = gram.bottomLeftCorner(n, 1);
@@ -141,7 +143,7 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
       std::vector<Candidate> moved = result.effects;
       for (std::size_t i = 0; i < coordinates.size(); ++i)
         move_coordinate(moved, coordinates[i], move[parameters + static_cast<Eigen::Index>(i)], options);
-      const GapModel model = with_effects(moved, values);
+      const ModelChange model = with_effects(moved, values);
       std::vector<Eigen::MatrixXf> tried = residuals_of(residuals, model, linear.runs(), jobs);
       const double loss = loss_of(tried, moved, values);
       if (loss < result.loss) {
@@ -164,12 +166,12 @@ FitResult fit(const ResidualModel& residuals, const GapModel& start, const std::
 
 }  // namespace
 
-FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
                   const Linearisation& linear, std::size_t iterations, int jobs) {
   return fit(residuals, start, effects, linear, iterations, true, jobs);
 }
 
-FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+FitResult fit_effects(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
                       const Linearisation& linear, std::size_t iterations, int jobs) {
   return fit(residuals, start, effects, linear, iterations, false, jobs);
 }
@@ -179,18 +181,12 @@ std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const F
   const Coordinates coordinates = coordinates_of(fit.effects);
   const std::vector<Eigen::MatrixXf> now = residuals_of(residuals, fit.model, linear.runs(), jobs);
   std::vector<Eigen::VectorXd> result(linear.runs().size(),
-                                      Eigen::VectorXd(static_cast<Eigen::Index>(coordinates.size())));
-  Eigen::Index at = 0;
-  for (const auto& column : effect_sensitivity(residuals, fit, coordinates, now, linear.runs(), jobs)) {
-    const std::vector<double> squares = linear.squares(column);
-    std::size_t segment = 0;
-    for (std::size_t r = 0; r < result.size(); ++r) {
-      result[r][at] = 0;
-      for (std::size_t g = 0; g < residuals.runs()[linear.runs()[r]].segments(); ++g, ++segment)
-        result[r][at] += linear.weights()[segment] * squares[segment];
-    }
-    ++at;
-  }
+                                      Eigen::VectorXd::Zero(static_cast<Eigen::Index>(coordinates.size())));
+  const auto products = linear.products(now, effect_sensitivity(residuals, fit, coordinates, now, linear.runs(), jobs));
+  std::size_t segment = 0;
+  for (std::size_t r = 0; r < result.size(); ++r)
+    for (std::size_t g = 0; g < residuals.runs()[linear.runs()[r]].segments(); ++g, ++segment)
+      result[r] += linear.weights()[segment] * products[segment].diagonal().tail(result[r].size());
   return result;
 }
 
@@ -199,17 +195,17 @@ Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit
   const Coordinates coordinates = coordinates_of(fit.effects);
   const std::vector<Eigen::MatrixXf>& now = linear.at_model();
   const auto effect_columns = effect_sensitivity(residuals, fit, coordinates, now, linear.runs(), jobs);
-  std::vector<Eigen::VectorXd> gradients;
-  const Eigen::MatrixXd gram = linear.gram(now, true, effect_columns, linear.weights(), &gradients);
-  const Eigen::Index n = gram.rows() - 1;
-  Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
-  hessian.diagonal().array() += 1;
+  const std::vector<Eigen::MatrixXd> products = linear.products(now, effect_columns);
+  const Eigen::Index n = products.front().rows() - 1;
+  Eigen::MatrixXd hessian = Eigen::MatrixXd::Identity(n, n), gradients(n, static_cast<Eigen::Index>(products.size()));
+  for (std::size_t g = 0; g < products.size(); ++g) {
+    hessian += linear.weights()[g] * products[g].bottomRightCorner(n, n);
+    gradients.col(static_cast<Eigen::Index>(g)) = linear.weights()[g] * products[g].col(0).tail(n);
+  }
   // What the segments' gradients scatter about their mean; for white residuals that is the Hessian again. The prior's
   // one is kept.
-  Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
-  for (const Eigen::VectorXd& gradient : gradients) mean += gradient / static_cast<double>(gradients.size());
-  Eigen::MatrixXd scatter = Eigen::MatrixXd::Identity(n, n);
-  for (const Eigen::VectorXd& gradient : gradients) scatter += (gradient - mean) * (gradient - mean).transpose();
+  gradients.colwise() -= gradients.rowwise().mean().eval();
+  const Eigen::MatrixXd scatter = Eigen::MatrixXd::Identity(n, n) + gradients * gradients.transpose();
   const Eigen::MatrixXd inverse = hessian.inverse();
   return inverse * scatter * inverse;
 }

@@ -12,7 +12,7 @@
 namespace faultline {
 
 struct FitResult {
-  GapModel model;
+  ModelChange model;
   double loss = 0;  // L(z, c)
   std::vector<Candidate> effects;
   Eigen::MatrixXd
@@ -22,10 +22,10 @@ struct FitResult {
 // Refits the free parameters and the effects' parameters from where `start` and `effects` have them, in at most
 // `iterations` steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in each
 // step. Simulates `jobs` runs at once, as all here do.
-FitResult fit_gap(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
                   const Linearisation& linear, std::size_t iterations, int jobs = 1);
 // The same with the free parameters left as they are.
-FitResult fit_effects(const ResidualModel& residuals, const GapModel& start, const std::vector<Candidate>& effects,
+FitResult fit_effects(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
                       const Linearisation& linear, std::size_t iterations, int jobs = 1);
 
 // Moves the free parameters by so many tolerances, within their bound.
@@ -44,6 +44,6 @@ Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit
                             int jobs = 1);
 
 // The model with these effects and parameters.
-GapModel with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters);
+ModelChange with_effects(const std::vector<Candidate>& effects, const std::vector<double>& parameters);
 
 }  // namespace faultline

@@ -64,10 +64,10 @@ struct GapOptions {
 
   // screening.h.
   struct Screening {
-    // Fractions of a starting point's size at which its effect is judged to first order.
-    std::array<double, 6> size_fractions = {0.05, 0.15, 0.4, 0.7, 1.5, 2.5};
+    // Range of the fraction of a starting point's size at which its effect is judged to first order.
+    double least_size_fraction = 0.05, largest_size_fraction = 2.5;
     std::size_t first_stride = 3;          // one starting point of so many of each candidate is tried first ...
-    std::size_t followed_candidates = 14;  // ... and all of those of so many candidates afterwards: bounds the effort
+    std::size_t followed_candidates = 15;  // ... and all of those of so many candidates afterwards: bounds the effort
   } screening;
 
   // gap_trials.h: fits of structures.
@@ -196,7 +196,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(spectrum.line_half_width_resolutions);
   FAULTLINE_OPTION(spectrum.line_distance_resolutions);
   FAULTLINE_OPTION(spectrum.rarity_log_likelihood);
-  FAULTLINE_OPTION(screening.size_fractions);
+  FAULTLINE_OPTION(screening.least_size_fraction);
+  FAULTLINE_OPTION(screening.largest_size_fraction);
   FAULTLINE_OPTION(screening.first_stride);
   FAULTLINE_OPTION(screening.followed_candidates);
   FAULTLINE_OPTION(trials.correlated_fraction);

@@ -7,12 +7,12 @@ constexpr std::size_t kMostRows = 4000;  // as docs/gap.schema.json promises
 
 }  // namespace
 
-Eigen::MatrixXf settled_residuals(const ResidualModel& model, const GapModel& at, std::size_t run) {
+Eigen::MatrixXf settled_residuals(const ResidualModel& model, const ModelChange& at, std::size_t run) {
   return settled(model.runs()[run], model.start_sensitivity(at, run), model.residuals(at, run));
 }
 
-GapSeries gap_series(const ResidualModel& model, std::size_t run, const GapModel& nominal, const GapModel& refitted,
-                     const GapModel& explained, std::size_t given) {
+GapSeries gap_series(const ResidualModel& model, std::size_t run, const ModelChange& nominal,
+                     const ModelChange& refitted, const ModelChange& explained, std::size_t given) {
   const bool cut = given < model.runs().size();
   const Recording& recording = model.runs()[run].recording;
   const double start = model.runs()[cut ? 0 : run].recording.time.front();

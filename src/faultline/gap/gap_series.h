@@ -11,11 +11,11 @@
 
 namespace faultline {
 
-Eigen::MatrixXf settled_residuals(const ResidualModel& model, const GapModel& at, std::size_t run);
+Eigen::MatrixXf settled_residuals(const ResidualModel& model, const ModelChange& at, std::size_t run);
 
 // `run`: of the model's. `given`: how many runs were asked for; fewer than the model has where a single one was cut
 // in two, and then the time goes on over the cut.
-GapSeries gap_series(const ResidualModel& model, std::size_t run, const GapModel& nominal, const GapModel& refitted,
-                     const GapModel& explained, std::size_t given);
+GapSeries gap_series(const ResidualModel& model, std::size_t run, const ModelChange& nominal,
+                     const ModelChange& refitted, const ModelChange& explained, std::size_t given);
 
 }  // namespace faultline

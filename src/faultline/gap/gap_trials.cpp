@@ -17,7 +17,7 @@ namespace {
 
 // Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect
 // that is new changes nothing yet.
-bool near(const Datasheet& sheet, const GapModel& from, const GapModel& to, double fraction) {
+bool near(const Datasheet& sheet, const ModelChange& from, const ModelChange& to, double fraction) {
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
     const Parameter& p = sheet.parameters[i];
     if (std::abs(to.parameters[i] - from.parameters[i]) > fraction * std::abs(p.nominal) * p.tolerance) return false;
@@ -93,12 +93,12 @@ double GapTrials::standard_error(const std::vector<double>& differences) const {
   return std::sqrt(2 * std::max(1.0, correlated) * size);
 }
 
-GapTrials::GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds,
+GapTrials::GapTrials(const Datasheet& sheet, std::vector<SegmentedRun> runs, const std::vector<Fold>& folds,
                      const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress)
     : sheet_(sheet), settings_(settings), progress_(progress), folds_(folds), learn_(learn) {
   around_.residuals = std::make_shared<ResidualModel>(sheet, std::move(runs), options());
   double duration = 0;
-  for (const GapRun& run : model().runs()) duration = std::max(duration, run.duration());
+  for (const SegmentedRun& run : model().runs()) duration = std::max(duration, run.duration());
   all_ = candidates(sheet, settings.without, duration, options().candidates);
   for (std::size_t i = 0; i < model().runs().size(); ++i) every_.push_back(i);
 }
@@ -107,7 +107,7 @@ void GapTrials::tell(double share, const std::string& text) const {
   if (progress_) progress_(share, text);
 }
 
-Surroundings GapTrials::settle(const Surroundings& before, const GapModel& at, int jobs) const {
+Surroundings GapTrials::settle(const Surroundings& before, const ModelChange& at, int jobs) const {
   Surroundings now;
   now.residuals = std::make_shared<ResidualModel>(*before.residuals);
   const bool known = before.linear && near(sheet_, before.seen_from, at, options().trials.same_sensitivity_fraction);
@@ -127,7 +127,7 @@ double GapTrials::learned_loss(const Surroundings& around) const {
   return sum(robust(learn.segment_losses(learn.at_model())));
 }
 
-FitResult GapTrials::refit(const GapModel& start, const std::vector<Candidate>& effects) {
+FitResult GapTrials::refit(const ModelChange& start, const std::vector<Candidate>& effects) {
   Structure structure;
   structure.fit.effects = effects;
   structure.fit.model = with_effects(effects, start.parameters);
@@ -154,7 +154,7 @@ FitResult GapTrials::refit(const Structure& refined) {
   return fit;
 }
 
-FitResult GapTrials::stand(const GapModel& model) {
+FitResult GapTrials::stand(const ModelChange& model) {
   FitResult fit;
   fit.model = model;
   around_ = settle(around_, model, settings_.jobs);
@@ -184,7 +184,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
   if (structures.empty()) return;
   const GapOptions::Trials& trials = options().trials;
   const Linearisation learn = around_.linear->subset(learn_);
-  const auto weighted = [&](const GapModel& at) {
+  const auto weighted = [&](const ModelChange& at) {
     return sum(robust(learn.segment_losses(residuals_of(model(), at, learn_))));
   };
   const double before = weighted(base.model);
@@ -368,7 +368,7 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
       candidate.effect.parameters.push_back(parameter.none);
       if (parameter.unit != "s") continue;
       // A memory that a segment can show: more than a fraction of a sample, less than its length.
-      const GapRun& run = model().runs().front();
+      const SegmentedRun& run = model().runs().front();
       candidate.bounds.back() = {
           options().trials.closure_least_samples * run.period,
           options().trials.closure_most_segments * run.period * static_cast<double>(run.segment)};
@@ -390,7 +390,7 @@ Structure GapTrials::closure(const FitResult& base, const std::string& port) con
   return all;
 }
 
-std::vector<double> GapTrials::held_out(const GapModel& at) const {
+std::vector<double> GapTrials::held_out(const ModelChange& at) const {
   std::vector<double> result;
   for (const Fold& fold : folds_) {
     const Linearisation test = around_.linear->subset(fold.test);

@@ -19,7 +19,7 @@ struct Fold {
 struct Surroundings {
   std::shared_ptr<ResidualModel> residuals;
   std::shared_ptr<Linearisation> linear;
-  GapModel seen_from;  // where the sensitivities were computed
+  ModelChange seen_from;  // where the sensitivities were computed
 };
 
 // One structure: which effects, how far it was followed, and how it does.
@@ -39,7 +39,7 @@ std::vector<double> minus(const std::vector<double>& a, const std::vector<double
 
 class GapTrials {
  public:
-  GapTrials(const Datasheet& sheet, std::vector<GapRun> runs, const std::vector<Fold>& folds,
+  GapTrials(const Datasheet& sheet, std::vector<SegmentedRun> runs, const std::vector<Fold>& folds,
             const std::vector<std::size_t>& learn, const GapSettings& settings, const GapProgress& progress);
 
   const ResidualModel& model() const { return *around_.residuals; }
@@ -49,12 +49,12 @@ class GapTrials {
 
   // Refits the parameters around `effects` until nothing is gained; leaves start states and linearisation of all runs
   // at the result.
-  FitResult refit(const GapModel& start, const std::vector<Candidate>& effects);
+  FitResult refit(const ModelChange& start, const std::vector<Candidate>& effects);
   // The same from a refined structure on.
   FitResult refit(const Structure& refined);
 
   // The model as it is, with start states and linearisation of all runs at it.
-  FitResult stand(const GapModel& model);
+  FitResult stand(const ModelChange& model);
 
   // What refit() or stand() just returned, scored fold by fold: the parameters belong to the rig and stay as all
   // learning runs have them, and so do the effects but the last; that one is fitted again on a fold's learning runs
@@ -79,7 +79,7 @@ class GapTrials {
   Structure closure(const FitResult& base, const std::string& port) const;
 
   // Losses per held-out segment of a model as it is.
-  std::vector<double> held_out(const GapModel& at) const;
+  std::vector<double> held_out(const ModelChange& at) const;
 
   double segment_values() const { return model().segment_values(); }
   double held_out_values() const;
@@ -97,7 +97,7 @@ class GapTrials {
   double standard_error(const std::vector<double>& differences) const;
 
  private:
-  Surroundings settle(const Surroundings& before, const GapModel& at, int jobs) const;
+  Surroundings settle(const Surroundings& before, const ModelChange& at, int jobs) const;
   double learned_loss(const Surroundings& around) const;
   void refine(Structure& structure, int jobs) const;
   double follow(Structure& structure, int jobs, std::size_t rounds) const;

@@ -30,7 +30,7 @@ double grid_step(const Recording& recording, std::size_t column, double resoluti
   return step;
 }
 
-std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vector<GapRun>& runs,
+std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                           const std::vector<std::string>& without, const GapOptions::Grid& options) {
   std::vector<NamedEffect> result;
   for (const Candidate& candidate : candidates(sheet, without)) {
@@ -44,7 +44,7 @@ std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vec
     const Channel& channel = sheet.channels[column];
     if (adopted || channel.role != Role::output || channel.ground_truth) continue;
     double least = 0, most = 0;
-    for (const GapRun& run : runs) {
+    for (const SegmentedRun& run : runs) {
       const double step = grid_step(run.recording, column, channel.resolution, options);
       least = &run == &runs.front() ? step : std::min(least, step);
       most = std::max(most, step);

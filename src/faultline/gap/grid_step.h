@@ -16,7 +16,7 @@ double grid_step(const Recording& recording, std::size_t column, double resoluti
 
 // Channels whose grid in all runs is coarser than the datasheet's resolution and noise, as the effect `quantisation`
 // where the datasheet lets it fit, has not adopted it and `without` does not leave it out.
-std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vector<GapRun>& runs,
+std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                           const std::vector<std::string>& without,
                                           const GapOptions::Grid& options = {});
 

@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "faultline/attribution/screening.h"
 #include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
@@ -15,7 +16,7 @@ double robust(double loss, double values, double least) {
 
 double robust_weight(double loss, double values, double least) { return 1 / std::max(2 * loss / values, least); }
 
-std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const ModelChange& at,
                                           const std::vector<std::size_t>& runs, int jobs) {
   std::vector<Eigen::MatrixXf> result(runs.size());
   in_parallel(runs.size(), jobs, [&](std::size_t i) { result[i] = model.residuals(at, runs[i]); });
@@ -39,48 +40,42 @@ Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t
   return z;
 }
 
-Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs,
+Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& model, std::vector<std::size_t> runs,
                              int jobs, std::vector<std::vector<Eigen::MatrixXf>> starts)
     : residuals_(residuals), runs_(std::move(runs)) {
   const Datasheet& sheet = residuals.sheet();
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
     if (sheet.parameters[i].tolerance > 0) free_.push_back(i);
-  at_model_ = residuals_of(residuals, model, runs_, jobs);
-  std::vector<std::vector<Eigen::MatrixXf>> columns(free_.size());
+  at_model_.resize(runs_.size());
+  around_.resize(runs_.size());
+  std::vector<Direction> directions;
+  for (const std::size_t i : free_) {
+    const Parameter& p = sheet.parameters[i];
+    const double unit = p.nominal * p.tolerance;
+    const double size = options().linearisation.difference_tolerances;
+    directions.push_back({model, model.parameters[i] > p.nominal ? -size : size});
+    directions.back().to.parameters[i] += directions.back().size * unit;
+  }
   const bool known = !starts.empty();
   starts.resize(runs_.size());
-  in_parallel(free_.size() + runs_.size(), jobs, [&](std::size_t i) {
-    if (i >= free_.size()) {
-      const std::size_t run = i - free_.size();
-      if (!known) starts[run] = residuals.start_sensitivity(model, runs_[run]);
-      return;
-    }
-    const Parameter& p = sheet.parameters[free_[i]];
-    GapModel moved = model;
-    const double unit = p.nominal * p.tolerance;
-    const double z = (model.parameters[free_[i]] - p.nominal) / unit;
-    const double size = options().linearisation.difference_tolerances;
-    const double step = z > 0 ? -size : size;
-    moved.parameters[free_[i]] = model.parameters[free_[i]] + step * unit;
-    columns[i] = difference(residuals_of(residuals, moved, runs_), at_model_, step);
-  });
-  around_.resize(runs_.size());
-  in_parallel(runs_.size(), jobs, [&](std::size_t r) {
-    auto around = std::make_shared<Around>(
-        Around{StartProjection(residuals.runs()[runs_[r]], std::move(starts[r]), segment_values()), {}, {}});
-    std::vector<const Eigen::MatrixXf*> own;
-    for (const auto& column : columns) own.push_back(&column[r]);
-    for (std::size_t g = 0; g < around->starts.segments(); ++g) {
-      around->parameters.push_back(around->starts.whitened(own, g).cast<float>());
+  in_parallel(known ? 0 : runs_.size(), jobs,
+              [&](std::size_t r) { starts[r] = residuals.start_sensitivity(model, runs_[r]); });
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    const SegmentedRun& run = residuals.runs()[runs_[r]];
+    auto around =
+        std::make_shared<Around>(Around{StartProjection(run, std::move(starts[r]), segment_values()), {}, {}});
+    for (const LinearSegment& segment :
+         linearise(residuals.model(), run, around->starts, residuals.noise(), model, directions, jobs, &at_model_[r])) {
+      around->parameters.push_back(segment.columns.cast<float>());
       const Eigen::MatrixXf& j = around->parameters.back();
       around->grams.push_back((j.transpose() * j).cast<double>());
     }
     around_[r] = std::move(around);
-  });
+  }
   take_weights();
 }
 
-Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& model, const Linearisation& near)
+Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& model, const Linearisation& near)
     : residuals_(residuals), runs_(near.runs_), free_(near.free_), around_(near.around_) {
   at_model_ = residuals_of(residuals, model, runs_);
   take_weights();
@@ -88,10 +83,7 @@ Linearisation::Linearisation(const ResidualModel& residuals, const GapModel& mod
 
 void Linearisation::take_weights() {
   weights_.clear();
-  parameter_grams_.clear();
   for (const double loss : segment_losses(at_model_)) weights_.push_back(robust_weight(loss));
-  for (const auto& around : around_)
-    parameter_grams_.insert(parameter_grams_.end(), around->grams.begin(), around->grams.end());
 }
 
 Linearisation Linearisation::subset(const std::vector<std::size_t>& positions) const {
@@ -112,12 +104,27 @@ void Linearisation::for_each_segment(Visit&& visit) const {
     for (std::size_t g = 0; g < around_[r]->starts.segments(); ++g) visit(r, g, *around_[r]);
 }
 
-SegmentProducts Linearisation::products(const std::vector<Eigen::MatrixXf>& residuals) const {
-  SegmentProducts result;
+std::vector<Eigen::MatrixXd> Linearisation::products(const std::vector<Eigen::MatrixXf>& residuals,
+                                                     const Columns& columns) const {
+  std::vector<Eigen::MatrixXd> result;
   for_each_segment([&](std::size_t r, std::size_t g, const Around& around) {
-    const Eigen::VectorXf w = around.starts.residual(residuals_.runs()[runs_[r]], residuals[r], g).cast<float>();
-    result.squares.push_back(static_cast<double>(w.squaredNorm()));
-    result.against_parameters.push_back((around.parameters[g].transpose() * w).cast<double>());
+    std::vector<const Eigen::MatrixXf*> own;
+    for (const auto& column : columns) own.push_back(&column[r]);
+    const Eigen::MatrixXf& parameters = around.parameters[g];
+    const auto n = parameters.cols(), further = static_cast<Eigen::Index>(own.size());
+    Eigen::MatrixXd rest(parameters.rows(), 1 + further);  // [r C]
+    rest.col(0) = around.starts.residual(residuals_.runs()[runs_[r]], residuals[r], g);
+    if (further > 0) rest.rightCols(further) = around.starts.whitened(own, g);
+    const Eigen::MatrixXd squares = rest.transpose() * rest;
+    const Eigen::MatrixXd against = (parameters.transpose() * rest.cast<float>()).cast<double>();
+    Eigen::MatrixXd gram(1 + n + further, 1 + n + further);
+    gram.block(1, 1, n, n) = around.grams[g];
+    gram(0, 0) = squares(0, 0);
+    gram.block(0, 1, 1, n) = against.col(0).transpose();
+    gram.block(1, 1 + n, n, further) = against.rightCols(further);
+    gram.row(0).tail(further) = squares.row(0).tail(further);
+    gram.bottomRightCorner(further, further) = squares.bottomRightCorner(further, further);
+    result.push_back(gram.selfadjointView<Eigen::Upper>());
   });
   return result;
 }
@@ -136,37 +143,6 @@ std::vector<double> Linearisation::segment_losses(const std::vector<Eigen::Matri
     losses.push_back(0.5 * around.starts.residual(residuals_.runs()[runs_[r]], residuals[r], g).squaredNorm());
   });
   return losses;
-}
-
-std::vector<double> Linearisation::squares(const std::vector<Eigen::MatrixXf>& column) const {
-  std::vector<double> result;
-  for_each_segment([&](std::size_t r, std::size_t g, const Around& around) {
-    result.push_back(around.starts.whitened({&column[r]}, g).squaredNorm());
-  });
-  return result;
-}
-
-Eigen::MatrixXd Linearisation::gram(const std::vector<Eigen::MatrixXf>& residuals, bool with_parameters,
-                                    const std::vector<std::vector<Eigen::MatrixXf>>& columns,
-                                    const std::vector<double>& weights, std::vector<Eigen::VectorXd>* gradients) const {
-  const auto parameters = static_cast<Eigen::Index>(with_parameters ? free_.size() : 0);
-  const Eigen::Index n = 1 + parameters + static_cast<Eigen::Index>(columns.size());
-  Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
-  auto weight = weights.begin();
-  for_each_segment([&](std::size_t r, std::size_t g, const Around& around) {
-    std::vector<const Eigen::MatrixXf*> own;
-    for (const auto& column : columns) own.push_back(&column[r]);
-    const Eigen::VectorXd w = around.starts.residual(residuals_.runs()[runs_[r]], residuals[r], g);
-    Eigen::MatrixXf all(w.size(), n);
-    all.col(0) = w.cast<float>();
-    if (parameters > 0) all.middleCols(1, parameters) = around.parameters[g];
-    if (!own.empty())
-      all.rightCols(static_cast<Eigen::Index>(own.size())) = around.starts.whitened(own, g).cast<float>();
-    const Eigen::MatrixXd part = *weight++ * (all.transpose() * all).cast<double>();
-    if (gradients) gradients->push_back(part.col(0).tail(n - 1));
-    total += part;
-  });
-  return total;
 }
 
 Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
@@ -199,29 +175,33 @@ Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::Vector
   return move;
 }
 
-double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z,
-                      Eigen::VectorXd* best_move) {
+Adjusted adjusted(const Linearisation& linear, const std::vector<Eigen::MatrixXd>& products, const Eigen::VectorXd& z,
+                  double fraction) {
   const GapOptions::Linearisation& options = linear.options().linearisation;
-  const std::vector<Eigen::MatrixXd>& grams = linear.parameter_grams();
-  Eigen::VectorXd move = Eigen::VectorXd::Zero(z.size());
-  double best = 0;
+  const GapOptions::Screening& sizes = linear.options().screening;
+  const Eigen::Index n = z.size(), all = products.empty() ? 1 + n : products.front().rows();
+  const bool line = all > 1 + n;
+  Adjusted best, now{0, Eigen::VectorXd::Zero(n), line ? fraction : 0};
+  Eigen::VectorXd at = Eigen::VectorXd::Ones(all);
   for (std::size_t step = 0; step <= options.reweightings; ++step) {
-    Eigen::MatrixXd hessian = Eigen::MatrixXd::Identity(z.size(), z.size());
-    Eigen::VectorXd gradient = z;
-    double loss = 0.5 * (z + move).squaredNorm();
-    for (std::size_t g = 0; g < grams.size(); ++g) {
-      const Eigen::VectorXd& against = products.against_parameters[g];
-      const double half = 0.5 * (products.squares[g] + 2 * against.dot(move) + move.dot(grams[g] * move));
-      const double weight = linear.robust_weight(half);
-      loss += linear.robust(half);
-      hessian += weight * grams[g];
-      gradient += weight * against;
+    at.segment(1, n) = now.move;
+    at.tail(all - 1 - n).setConstant(now.fraction);
+    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(all, all);
+    gram.topLeftCorner(1 + n, 1 + n) = known_to_tolerance(z);
+    now.loss = 0.5 * (z + now.move).squaredNorm();
+    for (const Eigen::MatrixXd& segment : products) {
+      const double half = 0.5 * at.dot(segment * at);
+      now.loss += linear.robust(half);
+      gram += linear.robust_weight(half) * segment;
     }
-    if (step == 0 || loss < best) {
-      best = loss;
-      if (best_move) *best_move = move;
+    if (step == 0 || now.loss < best.loss) best = now;
+    Eigen::VectorXd gradient = gram.col(0).segment(1, n);
+    if (line) {
+      now.fraction =
+          best_size(without_parameters(gram, n), 1, sizes.least_size_fraction, sizes.largest_size_fraction).size;
+      gradient += now.fraction * gram.col(1 + n).segment(1, n);
     }
-    move = bounded_move(hessian, gradient, z, options);
+    now.move = bounded_move(gram.block(1, 1, n, n), gradient, z, options);
   }
   return best;
 }

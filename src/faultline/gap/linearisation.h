@@ -24,37 +24,28 @@ double robust(double loss, double values, double least);
 // d robust / d loss.
 double robust_weight(double loss, double values, double least);
 
-// r' W r and r' W J of each segment.
-struct SegmentProducts {
-  std::vector<double> squares;
-  std::vector<Eigen::VectorXd> against_parameters;
-};
-
 // What is computed once around a model and shared by all candidates: residuals, their sensitivity to parameters and
 // start states (segments/linearisation.h).
 class Linearisation {
  public:
   // `runs`: which of the residual model's. Uses `jobs` threads. `starts`: sensitivities to start states where they
   // are known already, per run.
-  Linearisation(const ResidualModel& residuals, const GapModel& model, std::vector<std::size_t> runs, int jobs,
+  Linearisation(const ResidualModel& residuals, const ModelChange& model, std::vector<std::size_t> runs, int jobs,
                 std::vector<std::vector<Eigen::MatrixXf>> starts = {});
 
   // The sensitivities of `near` around a model that has hardly moved from there: only residuals and shifts of start
   // states are new.
-  Linearisation(const ResidualModel& residuals, const GapModel& model, const Linearisation& near);
+  Linearisation(const ResidualModel& residuals, const ModelChange& model, const Linearisation& near);
 
   // Loss r' W r / 2 of residuals r (one matrix per run) with the start states projected out, per segment.
   std::vector<double> segment_losses(const std::vector<Eigen::MatrixXf>& residuals) const;
   // The weight of each segment at the model.
   const std::vector<double>& weights() const { return weights_; }
-  // Gram matrix under W and the weights, of which there is one per segment, of residuals, the sensitivities to
-  // parameters where `with_parameters`, and further sensitivities (each: one matrix per run). `gradients`, if given,
-  // takes each segment's part of the products of the residuals with the others.
-  Eigen::MatrixXd gram(const std::vector<Eigen::MatrixXf>& residuals, bool with_parameters,
-                       const std::vector<std::vector<Eigen::MatrixXf>>& columns, const std::vector<double>& weights,
-                       std::vector<Eigen::VectorXd>* gradients = nullptr) const;
-  // r' W r of each segment, r a sensitivity.
-  std::vector<double> squares(const std::vector<Eigen::MatrixXf>& column) const;
+  // Under W, of each segment: [r T C]'[r T C] of residuals, their sensitivities to the parameters and those of
+  // `columns` (each: one matrix per run).
+  using Columns = std::vector<std::vector<Eigen::MatrixXf>>;
+  std::vector<Eigen::MatrixXd> products(const std::vector<Eigen::MatrixXf>& residuals,
+                                        const Columns& columns = {}) const;
 
   const std::vector<Eigen::MatrixXf>& at_model() const { return at_model_; }
   const std::vector<Eigen::MatrixXf>& start_columns(std::size_t run) const { return around_[run]->starts.columns(); }
@@ -62,9 +53,6 @@ class Linearisation {
   const std::vector<std::size_t>& runs() const { return runs_; }
   // The same for some of the runs only (positions in runs()).
   Linearisation subset(const std::vector<std::size_t>& positions) const;
-  SegmentProducts products(const std::vector<Eigen::MatrixXf>& residuals) const;
-  // J' W J of each segment.
-  const std::vector<Eigen::MatrixXd>& parameter_grams() const { return parameter_grams_; }
   double segment_values() const { return residuals_.segment_values(); }  // residuals in a segment
   double robust(double loss) const;                                      // of one of its segments
   double robust_weight(double loss) const;
@@ -89,8 +77,7 @@ class Linearisation {
   std::vector<std::size_t> free_;
   std::vector<Eigen::MatrixXf> at_model_;
   std::vector<std::shared_ptr<const Around>> around_;  // per run
-  std::vector<Eigen::MatrixXd> parameter_grams_;
-  std::vector<double> weights_;  // per segment, runs one after the other
+  std::vector<double> weights_;                        // per segment, runs one after the other
 };
 
 // Minimum of 1/2 move' hessian move + gradient' move with z + the first z.size() moves within the parameters' bound:
@@ -98,13 +85,18 @@ class Linearisation {
 Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
                              const GapOptions::Linearisation& options);
 
-// L with the parameters adjusted to first order within their bound, for residuals of a changed model at the
-// linearisation's parameters z. `move`, if given, takes the adjustment.
-double projected_loss(const Linearisation& linear, const SegmentProducts& products, const Eigen::VectorXd& z,
-                      Eigen::VectorXd* move = nullptr);
+// L with the parameters, z at the linearisation, adjusted to first order within their bound. Where products have a
+// column C, residuals are r + fraction C, and the fraction, from `fraction` on, is adjusted within its range as well.
+struct Adjusted {
+  double loss = 0;
+  Eigen::VectorXd move;
+  double fraction = 0;
+};
+Adjusted adjusted(const Linearisation& linear, const std::vector<Eigen::MatrixXd>& products, const Eigen::VectorXd& z,
+                  double fraction = 0);
 
 // Normalised residuals of some of the runs (`jobs` at once), and (a - b)/step of two such.
-std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const GapModel& at,
+std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const ModelChange& at,
                                           const std::vector<std::size_t>& runs, int jobs = 1);
 std::vector<Eigen::MatrixXf> difference(const std::vector<Eigen::MatrixXf>& a, const std::vector<Eigen::MatrixXf>& b,
                                         double step);

@@ -127,7 +127,7 @@ Recording LiveGap::joined(std::size_t last) const {
 }
 
 void LiveGap::measure() {
-  GapRun run = cut_run(sheet_, "live", joined(2), settings_.segment_ratio * gap_segment_, settings_.gap.segments);
+  SegmentedRun run = cut_run(sheet_, "live", joined(2), settings_.segment_ratio * gap_segment_, settings_.gap.segments);
   const ResidualModel model(sheet_, {std::move(run)}, settings_.gap);
   const auto length = static_cast<Eigen::Index>(segment_rows_);
   const Eigen::MatrixXf residuals = settled_residuals(model, nominal_, 0).bottomRows(length);
@@ -230,7 +230,7 @@ void LiveGap::locate(std::size_t segments) {
   settings.options = settings_.gap;
   const GapProgress quiet;
   const Fold fold = {{0}, {0}};
-  GapRun window = cut_run(sheet_, "live", joined(segments), gap_segment_, settings_.gap.segments);
+  SegmentedRun window = cut_run(sheet_, "live", joined(segments), gap_segment_, settings_.gap.segments);
   GapTrials trials(sheet_, {std::move(window)}, {fold}, {0}, settings, quiet);
   const FitResult base = trials.stand(nominal_);  // the rig was normal before: its parameters are hardly off
   const double beyond = sum(trials.score(base).score) - trials.robust({0.5 * trials.segment_values()}).front();

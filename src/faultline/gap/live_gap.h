@@ -144,7 +144,7 @@ class LiveGap {
   LiveGapSettings settings_;
   double gap_segment_;        // s, the rig's
   std::size_t segment_rows_;  // of a segment of the live gap
-  GapModel nominal_;
+  ModelChange nominal_;
   std::vector<double> normal_;    // per channel of the datasheet; NaN: not given
   std::deque<Recording> window_;  // whole segments without a break, newest last
   std::deque<Segment> measured_;  // of those the last that were measured; breaks between them do not matter

@@ -24,7 +24,7 @@ ChannelGap channel_gap(const ResidualModel& model, std::size_t output) {
 
 double deviation(const ResidualModel& model, std::size_t output) {
   double s = 0, s2 = 0, n = 0;
-  for (const GapRun& run : model.runs())
+  for (const SegmentedRun& run : model.runs())
     for (std::size_t k = 0; k < run.recording.rows(); ++k) {
       const double v = run.recording.at(k, static_cast<std::size_t>(model.outputs()[output]));
       s += v;
@@ -34,7 +34,7 @@ double deviation(const ResidualModel& model, std::size_t output) {
   return std::sqrt(std::max(s2 / n - s / n * s / n, 0.0));
 }
 
-GapLevel level(const ResidualModel& model, const std::string& name, const GapModel& at) {
+GapLevel level(const ResidualModel& model, const std::string& name, const ModelChange& at) {
   GapLevel result;
   result.name = name;
   const std::size_t outputs = model.outputs().size();
@@ -105,7 +105,7 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
     const Channel& channel = sheet.channels[c];
     if (channel.ground_truth || channel.role == Role::setpoint || channel.role == Role::input) continue;
     std::vector<double> sorted;
-    for (const GapRun& run : model.runs())
+    for (const SegmentedRun& run : model.runs())
       for (std::size_t k = 0; k < run.recording.rows(); k += options.quantile_stride)
         sorted.push_back(run.recording.at(k, c));
     std::sort(sorted.begin(), sorted.end());
@@ -159,9 +159,9 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
 
 }  // namespace
 
-void measure_levels(const ResidualModel& model, const GapModel& nominal, const GapModel& refitted,
+void measure_levels(const ResidualModel& model, const ModelChange& nominal, const ModelChange& refitted,
                     const FitResult& explained, GapResult& result) {
-  GapModel best = explained.model;
+  ModelChange best = explained.model;
   best.effects.clear();
   for (const Candidate& candidate : explained.effects) best.effects.push_back(candidate.effect);
   result.gap = {level(model, "nominal", nominal), level(model, "refit", refitted), level(model, "explained", best)};

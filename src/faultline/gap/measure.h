@@ -8,7 +8,7 @@ namespace faultline {
 
 // Fills result.gap (nominal, refit, explained; horizons 1, 10, 100, segment and free), regions and bands of the
 // refitted model's residual, the run that shows the gap most, and that run's course.
-void measure_levels(const ResidualModel& model, const GapModel& nominal, const GapModel& refitted,
+void measure_levels(const ResidualModel& model, const ModelChange& nominal, const ModelChange& refitted,
                     const FitResult& explained, GapResult& result);
 
 // The verdict in one sentence.

@@ -11,18 +11,18 @@ namespace faultline {
 namespace {
 
 // Log-likelihood between the two in a run with this profile.
-double separation(const Datasheet& sheet, const std::string& profile, double duration, const GapModel& first,
-                  const GapModel& second, const GapOptions& options, int jobs) {
+double separation(const Datasheet& sheet, const std::string& profile, double duration, const ModelChange& first,
+                  const ModelChange& second, const GapOptions& options, int jobs) {
   SimulationSetup setup;
   setup.profile = profile;
   setup.parameters = first.parameters;
   setup.effects = first.effects;
   Recording recording = simulate(sheet, setup, duration);
-  GapRun run = cut_run(sheet, profile, std::move(recording), segment_length(sheet), options.segments);
+  SegmentedRun run = cut_run(sheet, profile, std::move(recording), segment_length(sheet), options.segments);
   const ResidualModel model(sheet, {std::move(run)}, options);
   const Linearisation linear(model, second, {0}, jobs);
   const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), second.parameters);
-  const double rival = projected_loss(linear, linear.products(linear.at_model()), z);
+  const double rival = adjusted(linear, linear.products(linear.at_model()), z).loss;
   const std::vector<double> losses = linear.segment_losses({model.residuals(first, 0)});
   double truth = 0.5 * deviations(sheet, linear.free_parameters(), first.parameters).squaredNorm();
   for (const double loss : losses) truth += linear.robust(loss);
@@ -31,7 +31,7 @@ double separation(const Datasheet& sheet, const std::string& profile, double dur
 
 }  // namespace
 
-std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second,
+std::vector<NextRun> separating_runs(const Datasheet& sheet, const ModelChange& first, const ModelChange& second,
                                      const std::string& between, const GapOptions& options, int jobs,
                                      std::vector<std::string>& remarks) {
   const double segment = segment_length(sheet);

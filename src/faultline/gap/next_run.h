@@ -10,7 +10,7 @@ namespace faultline {
 
 // Best first; only profiles that separate the two by more than chance. `jobs` threads. A profile that cannot be
 // simulated with the first explanation is left out, and `remarks` says so: the answer does not depend on it.
-std::vector<NextRun> separating_runs(const Datasheet& sheet, const GapModel& first, const GapModel& second,
+std::vector<NextRun> separating_runs(const Datasheet& sheet, const ModelChange& first, const ModelChange& second,
                                      const std::string& between, const GapOptions& options, int jobs,
                                      std::vector<std::string>& remarks);
 

@@ -39,14 +39,15 @@ double search_effect(const ResidualModel& model, const Linearisation& linear, Fi
   const Datasheet& sheet = model.sheet();
   Candidate& effect = fit.effects.back();
   const Eigen::VectorXd z = deviations(sheet, linear.free_parameters(), fit.model.parameters);
-  Eigen::VectorXd move;
+  Adjusted now;
   const auto loss = [&] {
-    const GapModel at = with_effects(fit.effects, fit.model.parameters);
-    return projected_loss(linear, linear.products(residuals_of(model, at, linear.runs(), jobs)), z, &move);
+    const ModelChange at = with_effects(fit.effects, fit.model.parameters);
+    now = adjusted(linear, linear.products(residuals_of(model, at, linear.runs(), jobs)), z);
+    return now.loss;
   };
   const double before = loss();
   double best = before;
-  Eigen::VectorXd best_move = move;
+  Eigen::VectorXd best_move = now.move;
   for (std::size_t p = 0; p < effect.bounds.size(); ++p) {
     double& value = effect.effect.parameters[p];
     if (effect.bounds[p].minimum >= effect.bounds[p].maximum) continue;
@@ -57,10 +58,9 @@ double search_effect(const ResidualModel& model, const Linearisation& linear, Fi
     };
     const double found =
         narrow(at, std::max(0.0, c - span), std::min(1.0, c + span), points, span / static_cast<double>(points));
-    const double now = at(found);
-    if (now < best) {
-      best = now;
-      best_move = move;
+    if (at(found) < best) {
+      best = now.loss;
+      best_move = now.move;
     } else {
       value = start;
     }

@@ -75,7 +75,7 @@ Eigen::MatrixXd StartProjection::whitened(const std::vector<const Eigen::MatrixX
 
 std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedRun& run, const StartProjection& starts,
                                      const std::vector<double>& sigma, const ModelChange& at,
-                                     const std::vector<Direction>& directions, int jobs) {
+                                     const std::vector<Direction>& directions, int jobs, Eigen::MatrixXf* at_model) {
   std::vector<Eigen::MatrixXf> residuals(directions.size() + 1);
   in_parallel(residuals.size(), jobs,
               [&](std::size_t i) { residuals[i] = model.residuals(i == 0 ? at : directions[i - 1].to, run, sigma); });
@@ -89,6 +89,7 @@ std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedR
     result[g].residual = starts.residual(run, residuals[0], g);
     result[g].columns = starts.whitened(columns, g);
   });
+  if (at_model != nullptr) *at_model = std::move(residuals[0]);
   return result;
 }
 

@@ -53,9 +53,10 @@ struct LinearSegment {
 };
 
 // Residuals at a model, and their derivatives by the directions as differences from it; by segment. Simulates with
-// `jobs` threads.
+// `jobs` threads. `residuals`, if given, takes those at the model as they are.
 std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedRun& run, const StartProjection& starts,
                                      const std::vector<double>& sigma, const ModelChange& at,
-                                     const std::vector<Direction>& directions, int jobs);
+                                     const std::vector<Direction>& directions, int jobs,
+                                     Eigen::MatrixXf* residuals = nullptr);
 
 }  // namespace faultline

@@ -1,0 +1,162 @@
+#include "faultline/estimators/fault_search.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "faultline/attribution/screening.h"
+#include "faultline/numerics/in_parallel.h"
+
+namespace faultline {
+namespace {
+
+void sort_by_evidence(std::vector<RankedFault>& faults) {
+  std::sort(faults.begin(), faults.end(),
+            [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
+}
+
+}  // namespace
+
+std::vector<RankedFault> screen(const StretchModel& model, const Eigen::MatrixXd& gram) {
+  const std::vector<FaultHypothesis>& all = model.hypotheses();
+  const Eigen::MatrixXd left = without_parameters(gram, model.parameters());
+  std::vector<RankedFault> result;
+  for (std::size_t h = 0; h < all.size(); ++h) {
+    const BestSize best = best_size(left, 1 + static_cast<Eigen::Index>(h), all[h].lowest, all[h].highest,
+                                    model.settings().least_response);
+    // At a standstill nothing is said.
+    result.push_back({h, best.size, best.information > 0 ? 1 / std::sqrt(best.information) : kInfinity, best.gain});
+  }
+  sort_by_evidence(result);
+  return result;
+}
+
+RankedFault refine(const StretchModel& model, const Scene& scene, RankedFault start) {
+  const ResponseSettings& settings = model.settings();
+  const FaultHypothesis& h = model.hypotheses()[start.hypothesis];
+  if (!std::isfinite(start.std)) return start;
+  const double least = std::isinf(h.none) ? h.lowest : -kInfinity;
+  const auto at = [&](double amplitude) {
+    return model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitude)});
+  };
+  double a = std::max(start.amplitude, least), here = at(a);
+  double curvature = 1 / (start.std * start.std);
+  for (std::size_t i = 0; i < settings.refinements; ++i) {
+    const double step = std::max(settings.refine_step_fraction * std::abs(a), settings.refine_step_sigma * start.std);
+    const double up = std::min(a + step, h.highest), down = std::max({a - step, h.lowest, least});
+    const double l_up = up > a ? at(up) : here, l_down = down < a ? at(down) : here;
+    double slope, bend = curvature;
+    if (up > a && down < a) {
+      const double s1 = (l_up - here) / (up - a), s2 = (here - l_down) / (a - down);
+      slope = (s1 * (a - down) + s2 * (up - a)) / (up - down);
+      bend = (s1 - s2) / (up - down);
+    } else {
+      slope = up > a ? (l_up - here) / (up - a) : (here - l_down) / (a - down);
+    }
+    if (bend > 0) curvature = bend;
+    double best = a, least_loss = here;
+    for (const auto& [amplitude, l] : {std::pair(up, l_up), std::pair(down, l_down)})
+      if (l < least_loss) {
+        best = amplitude;
+        least_loss = l;
+      }
+    const double wide = std::max(std::abs(a), settings.refine_reach_sigma * start.std);
+    const double newton =
+        std::clamp(a - std::clamp(slope / (2 * curvature), -wide, wide), std::max(h.lowest, least), h.highest);
+    const double l_newton = at(newton);
+    if (l_newton < least_loss) {
+      best = newton;
+      least_loss = l_newton;
+    }
+    const bool done = here - least_loss < settings.refine_settled_fraction * (scene.healthy_loss - least_loss);
+    a = best;
+    here = least_loss;
+    if (done) break;
+  }
+  start.amplitude = a;
+  start.evidence = scene.healthy_loss - here;
+  start.std = 1 / std::sqrt(std::max(curvature, 1e-300));
+  return start;
+}
+
+std::vector<RankedFault> best_of(const StretchModel& model, const Scene& scene, std::vector<RankedFault> screened,
+                                 const std::map<std::size_t, double>& before, std::map<std::size_t, double>* closely) {
+  const ResponseSettings& settings = model.settings();
+  if (!before.empty()) {
+    const std::size_t looked = std::min(screened.size(), settings.looked_hypotheses);
+    screened.erase(std::remove_if(screened.begin() + static_cast<std::ptrdiff_t>(looked), screened.end(),
+                                  [&](const RankedFault& f) { return before.count(f.hypothesis) == 0; }),
+                   screened.end());
+  }
+  // Those that screening puts first tell how good the others would have to be: most of them end after few rows.
+  const std::size_t first = std::max(settings.kept_hypotheses, settings.refined_hypotheses);
+  std::vector<Trial> trials;
+  std::vector<double> amplitudes;
+  for (std::size_t i = 0; i < screened.size(); ++i) {
+    const FaultHypothesis& h = model.hypotheses()[screened[i].hypothesis];
+    std::vector<double> sizes = {screened[i].amplitude};
+    const auto known = before.find(screened[i].hypothesis);
+    if (known != before.end()) sizes.push_back(known->second);
+    if (before.empty())
+      for (const double fraction : settings.coarse_fractions)
+        sizes.insert(sizes.end(), {fraction * h.highest, fraction * h.lowest});
+    for (const double a : sizes) {
+      if (a == 0 || (std::isinf(h.none) && a < h.lowest)) continue;
+      trials.push_back({i, i < first});
+      amplitudes.push_back(a);
+    }
+  }
+  const auto loss = [&](std::size_t i, double enough) {
+    const FaultHypothesis& h = model.hypotheses()[screened[trials[i].hypothesis].hypothesis];
+    return model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitudes[i])}, enough);
+  };
+  std::vector<RankedFault> result;
+  for (const std::size_t i : try_sizes(trials, first, settings.jobs, loss)) {
+    result.push_back(screened[trials[i].hypothesis]);
+    result.back().amplitude = amplitudes[i];
+    result.back().evidence = scene.healthy_loss - trials[i].loss;
+  }
+  if (closely != nullptr) {
+    closely->clear();
+    for (std::size_t i = 0; i < std::min(settings.kept_hypotheses, result.size()); ++i)
+      (*closely)[result[i].hypothesis] = result[i].amplitude;
+  }
+  result.resize(std::min(result.size(), settings.refined_hypotheses));
+  in_parallel(result.size(), settings.jobs, [&](std::size_t i) { result[i] = refine(model, scene, result[i]); });
+  sort_by_evidence(result);
+  return result;
+}
+
+std::vector<RankedFault> beside(const StretchModel& model, Scene scene, const std::vector<RankedFault>& found,
+                                double limit, const std::map<std::size_t, double>& before) {
+  const std::vector<FaultHypothesis>& all = model.hypotheses();
+  const FaultHypothesis& first = all[found.front().hypothesis];
+  scene.point.effects = {first.at(found.front().amplitude)};
+  std::vector<std::unique_ptr<Stretch>> around;
+  Eigen::MatrixXd sums = model.no_sums();
+  sums.topLeftCorner(scene.prior.rows(), scene.prior.cols()) = scene.prior;
+  for (const Stretch*& stretch : scene.stretches) {
+    around.push_back(model.prepare(stretch->run.recording));
+    stretch = around.back().get();
+    model.respond(*around.back(), scene.point);
+    model.weigh(*around.back(), scene.point);
+    sums += stretch->sums;
+  }
+  std::vector<RankedFault> screened = screen(model, sums);
+  const double alternative = model.settings().alternative_evidence_fraction * found.front().evidence;
+  // What the first leaves at its own place, and what explains it nearly as well, is no second fault.
+  const auto is_none = [&](const RankedFault& f) {
+    return all[f.hypothesis].port == first.port ||
+           std::any_of(found.begin(), found.end(), [&](const RankedFault& other) {
+             return other.hypothesis == f.hypothesis && other.evidence > alternative;
+           });
+  };
+  screened.erase(std::remove_if(screened.begin(), screened.end(), is_none), screened.end());
+  if (screened.empty() || screened.front().evidence <= limit) return {};
+  screened.resize(std::min(screened.size(), model.settings().kept_hypotheses));
+  scene.healthy_loss = model.loss(scene.prior, scene.stretches);
+  screened = best_of(model, scene, screened, before);
+  if (screened.empty() || screened.front().evidence <= limit) return {};
+  return screened;
+}
+
+}  // namespace faultline

@@ -1,0 +1,45 @@
+// Hypotheses of what is wrong, weighed on stretches of samples: to first order all at once (attribution/screening.h),
+// then by running the model with the effect in it, at a few sizes of each, and for the best by parabolas through
+// three losses.
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "faultline/estimators/stretch_model.h"
+
+namespace faultline {
+
+struct RankedFault {
+  std::size_t hypothesis = 0;
+  double amplitude = 0, std = 0;
+  double evidence = 0;
+};
+
+// What hypotheses are weighed on.
+struct Scene {
+  Eigen::MatrixXd prior;  // [r T]'[r T] of what is known of theta
+  Stretches stretches;
+  ModelPoint point;
+  double healthy_loss;  // without any fault beside those of the point
+};
+
+// To first order, best first. `gram`: [r T D]'[r T D], what is known of theta in it.
+std::vector<RankedFault> screen(const StretchModel& model, const Eigen::MatrixXd& gram);
+
+// Steps towards the amplitude of the least loss: robust where the response bends.
+RankedFault refine(const StretchModel& model, const Scene& scene, RankedFault start);
+
+// Of `screened` the best, refined, best first. `before`: amplitudes of those that explained best what is still there;
+// empty: all are tried anew at a few sizes each, since the first order misses what only a large fault does (a piston
+// that no longer breaks away). `closely`, if given, takes the amplitudes of the best before they are refined.
+std::vector<RankedFault> best_of(const StretchModel& model, const Scene& scene, std::vector<RankedFault> screened,
+                                 const std::map<std::size_t, double>& before,
+                                 std::map<std::size_t, double>* closely = nullptr);
+
+// What is wrong beside the best of `found`: all looked for anew around the model with that in it, so that segments
+// count by what is left of them. Empty where nothing has more evidence than `limit`.
+std::vector<RankedFault> beside(const StretchModel& model, Scene scene, const std::vector<RankedFault>& found,
+                                double limit, const std::map<std::size_t, double>& before);
+
+}  // namespace faultline

@@ -1,0 +1,53 @@
+// All that is known of a rig: parameters, nuisance effects, faults that were found; and whether a stretch says anything
+// else. One run of the model tells.
+//
+//   misfit = sum over segments of  weight |C r_w|^2
+//
+// r_w: residuals of the model with all that is known in it, start states projected out; C: the first cosines (DCT-II)
+// of each output over a segment. What an effect does to an output is as smooth as the plant and lies in C; noise is
+// white and hardly does. What any effect could explain of a stretch is at most what its misfit has beyond the usual
+// one: that of noise and of the model's usual error, the median over healthy stretches that were looked at closely.
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <vector>
+
+#include "faultline/estimators/stretch_model.h"
+
+namespace faultline {
+
+class KnownModel {
+ public:
+  explicit KnownModel(const StretchModel& model);
+
+  void forget();          // all, also what is borrowed from stretches before
+  void forget_misfits();  // of healthy stretches: the model is linear around another point
+  // Nothing is wrong: theta from the point, around which stretches responded. `recent`: oldest first.
+  void learn_healthy(const ModelPoint& point, const Eigen::VectorXd& theta,
+                     const std::vector<std::unique_ptr<Stretch>>& recent);
+  // `faults` are there, in the last `count` of them.
+  void learn_fault(const ModelPoint& point, const Eigen::VectorXd& theta, const std::vector<EffectSpec>& faults,
+                   const std::vector<std::unique_ptr<Stretch>>& recent, std::size_t count);
+  // What the stretch's misfit has beyond the usual one; closely where that is more than `news`.
+  double beyond(Stretch& stretch, double news);
+  double beyond(const Stretch& stretch) const { return stretch.misfit - usual_; }  // as found before
+  double healthy() const { return healthy_; }                                      // misfit
+
+ private:
+  double misfit(const Stretch& stretch, const Eigen::MatrixXf& residuals, const StartProjection& starts) const;
+  // One run; the start states' part is borrowed from a stretch before where that leaves less than `enough`, else more
+  // runs find the stretch's own.
+  double misfit(const Stretch& stretch, double enough);
+  double smooth_square(const Eigen::VectorXd& residuals) const;
+
+  const StretchModel& model_;
+  Eigen::MatrixXd cosines_;  // C of one output
+  ModelPoint known_;
+  double usual_ = 0;  // misfit of what holds nothing but that
+  double healthy_ = 0;
+  std::deque<double> misfits_;                                 // of healthy stretches
+  std::deque<std::shared_ptr<const StartProjection>> lately_;  // of stretches before
+};
+
+}  // namespace faultline
