@@ -61,6 +61,14 @@ double effect_size(double none, double full, double amplitude) {
   return none + amplitude * (full - none);
 }
 
+std::vector<double> scaled(const EffectSpec& full, double amplitude) {
+  const EffectType& type = *find_effect_type(full.effect);
+  std::vector<double> values = full.parameters;
+  for (std::size_t p = 0; p < values.size(); ++p)
+    if (!is_shape(type.parameters[p])) values[p] = effect_size(type.parameters[p].none, values[p], amplitude);
+  return values;
+}
+
 EffectSpec FaultHypothesis::at(double amplitude) const {
   EffectSpec spec = full;
   spec.parameters[parameter] = size(amplitude);

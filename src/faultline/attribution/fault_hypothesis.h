@@ -17,6 +17,8 @@ namespace faultline {
 
 // The size of an effect at amplitude a, see above.
 double effect_size(double none, double full, double amplitude);
+// All sizes of an effect, `full` at amplitude 1; shapes stay.
+std::vector<double> scaled(const EffectSpec& full, double amplitude);
 
 struct FaultHypothesis {
   std::string effect, port, family;

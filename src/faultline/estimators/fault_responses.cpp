@@ -33,7 +33,8 @@ void FaultResponses::reset() {
   second_.clear();
   candidates_.clear();
   evidence_ = 0;
-  known_.forget();
+  known_.forget_starts();
+  known_.forget_misfits();
   know_healthy();
 }
 
@@ -396,23 +397,17 @@ Eigen::MatrixXd FaultResponses::information() const {
 }
 
 std::vector<double> FaultResponses::amplitude_errors() const {
-  const Eigen::VectorXd left = information().diagonal();
-  std::vector<double> result(hypotheses().size(), kInfinity);
-  for (std::size_t h = 0; h < result.size(); ++h) {
-    const double information = left[static_cast<Eigen::Index>(h)];
-    if (information > settings_.least_response) result[h] = 1 / std::sqrt(information);
-  }
+  std::vector<double> result;
+  for (const double left : Eigen::VectorXd(information().diagonal()))
+    result.push_back(left > settings_.least_response ? 1 / std::sqrt(left) : kInfinity);
   return result;
 }
 
 Eigen::MatrixXd FaultResponses::cosines() const {
-  Eigen::MatrixXd left = information();
-  const Eigen::VectorXd length = left.diagonal().cwiseMax(settings_.least_response).cwiseSqrt();
-  const double least = 1.01 * std::sqrt(settings_.least_response);
-  for (Eigen::Index i = 0; i < left.rows(); ++i)
-    for (Eigen::Index j = 0; j < left.cols(); ++j)
-      left(i, j) = length[i] > least && length[j] > least ? left(i, j) / (length[i] * length[j]) : 0;
-  return left;
+  const Eigen::MatrixXd left = information();
+  const Eigen::VectorXd scale = left.diagonal().unaryExpr(
+      [&](double square) { return square > 1.02 * settings_.least_response ? 1 / std::sqrt(square) : 0.0; });
+  return scale.asDiagonal() * left * scale.asDiagonal();
 }
 
 }  // namespace faultline

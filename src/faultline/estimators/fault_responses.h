@@ -3,27 +3,18 @@
 // Change Detection (2000), chapter 9 (likelihood ratio with marginalised sizes); Isermann, Fault-Diagnosis Systems
 // (2006), chapter 9.
 //
-// Stretches of samples give r, T and d_h: residuals of the nominal model and their derivatives by parameters and by
-// fault h (stretch_model.h). Parameters are known to one tolerance and what earlier stretches said, so to first order
-// fault h of amplitude a costs
+// Stretches of samples give the sums of stretch_model.h, in which all hypotheses are screened to first order
+// (attribution/screening.h), many times over: as a change (the fault is in the last stretch only, in the last two, ...
+// of the recent ones) and from the start (it is in all); the most evidence decides. While nothing is wrong the model is
+// made linear anew around what it learnt of the parameters. The best few hypotheses are refined on the model with the
+// effect in it, and a second fault is searched for beside the first (fault_search.h).
 //
-//   L_h(a) = min over theta of  |r_ref + T_ref theta|^2 + |r + T theta + d_h a|^2 + theta' theta
-//   a_h = -(b - C' Lambda^-1 n)/D_h,  D_h = g - C' Lambda^-1 C,  evidence E_h = L(0) - L_h(a_h) = a_h^2 D_h
+// Most stretches say what those before them said. One whose misfit with all that is known (known_model.h) is the usual
+// one cannot win evidence for any other cause, so it costs one run of the model and is not looked at further, while
+// well or while a fault lasts.
 //
-// with the information vector n = T'r of the parameters, C = T'd, b = d'r, g = d'd and Lambda = 1 + T'T over all
-// stretches. Many times over: as a change (the fault is in the last stretch only, in the last two, ... of the recent
-// ones) and from the start (it is in all); the most evidence decides. While nothing is wrong the model is made linear
-// anew around what it learnt of the parameters. The best few hypotheses are refined by Gauss-Newton steps on the model
-// with the effect in it, and a second fault is searched for beside the first.
-//
-// Most stretches say what those before them said. After every judgement there is a model of all that is known:
-// parameters, nuisance effects, the faults that were found. A stretch whose misfit with it (stretch_model.h) is the
-// usual one cannot win evidence for any other cause, so it costs one run of the model and is not looked at further,
-// while well or while a fault lasts. What is usual: the median misfit of healthy stretches that were looked at closely.
-//
-// Units: amplitudes as in FaultHypothesis; evidence is twice a log-likelihood ratio (response_settings.h). D_h says
-// what could be seen: a fault whose least amplitude at the threshold lies beyond its range is not observable in this
-// motion.
+// Units: amplitudes as in FaultHypothesis; evidence is twice a log-likelihood ratio (response_settings.h). A fault
+// whose least amplitude at the threshold lies beyond its range is not observable in this motion.
 #pragma once
 
 #include <cstdint>

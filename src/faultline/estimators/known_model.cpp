@@ -22,13 +22,6 @@ KnownModel::KnownModel(const StretchModel& model) : model_(model) {
           std::cos(kPi * static_cast<double>(k) * (static_cast<double>(i) + 0.5) / static_cast<double>(rows));
 }
 
-void KnownModel::forget() {
-  lately_.clear();
-  misfits_.clear();
-}
-
-void KnownModel::forget_misfits() { misfits_.clear(); }
-
 void KnownModel::learn_healthy(const ModelPoint& point, const Eigen::VectorXd& theta,
                                const std::vector<std::unique_ptr<Stretch>>& recent) {
   known_ = model_.known(point, theta, {});

@@ -21,8 +21,8 @@ class KnownModel {
  public:
   explicit KnownModel(const StretchModel& model);
 
-  void forget();          // all, also what is borrowed from stretches before
-  void forget_misfits();  // of healthy stretches: the model is linear around another point
+  void forget_misfits() { misfits_.clear(); }  // of healthy stretches: the model is linear around another point
+  void forget_starts() { lately_.clear(); }    // nothing is borrowed from stretches before
   // Nothing is wrong: theta from the point, around which stretches responded. `recent`: oldest first.
   void learn_healthy(const ModelPoint& point, const Eigen::VectorXd& theta,
                      const std::vector<std::unique_ptr<Stretch>>& recent);

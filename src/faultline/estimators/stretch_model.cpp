@@ -23,14 +23,6 @@ void add(const SegmentResponse& segment, const Eigen::VectorXd& residuals, Eigen
   sums.block(1, 1, n, n) += segment.information;
 }
 
-std::vector<double> scaled(const EffectSpec& listed, double amplitude) {
-  const EffectType& type = *find_effect_type(listed.effect);
-  std::vector<double> values = listed.parameters;
-  for (std::size_t p = 0; p < values.size(); ++p)
-    if (!std::isnan(type.parameters[p].none)) values[p] = effect_size(type.parameters[p].none, values[p], amplitude);
-  return values;
-}
-
 }  // namespace
 
 ResponseSettings read_response_settings(const Settings& settings, const Datasheet& sheet) {

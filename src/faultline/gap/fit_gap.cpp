@@ -84,10 +84,8 @@ ModelChange with_effects(const std::vector<Candidate>& effects, const std::vecto
   return model;
 }
 
-namespace {
-
-FitResult fit(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
-              const Linearisation& linear, std::size_t iterations, bool parameters_move, int jobs) {
+FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
+                  const Linearisation& linear, std::size_t iterations, int jobs, bool parameters_move) {
   const GapOptions::Fit& options = residuals.options().fit;
   const Datasheet& sheet = residuals.sheet();
   const std::vector<std::size_t>& free = linear.free_parameters();
@@ -162,18 +160,6 @@ FitResult fit(const ResidualModel& residuals, const ModelChange& start, const st
     if (!better) break;
   }
   return result;
-}
-
-}  // namespace
-
-FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
-                  const Linearisation& linear, std::size_t iterations, int jobs) {
-  return fit(residuals, start, effects, linear, iterations, true, jobs);
-}
-
-FitResult fit_effects(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
-                      const Linearisation& linear, std::size_t iterations, int jobs) {
-  return fit(residuals, start, effects, linear, iterations, false, jobs);
 }
 
 std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const FitResult& fit,

@@ -19,14 +19,11 @@ struct FitResult {
       covariance;  // of parameters in tolerances, then of the effects' coordinates; empty before uncertainty()
 };
 
-// Refits the free parameters and the effects' parameters from where `start` and `effects` have them, in at most
-// `iterations` steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in each
+// Refits the effects' parameters, and where they move the free parameters, from where `start` and `effects` have them,
+// in at most `iterations` steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in each
 // step. Simulates `jobs` runs at once, as all here do.
 FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
-                  const Linearisation& linear, std::size_t iterations, int jobs = 1);
-// The same with the free parameters left as they are.
-FitResult fit_effects(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
-                      const Linearisation& linear, std::size_t iterations, int jobs = 1);
+                  const Linearisation& linear, std::size_t iterations, int jobs = 1, bool parameters_move = true);
 
 // Moves the free parameters by so many tolerances, within their bound.
 void shift_parameters(const ResidualModel& residuals, const std::vector<std::size_t>& free, const Eigen::VectorXd& move,

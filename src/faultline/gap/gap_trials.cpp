@@ -81,8 +81,8 @@ std::vector<double> minus(const std::vector<double>& a, const std::vector<double
 
 std::vector<double> GapTrials::robust(const std::vector<double>& losses) const {
   std::vector<double> result;
-  const double least = options().linearisation.least_variance_fraction;
-  for (const double loss : losses) result.push_back(faultline::robust(loss, segment_values(), least));
+  for (const double loss : losses)
+    result.push_back(faultline::robust(loss, segment_values(), options().linearisation.least_variance_fraction));
   return result;
 }
 
@@ -170,13 +170,7 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   for (std::size_t run = 0; run < every_.size(); ++run)
     if (model().runs()[run].period == period) alike.push_back(around_.linear->at_model()[run]);
   const std::vector<Candidate> all = at_lines(all_, alike, period, options().spectrum);
-  std::vector<Structure> result;
-  for (Screened& screened : screen_candidates(model(), *around_.linear, all, base, settings_.jobs, progress)) {
-    result.emplace_back();
-    result.back().fit = std::move(screened.fit);
-    result.back().screened = screened.gain;
-  }
-  return result;
+  return screen_candidates(model(), *around_.linear, all, base, settings_.jobs, progress);
 }
 
 void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from,
@@ -305,8 +299,8 @@ void GapTrials::cross_score(const Surroundings& around, Structure& structure, st
     if (fold.train != learn_) {
       const std::vector<Candidate> effects =
           left_to(fold.train, fit.effects, held, shown, options().trials.shown_information_fraction);
-      part =
-          fit_effects(*around.residuals, fit.model, effects, around.linear->subset(fold.train), options().trials.steps);
+      part = fit_gap(*around.residuals, fit.model, effects, around.linear->subset(fold.train), options().trials.steps,
+                     1, false);
     }
     if (!fit.effects.empty()) sizes[f] = free_sizes(fit.effects.back(), part.effects.back());
     losses[f] = around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test));

@@ -5,12 +5,19 @@
 
 #include "faultline/gap/gap_options.h"
 #include "faultline/segments/segment_model.h"
+#include "faultline/segments/state_smoother.h"
 
 namespace faultline {
 
 class ResidualModel {
  public:
-  ResidualModel(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options = {});
+  ResidualModel(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options = {})
+      : model_(sheet, options.segments),
+        runs_(std::move(runs)),
+        options_(options),
+        noise_(noise_of(sheet, runs_, options.segments)) {
+    for (SegmentedRun& run : runs_) model_.place_starts(run, noise_, model_.nominal());
+  }
 
   const SegmentModel& model() const { return model_; }
   const Datasheet& sheet() const { return model_.sheet(); }
@@ -22,14 +29,24 @@ class ResidualModel {
   const GapOptions& options() const { return options_; }  // of all that works with these residuals
 
   // Normalised residuals of one run, rows x outputs.
-  Eigen::MatrixXf residuals(const ModelChange& model, std::size_t run) const;
+  Eigen::MatrixXf residuals(const ModelChange& model, std::size_t run) const {
+    return model_.residuals(model, runs_[run], noise_);
+  }
   // The same with the states put back every `horizon` samples, and the first `horizon` rows after each counted.
-  Eigen::MatrixXf residuals(const ModelChange& model, std::size_t run, std::size_t horizon) const;
+  Eigen::MatrixXf residuals(const ModelChange& model, std::size_t run, std::size_t horizon) const {
+    return model_.residuals(model, runs_[run], noise_, horizon);
+  }
   // d residuals / d shift of the start states: one matrix per direction.
-  std::vector<Eigen::MatrixXf> start_sensitivity(const ModelChange& model, std::size_t run) const;
-  // SegmentModel::settle() of a run.
+  std::vector<Eigen::MatrixXf> start_sensitivity(const ModelChange& model, std::size_t run) const {
+    return model_.start_columns(model, runs_[run], noise_);
+  }
+  // SegmentModel::settle() of a run. Hidden states are as the model at hand has them, unless it has hardly moved.
   std::vector<Eigen::MatrixXf> settle_starts(const ModelChange& model, std::size_t run,
-                                             std::vector<Eigen::MatrixXf> known = {});
+                                             std::vector<Eigen::MatrixXf> known = {}) {
+    if (known.empty() && !hidden_states(model_, model, runs_[run]).empty())
+      model_.place_starts(runs_[run], noise_, model);
+    return model_.settle(model, runs_[run], noise_, std::move(known));
+  }
 
  private:
   SegmentModel model_;

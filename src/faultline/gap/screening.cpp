@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
 
+#include "faultline/attribution/fault_hypothesis.h"
 #include "faultline/attribution/screening.h"
 
 namespace faultline {
@@ -18,20 +18,6 @@ FitResult beside(const FitResult& base, const Candidate& candidate, const std::v
   return fit;
 }
 
-// The effect at a fraction of its size.
-std::vector<double> resized(const Candidate& candidate, std::vector<double> values, double fraction) {
-  if (candidate.family == "stuck") return values;  // a time is no size
-  const EffectType* type = find_effect_type(candidate.effect.effect);
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const double none = type->parameters[i].none;
-    if (std::isnan(none)) continue;
-    const Bounds& b = candidate.bounds[i];
-    values[i] = std::clamp(std::isinf(none) ? values[i] / fraction : none + fraction * (values[i] - none), b.minimum,
-                           b.maximum);
-  }
-  return values;
-}
-
 bool has(const std::vector<Candidate>& effects, const Candidate& candidate) {
   return std::any_of(effects.begin(), effects.end(),
                      [&](const Candidate& known) { return same_effect(known, candidate); });
@@ -39,9 +25,9 @@ bool has(const std::vector<Candidate>& effects, const Candidate& candidate) {
 
 }  // namespace
 
-std::vector<Screened> screen_candidates(const ResidualModel& residuals, const Linearisation& linear,
-                                        const std::vector<Candidate>& candidates, const FitResult& base, int jobs,
-                                        const std::function<void(double)>& progress) {
+std::vector<Structure> screen_candidates(const ResidualModel& residuals, const Linearisation& linear,
+                                         const std::vector<Candidate>& candidates, const FitResult& base, int jobs,
+                                         const std::function<void(double)>& progress) {
   const GapOptions::Screening& options = residuals.options().screening;
   std::vector<Trial> trials;
   std::vector<std::vector<double>> values;
@@ -70,16 +56,23 @@ std::vector<Screened> screen_candidates(const ResidualModel& residuals, const Li
     if (progress) progress(static_cast<double>(++done) / static_cast<double>(trials.size()));
     return found[i].loss;
   };
-  std::vector<Screened> result;
+  std::vector<Structure> result;
   for (const std::size_t i : try_sizes(trials, options.followed_candidates, jobs, loss)) {
     const Candidate& candidate = candidates[trials[i].hypothesis];
     // Of an effect that was tried at several lines of a spectrum only the best.
     if (std::any_of(result.begin(), result.end(),
-                    [&](const Screened& better) { return same_effect(better.fit.effects.back(), candidate); }))
+                    [&](const Structure& better) { return same_effect(better.fit.effects.back(), candidate); }))
       continue;
-    FitResult fit = beside(base, candidate, resized(candidate, values[i], found[i].fraction));
+    FitResult fit = beside(base, candidate, values[i]);
+    EffectSpec& effect = fit.effects.back().effect;
+    if (candidate.family != "stuck") effect.parameters = scaled(effect, found[i].fraction);  // a time is no size
+    for (std::size_t p = 0; p < effect.parameters.size(); ++p)
+      effect.parameters[p] = std::clamp(effect.parameters[p], candidate.bounds[p].minimum, candidate.bounds[p].maximum);
+    fit.model = with_effects(fit.effects, base.model.parameters);
     shift_parameters(residuals, linear.free_parameters(), found[i].move, fit.model.parameters);
-    result.push_back({std::move(fit), before - found[i].loss});
+    result.emplace_back();
+    result.back().fit = std::move(fit);
+    result.back().screened = before - found[i].loss;
   }
   return result;
 }

@@ -4,20 +4,16 @@
 
 #include <functional>
 
-#include "faultline/gap/fit_gap.h"
+#include "faultline/gap/gap_trials.h"
 
 namespace faultline {
 
-struct Screened {
-  FitResult fit;  // the effects of the base and the candidate, and the adjusted parameters; no loss
-  double gain;    // in log-likelihood, as far as the first order tells
-};
-
-// Each of `candidates` that the base does not have, best first, at its best point. An effect at a place comes once,
+// Each of `candidates` that the base does not have, best first, at its best point, with the effects of the base and the
+// adjusted parameters; gains as far as the first order tells. An effect at a place comes once,
 // whatever its points. `linear` must stand at the base. Simulates with `jobs` threads; `progress`, if given, takes
 // the fraction that is done, from any of them.
-std::vector<Screened> screen_candidates(const ResidualModel& residuals, const Linearisation& linear,
-                                        const std::vector<Candidate>& candidates, const FitResult& base, int jobs,
-                                        const std::function<void(double)>& progress);
+std::vector<Structure> screen_candidates(const ResidualModel& residuals, const Linearisation& linear,
+                                         const std::vector<Candidate>& candidates, const FitResult& base, int jobs,
+                                         const std::function<void(double)>& progress);
 
 }  // namespace faultline
