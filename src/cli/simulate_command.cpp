@@ -27,7 +27,7 @@ constexpr double kLongest = 1e6;        // s
 constexpr std::uint64_t kEvery = 1000;  // samples between looks at Ctrl-C and the progress line
 
 struct Options {
-  std::string rig, config, profile, fault, drive, output, compression = "bz2";
+  std::string rig, config, profile, fault, drive, output, compression = "lz4";
   double duration = 0, substep = 0;
   std::uint64_t seed = 1, rig_seed = 1;
   bool rig_seed_given = false;
@@ -286,7 +286,7 @@ std::function<void()> add(CLI::App& app) {
   app.add_option("--substep", options->substep, "s, largest step of the integration; default: the rig's own")
       ->check(number_between(1e-7, 1.0));
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
-  app.add_option("--compression", options->compression, "of a bag: bz2 (default, smallest), lz4 or none");
+  app.add_option("--compression", options->compression, "of a bag: lz4 (default), bz2 (half as large, read five times as slowly) or none");
   app.add_flag("--quiet", options->quiet, "say nothing but errors");
   return [options, rig_seed] {
     options->rig_seed_given = rig_seed->count() > 0;

@@ -13,8 +13,6 @@
 namespace faultline {
 namespace {
 
-constexpr double kSubscriberWait = 10;  // s
-
 // Places among the datasheet's estimators.
 std::vector<std::size_t> find_stages(const Datasheet& sheet, const std::vector<std::string>& families,
                                      const std::string& name) {
@@ -45,7 +43,8 @@ std::string title(const Datasheet& sheet, const std::vector<std::size_t>& stages
 
 }  // namespace
 
-EstimatorHost::EstimatorHost(const Datasheet& sheet, const std::vector<std::string>& families, const std::string& stage)
+EstimatorHost::EstimatorHost(const Datasheet& sheet, const std::vector<std::string>& families, const std::string& stage,
+                             Listeners listeners)
     : sheet_(sheet),
       private_node_("~"),
       input_(sheet, [this](const Sample& sample) { take(sample); }),
@@ -57,12 +56,9 @@ EstimatorHost::EstimatorHost(const Datasheet& sheet, const std::vector<std::stri
     EstimateNames names = names_of(sheet, made);
     hosted_.push_back({std::move(made), std::move(names), Estimate(), occasional[i], false});
   }
-  estimates_ = node_.advertise<faultline_msgs::Estimate>(topic(sheet.rig, "estimate"), kQueue);
+  estimates_ = node_.advertise<faultline_msgs::Estimate>(topic(sheet.rig, "estimate"), kQueue, listeners.heard());
   service_ = private_node_.advertiseService("reset", &EstimatorHost::reset, this);
-}
-
-void EstimatorHost::start(int wait_for) {
-  if (wait_for > 0) wait_for_subscribers(estimates_, wait_for, kSubscriberWait);
+  listeners.wait();
   input_.start();
 }
 
@@ -101,10 +97,9 @@ int run_estimator_node(int argc, char** argv, const std::string& name, const std
   return run_node(argc, argv, name, [&](Parameters& parameters) {
     const Datasheet sheet = read_rig(parameters);
     const std::string stage = parameters.word("stage", "");
-    const int wait_for = static_cast<int>(parameters.integer("wait_for", 0, 0, 100));
+    Listeners listeners(parameters);
     parameters.check_used();
-    EstimatorHost node(sheet, families, stage);
-    node.start(wait_for);
+    const EstimatorHost node(sheet, families, stage, std::move(listeners));
     ros::spin();
     return 0;
   });

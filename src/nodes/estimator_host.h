@@ -13,17 +13,17 @@
 #include "faultline/estimators/estimator_stage.h"
 #include "nodes/conversion.h"
 #include "nodes/node_health.h"
+#include "nodes/node_main.h"
 #include "nodes/rig_input.h"
 
 namespace faultline {
 
 class EstimatorHost {
  public:
-  // `stage`: of the datasheet's estimators of these families; empty: all of them. Throws InputError that lists the
+  // Waits for the listeners to its estimates before it subscribes. `stage`: of the datasheet's estimators of these families; empty: all of them. Throws InputError that lists the
   // stages there are.
-  EstimatorHost(const Datasheet& sheet, const std::vector<std::string>& families, const std::string& stage);
-  // Subscribes once /RIG/estimate has `wait_for` subscribers, so that they miss nothing.
-  void start(int wait_for);
+  EstimatorHost(const Datasheet& sheet, const std::vector<std::string>& families, const std::string& stage,
+                Listeners listeners);
 
  private:
   void take(const Sample& sample);

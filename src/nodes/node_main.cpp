@@ -3,10 +3,12 @@
 #include <chrono>
 #include <exception>
 #include <iostream>
+#include <sstream>
 #include <thread>
 
 #include <fmt/format.h>
 #include <ros/master.h>
+#include <ros/names.h>
 #include <ros/package.h>
 #include <ros/ros.h>
 
@@ -16,7 +18,8 @@
 namespace faultline {
 namespace {
 
-constexpr double kMasterWait = 3;  // s: roslaunch may still be starting it
+constexpr double kMasterWait = 3;     // s: roslaunch may still be starting it
+constexpr double kListenerWait = 10;  // s
 
 bool find_master() {
   const double end = steady_seconds() + kMasterWait;
@@ -85,18 +88,25 @@ void linger() {
   }
 }
 
-bool wait_for_subscribers(const ros::Publisher& publisher, int count, double seconds) {
-  const double end = steady_seconds() + seconds;
-  while (static_cast<int>(publisher.getNumSubscribers()) < count && ros::ok()) {
+Listeners::Listeners(Parameters& parameters) : missing_(std::make_shared<std::set<std::string>>()) {
+  std::istringstream names(parameters.word("wait_for", ""));
+  for (std::string name; names >> name;) missing_->insert(ros::names::resolve(name));
+}
+
+ros::SubscriberStatusCallback Listeners::heard() {
+  return [missing = missing_](const ros::SingleSubscriberPublisher& one) { missing->erase(one.getSubscriberName()); };
+}
+
+void Listeners::wait() const {
+  const double end = steady_seconds() + kListenerWait;
+  while (!missing_->empty() && ros::ok()) {
     if (steady_seconds() > end) {
-      ROS_WARN("%s: %u of %d subscribers after %g s; going on without", publisher.getTopic().c_str(),
-               publisher.getNumSubscribers(), count, seconds);
-      return false;
+      ROS_WARN("%s does not listen after %g s; going on without", missing_->begin()->c_str(), kListenerWait);
+      return;
     }
     ros::spinOnce();
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
-  return true;
 }
 
 }  // namespace faultline

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <set>
 #include <string>
 
 #include <ros/publisher.h>
@@ -19,10 +21,20 @@ int run_node(int argc, char** argv, const std::string& name, const std::function
 // (rig_packages.h).
 Datasheet read_rig(Parameters& parameters);
 
-// Holds the start back until `publisher` has `count` subscribers, or `seconds` of wall time are over: ROS drops what is
-// published before a subscriber is connected, and a recording's first samples should not be lost. False if the time ran
-// out.
-bool wait_for_subscribers(const ros::Publisher& publisher, int count, double seconds);
+// The nodes that must hear a publisher's first message: ROS drops what is published before a subscriber is connected,
+// and with the first samples a diagnosis would lose its start. By name, for whoever else listens (a recorder, a plot) is
+// no reason to begin.
+class Listeners {
+ public:
+  // ~wait_for: nodes of this node's namespace, spaces between.
+  explicit Listeners(Parameters& parameters);
+  ros::SubscriberStatusCallback heard();  // for advertise()
+  // Holds the start back until all are there, 10 s of wall time at most.
+  void wait() const;
+
+ private:
+  std::shared_ptr<std::set<std::string>> missing_;
+};
 
 // At the end of a node's job, a second: ROS sends from a thread of its own and drops what is still queued when the node
 // ends.

@@ -17,7 +17,7 @@ constexpr double kDescriptionWait = 1.5;  // s: a DAQ sends one a second
 
 }  // namespace
 
-RigDriver::RigDriver(const Datasheet& sheet, const std::string& made_by)
+RigDriver::RigDriver(const Datasheet& sheet, const std::string& made_by, Listeners& listeners)
     : sheet_(sheet),
       sample_channel_(lcm_channel(sheet.rig, "sample")),
       description_channel_(lcm_channel(sheet.rig, "description")),
@@ -25,7 +25,7 @@ RigDriver::RigDriver(const Datasheet& sheet, const std::string& made_by)
             [this](const Sample& sample, double arrival) { deliver(sample, arrival); }),
       monitor_(sequence_settings(sheet)) {
   description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
-  samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue);
+  samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue, listeners.heard());
   description_.publish(to_message(sheet, made_by));
 }
 

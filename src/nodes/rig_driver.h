@@ -12,6 +12,7 @@
 
 #include "faultline/signal/sequence_monitor.h"
 #include "nodes/node_health.h"
+#include "nodes/node_main.h"
 #include "nodes/sample_gate.h"
 
 namespace faultline {
@@ -19,14 +20,13 @@ namespace faultline {
 class RigDriver {
  public:
   // Advertises, and publishes the latched description.
-  RigDriver(const Datasheet& sheet, const std::string& made_by);
+  RigDriver(const Datasheet& sheet, const std::string& made_by, Listeners& listeners);
 
   // One LCM message. `arrival`: s, of a clock that runs evenly. Other channels than the rig's are left alone.
   void take(const std::string& channel, const void* data, int size, double arrival);
   void flush(double arrival);  // no more will come, or none came for a while
   void tell(diagnostic_updater::DiagnosticStatusWrapper& status);
 
-  const ros::Publisher& samples() const { return samples_; }
   std::uint64_t published() const;
   std::string trouble() const;
 

@@ -14,19 +14,18 @@
 namespace faultline {
 namespace {
 
-constexpr double kSubscriberWait = 10;  // s
 // s: topics of one machine arrive within milliseconds of each other, over a network within some ten.
 constexpr double kTopicWait = 0.1;
 
-int drive_topics(const Datasheet& sheet, const std::string& file, double wait, int wait_for) {
+int drive_topics(const Datasheet& sheet, const std::string& file, double wait, Listeners& listeners) {
   const Mapping mapping = read_mapping(file, sheet);
   check_topics(mapping);
   Datasheet described = sheet;
   described.sample_period = mapping.period;
-  TopicDriver driver(described, mapping, "rig_driver_node: topics by " + file, wait);
+  TopicDriver driver(described, mapping, "rig_driver_node: topics by " + file, wait, listeners);
   const NodeHealth health(sheet.rig, "driver",
                           [&](diagnostic_updater::DiagnosticStatusWrapper& status) { driver.tell(status); });
-  if (wait_for > 0) wait_for_subscribers(driver.samples(), wait_for, kSubscriberWait);
+  listeners.wait();
   driver.start();
   while (ros::ok() && !driver.ended()) ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.05));
   if (ros::ok() && !driver.trouble().empty()) throw InputError(driver.trouble());
@@ -40,17 +39,18 @@ int drive(Parameters& parameters) {
   const std::string mapping = parameters.word("mapping", "");
   const double wait = parameters.number("wait", kTopicWait, 0, 60);
   const double rate = parameters.number("rate", 1, 0.01, 100);
-  const int wait_for = static_cast<int>(parameters.integer("wait_for", 0, 0, 100));
+  Listeners listeners(parameters);
   parameters.check_used();
   if (!log.empty() && !url.empty()) throw InputError("parameters ~log and ~lcm_url exclude each other; give one");
   if (!mapping.empty()) {
     if (!log.empty() || !url.empty())
       throw InputError("parameters ~mapping, ~log and ~lcm_url exclude each other; give one");
-    return drive_topics(sheet, mapping, wait, wait_for);
+    return drive_topics(sheet, mapping, wait, listeners);
   }
 
   RigDriver driver(
-      sheet, "rig_driver_node: " + (log.empty() ? "LCM " + (url.empty() ? "default network" : url) : "LCM log " + log));
+      sheet, "rig_driver_node: " + (log.empty() ? "LCM " + (url.empty() ? "default network" : url) : "LCM log " + log),
+      listeners);
   const NodeHealth health(sheet.rig, "driver",
                           [&](diagnostic_updater::DiagnosticStatusWrapper& status) { driver.tell(status); });
   const LcmSource::Take take = [&](const std::string& channel, const void* data, int size, double arrival) {
@@ -62,7 +62,7 @@ int drive(Parameters& parameters) {
   if (log.empty()) {
     source.listen(url, sheet.rig, take, idle);
   } else {
-    if (wait_for > 0) wait_for_subscribers(driver.samples(), wait_for, kSubscriberWait);
+    listeners.wait();
     source.play(log, rate, take, idle);
   }
   while (ros::ok() && !source.ended()) ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.05));

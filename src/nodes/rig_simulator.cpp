@@ -19,8 +19,7 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
-constexpr double kSubscriberWait = 10;  // s
-constexpr double kWorthTelling = 0.1;   // s behind the clock
+constexpr double kWorthTelling = 0.1;  // s behind the clock
 
 void add_effects(const std::vector<std::string>& texts, SimulationSetup& setup) {
   for (const std::string& text : texts) setup.effects.push_back(parse_effect(text));
@@ -51,7 +50,6 @@ RigSimulatorSettings read_simulator_settings(const Datasheet& sheet, Parameters&
   settings.start = parameters.number("start", now, 0, 4e9);
   settings.over_lcm = parameters.choice("output", "ros", {"lcm", "ros"}) == "lcm";
   settings.lcm_url = parameters.word("lcm_url", "");
-  settings.wait_for = static_cast<int>(parameters.integer("wait_for", 0, 0, 100));
 
   std::vector<std::string> effects;
   for (const EffectSpec& effect : setup.effects) effects.push_back(to_string(effect));
@@ -62,8 +60,8 @@ RigSimulatorSettings read_simulator_settings(const Datasheet& sheet, Parameters&
   return settings;
 }
 
-RigSimulator::RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& settings)
-    : sheet_(sheet), settings_(settings), simulator_(sheet, settings.setup) {
+RigSimulator::RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& settings, Listeners listeners)
+    : sheet_(sheet), settings_(settings), simulator_(sheet, settings.setup), listeners_(std::move(listeners)) {
   if (settings_.over_lcm) {
     lcm_ = std::make_unique<lcm::LCM>(settings_.lcm_url);
     if (!lcm_->good())
@@ -73,7 +71,7 @@ RigSimulator::RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& s
           settings_.lcm_url));
   } else {
     description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
-    samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue);
+    samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue, listeners_.heard());
   }
   health_ =
       std::make_unique<NodeHealth>(sheet.rig, "simulator", [this](diagnostic_updater::DiagnosticStatusWrapper& status) {
@@ -119,7 +117,7 @@ void RigSimulator::run() {
   const double wall_period = period / settings_.rate;
 
   send_description();
-  if (!lcm_) wait_for_subscribers(samples_, settings_.wait_for, kSubscriberWait);
+  if (!lcm_) listeners_.wait();
   const double begin = steady_seconds();
   Sample sample;
   for (std::uint64_t k = 0; k <= last && ros::ok();) {

@@ -13,6 +13,7 @@
 
 #include "faultline/rig/simulator.h"
 #include "nodes/node_health.h"
+#include "nodes/node_main.h"
 #include "nodes/parameters.h"
 
 namespace faultline {
@@ -25,7 +26,6 @@ struct RigSimulatorSettings {
   double start = 0;     // s, stamp of the first sample
   bool over_lcm = false;
   std::string lcm_url;
-  int wait_for = 0;  // subscribers before the first sample
 };
 
 // Throws InputError for what the datasheet does not know.
@@ -33,7 +33,7 @@ RigSimulatorSettings read_simulator_settings(const Datasheet& sheet, Parameters&
 
 class RigSimulator {
  public:
-  RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& settings);
+  RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& settings, Listeners listeners);
   void run();  // until the duration is over or ROS ends
 
  private:
@@ -43,6 +43,7 @@ class RigSimulator {
   const Datasheet& sheet_;
   RigSimulatorSettings settings_;
   Simulator simulator_;
+  Listeners listeners_;
   ros::NodeHandle node_;
   ros::Publisher samples_, description_;
   std::unique_ptr<lcm::LCM> lcm_;

@@ -7,8 +7,9 @@ int main(int argc, char** argv) {
   return run_node(argc, argv, "rig_simulator_node", [](Parameters& parameters) {
     const Datasheet sheet = read_rig(parameters);
     const RigSimulatorSettings settings = read_simulator_settings(sheet, parameters);
+    Listeners listeners(parameters);
     parameters.check_used();
-    RigSimulator simulator(sheet, settings);
+    RigSimulator simulator(sheet, settings, std::move(listeners));
     simulator.run();
     linger();
     return 0;

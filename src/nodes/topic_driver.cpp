@@ -25,7 +25,8 @@ constexpr double kBagEpoch = 946684800;  // s, 2000-01-01T00:00:00Z, the zero of
 
 }  // namespace
 
-TopicDriver::TopicDriver(const Datasheet& sheet, const Mapping& mapping, const std::string& made_by, double wait)
+TopicDriver::TopicDriver(const Datasheet& sheet, const Mapping& mapping, const std::string& made_by, double wait,
+                         Listeners& listeners)
     : sheet_(sheet),
       mapping_(mapping),
       assembler_(
@@ -37,7 +38,7 @@ TopicDriver::TopicDriver(const Datasheet& sheet, const Mapping& mapping, const s
     conversions_.push_back(mapped.conversion(sheet.channels[mapped.channel], mapped.unit));
   sample_.values.resize(sheet.channels.size());
   description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
-  samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue);
+  samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue, listeners.heard());
   description_.publish(to_message(sheet, made_by));
 }
 

@@ -21,6 +21,7 @@
 #include "faultline/signal/sequence_monitor.h"
 #include "nodes/field_reader.h"
 #include "nodes/node_health.h"
+#include "nodes/node_main.h"
 
 namespace faultline {
 
@@ -28,11 +29,11 @@ class TopicDriver {
  public:
   // Advertises, and publishes the latched description. `wait`: s, in the stamps of the topics, that a row waits for one
   // that is behind the others.
-  TopicDriver(const Datasheet& sheet, const Mapping& mapping, const std::string& made_by, double wait);
+  TopicDriver(const Datasheet& sheet, const Mapping& mapping, const std::string& made_by, double wait,
+              Listeners& listeners);
   ~TopicDriver();
 
   void tell(diagnostic_updater::DiagnosticStatusWrapper& status);
-  const ros::Publisher& samples() const { return samples_; }
   void start();
   bool ended() const { return ended_; }
   std::string trouble() const;  // why it ended

@@ -55,8 +55,8 @@ def measure(seconds):
         listener = graph.start(listen)
         nodes = {
             "alarms": graph.node("alarm_node", "alarms", rig=RIG),
-            "kalman": graph.node("kalman_node", "kalman", rig=RIG, wait_for=1),
-            "driver": graph.node("rig_driver_node", "driver", rig=RIG, lcm_url=URL, wait_for=1),
+            "kalman": graph.node("kalman_node", "kalman", rig=RIG, wait_for="alarms"),
+            "driver": graph.node("rig_driver_node", "driver", rig=RIG, lcm_url=URL, wait_for="kalman"),
         }
         time.sleep(3)  # LCM keeps nothing for a listener that comes late
         nodes["simulator"] = graph.node(

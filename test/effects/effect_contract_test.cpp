@@ -232,6 +232,60 @@ TEST(EffectContract, UndoReturnsWhatWentIn) {
     EXPECT_EQ(without_memory.count(name), 1u) << name;
 }
 
+// With memory: what went in is found from what came out around a time, alone and beside a model that is right, and the
+// effect goes on from there as if it had run all along.
+TEST(EffectContract, WhatASensorShowsIsUndoneWhateverItRemembers) {
+  std::set<std::string> with_memory;
+  for (const EffectType& type : effect_types()) {
+    if (!type.fits_kind(PortKind::sensor) || type.name == "noise" || type.name == "quantisation") continue;
+    SCOPED_TRACE(type.name);
+    const auto effect = made(type, typical_parameters(type));
+    if (!forgets(type)) {
+      with_memory.insert(type.name);
+      EXPECT_TRUE(effect->remembers());
+    }
+    const int count = 1150;  // before the probe's jumps
+    std::vector<double> in, out;
+    for (int k = 0; k <= count; ++k) {
+      in.push_back(probe_signal(k * kProbeStep));
+      out.push_back(effect->signal(in.back(), k * kProbeStep));
+    }
+    double most = 1e-9;
+    for (int k = 0; k <= count; ++k)
+      most = std::max(most, std::fabs(out[static_cast<std::size_t>(k)] - in[static_cast<std::size_t>(k)]));
+    double alone = 0, beside = 0, gone_on = 0;
+    int found = 0;
+    for (int k = 300; k < 650; k += 7) {
+      const double time = k * kProbeStep;
+      const Course course = [&](double later) {
+        const double place = k + later / kProbeStep;
+        const auto at = static_cast<std::size_t>(std::clamp(std::floor(place), 0.0, count - 1.0));
+        const double slope = (out[at + 1] - out[at]) / kProbeStep;
+        return Shown{out[at] + (place - static_cast<double>(at)) * kProbeStep * slope, slope, 1e-3};
+      };
+      const double went_in = in[static_cast<std::size_t>(k)];
+      const auto other = made(type, typical_parameters(type));
+      const Shown undone = other->undo(course, 0, time, kNoShape), again = other->undo(course, 0, time, went_in);
+      if (std::isnan(undone.value)) continue;
+      ++found;
+      alone += std::fabs(undone.value - went_in);
+      beside += std::fabs(again.value - went_in);
+      other->resume(again, course(0));
+      double late = 0;
+      for (std::size_t i = static_cast<std::size_t>(k) + 1; i <= static_cast<std::size_t>(k) + 40; ++i)
+        late = std::fabs(other->signal(in[i], static_cast<double>(i) * kProbeStep) - out[i]);
+      gone_on += late;
+    }
+    ASSERT_GT(found, 20);
+    // A signal held back by its rate was ahead by what nothing tells; in a play it lies anywhere.
+    const double share = type.name == "rate_limit" ? 1 : type.name == "hysteresis" ? 0.4 : 0.05;
+    EXPECT_LE(alone / found, share * most);
+    EXPECT_LE(beside / found, 0.05 * most);
+    EXPECT_LE(gone_on / found, 0.02 * most);
+  }
+  EXPECT_EQ(with_memory, (std::set<std::string>{"delay", "flexible_memory", "hysteresis", "lag", "rate_limit"}));
+}
+
 TEST(EffectContract, LeaksDissipateAndTwoWayLeaksAreOdd) {
   for (const EffectType& type : effect_types()) {
     if (type.family != "leakage") continue;

@@ -26,7 +26,7 @@ class GapNode(unittest.TestCase):
                 nuisance=True,
                 off_nominal=True,
                 start=2000.0,
-                wait_for=1,
+                wait_for="gap",
                 rate=3.0,
                 **parameters
             )

@@ -94,7 +94,7 @@ class TopicDriver(unittest.TestCase):
 
     def live(self, bag, last, ahead, topics=TOPICS, rounds=1):
         self.graph.set("/use_sim_time", True)
-        driver = self.driver(wait_for=1, wait=1.0)
+        driver = self.driver(wait_for="stand", wait=1.0)
         heard = self.graph.path / "samples"
         player = self.graph.start(
             [

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 
 #include <Eigen/Cholesky>
 
@@ -66,6 +67,67 @@ TEST(SegmentModel, LeavesNoiseWithAnyEffectAtASensor) {
       EXPECT_LT(std::sqrt(r.col(o).squaredNorm() / static_cast<float>(r.rows())), 1.4f)
           << to_string(effect) << " "
           << sheet.channels[static_cast<std::size_t>(model.outputs()[static_cast<std::size_t>(o)])].name;
+  }
+}
+
+// Every effect that fits a sensor, of a size that the sensor plainly shows, on a state that is measured; the start
+// states come back through it. Against the same run without it.
+TEST(SegmentModel, StartsBehindAnyEffectAtASensor) {
+  std::map<std::string, std::string> sizes = {
+      {"deadband", "width=0.005"},
+      {"delay", "time=0.0123"},
+      {"drift", "rate=0.01"},
+      {"flexible_curve", "at_minus_full=-0.2,at_minus_quarter=0.1,at_quarter=0.05,at_full=0.3"},
+      {"flexible_memory", "gain=0.5,time_constant=0.02"},
+      {"gain_curve", "curvature=0.3"},
+      {"hysteresis", "width=0.01"},
+      {"lag", "time_constant=0.02"},
+      {"noise", "std=0.001"},
+      {"offset", "value=0.02"},
+      {"quantisation", "step=0.0005"},
+      {"rate_limit", "rate=0.3"},
+      {"saturation", "limit=0.05"},
+      {"scale", "factor=1.1"},
+      {"stuck", "from=1.5"}};
+  const auto rms = [](const EffectSpec* effect, bool one_sample) {
+    Datasheet sheet = servo();
+    SimulationSetup setup = servo_setup("multisine");
+    if (effect) {
+      setup.effects = {*effect};
+      FittingEffect fits{effect->effect, {}};
+      for (const EffectParameter& p : find_effect_type(effect->effect)->parameters)
+        fits.bounds[p.name] = {p.minimum, p.maximum};
+      for (Port& port : sheet.ports)
+        if (port.name == effect->port) port.effects = {fits};
+    }
+    SegmentedRun run = cut_run(sheet, "run", simulate(sheet, setup, 3), 0.25);
+    const SegmentModel model(sheet);
+    const std::vector<double> noise = noise_of(sheet);
+    const ModelChange change{sheet.nominal(), setup.effects};
+    model.place_starts(run, noise, change);
+    if (!one_sample) model.settle(change, run, noise);
+    const Eigen::MatrixXf r =
+        one_sample ? model.residuals(change, run, noise, 1)
+                   : settled(run, model.start_columns(change, run, noise), model.residuals(change, run, noise));
+    std::vector<double> result;
+    for (Eigen::Index o = 0; o < r.cols(); ++o)
+      result.push_back(std::sqrt(r.col(o).squaredNorm() / static_cast<float>(r.rows())));
+    return result;
+  };
+  for (const bool one_sample : {true, false}) {
+    const std::vector<double> without = rms(nullptr, one_sample);
+    for (const EffectType& type : effect_types()) {
+      // What noise and rounding add, the model adds as well; in a zone a state shows nowhere and goes on by itself.
+      if (!type.fits_kind(PortKind::sensor) || type.name == "noise" || type.name == "quantisation") continue;
+      if (type.name == "deadband" && !one_sample) continue;
+      for (const char* port : {"sensor.position", "sensor.velocity"}) {
+        const EffectSpec spec = parse_effect(type.name + "@" + port + ":" + sizes.at(type.name));
+        const std::vector<double> with = rms(&spec, one_sample);
+        for (std::size_t o = 0; o < with.size(); ++o)
+          EXPECT_LT(with[o], 1.15 * without[o] + 0.05)
+              << to_string(spec) << " output " << o << (one_sample ? ", one sample" : ", segments");
+      }
+    }
   }
 }
 

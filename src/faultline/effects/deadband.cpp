@@ -15,7 +15,7 @@ class Deadband : public Effect {
  public:
   double signal(double value, double /*time*/) override { return zone(value); }
   double opening(double value) const override { return zone(value); }
-  double undo_signal(double value, double /*time*/) override {  // 0 is all of the zone
+  double undo_signal(double value, double /*time*/) const override {  // 0 is all of the zone
     return value == 0 && parameter(0) > 0 ? std::nan("") : value + std::copysign(0.5 * parameter(0), value);
   }
 

@@ -4,6 +4,8 @@
 // `time` and a delay below one step works too. Before the first value y is the first value. Memory is taken for the
 // full-size delay when the effect is configured, none while it runs. Limit: interpolation smooths what is faster than
 // the step; at most 1000 s, of which each step is kept.
+// Undone by what comes out `time` later. What is on its way stays; at a start it is taken to have run straight, for the
+// readings to come are what a model is held against.
 
 #include <algorithm>
 #include <cstddef>
@@ -31,6 +33,17 @@ class Delay : public Effect {
     const std::size_t later = newest_ >= whole_ ? newest_ - whole_ : newest_ + past_.size() - whole_;
     const std::size_t earlier = later == 0 ? past_.size() - 1 : later - 1;
     return past_[later] + fraction_ * (past_[earlier] - past_[later]);
+  }
+  Shown undo(const Course& out, double later, double /*time*/, double /*own*/) const override {
+    return out(later + parameter(0));
+  }
+  bool remembers() const override { return true; }
+  void resume(const Shown& in, const Shown& /*out*/) override {
+    if (started_) return;
+    for (std::size_t i = 0; i < past_.size(); ++i)
+      past_[newest_ >= i ? newest_ - i : newest_ + past_.size() - i] =
+          in.value - in.slope * context().step * static_cast<double>(i);
+    started_ = true;
   }
 
  private:

@@ -15,7 +15,7 @@ namespace {
 class Drift : public Effect {
  public:
   double signal(double value, double time) override { return value + drifted(time); }
-  double undo_signal(double value, double time) override { return value - drifted(time); }
+  double undo_signal(double value, double time) const override { return value - drifted(time); }
   double boundary(double value, double /*flow*/, double time) const override { return value + drifted(time); }
 
  private:

@@ -21,7 +21,7 @@ class FlexibleCurve : public Effect {
   double signal(double value, double /*time*/) override { return bent(value); }
   double opening(double opening) const override { return bent(opening); }
   // The innermost of the lines on which the value lies; not a number where it lies on none.
-  double undo_signal(double value, double /*time*/) override {
+  double undo_signal(double value, double /*time*/) const override {
     const double range = context().range;
     for (const std::size_t i : {1u, 0u, 2u}) {
       const double left = bent(range * kKnots[i]), right = bent(range * kKnots[i + 1]);

@@ -17,7 +17,7 @@ class GainCurve : public Effect {
     return value * (1 + parameter(0) * (std::fabs(value) * inverse_range_ - 1));
   }
   // The root of curvature/range u^2 + (1 - curvature) u = |y| that is 0 with it; none beyond the curve's turn.
-  double undo_signal(double value, double /*time*/) override {
+  double undo_signal(double value, double /*time*/) const override {
     const double slope = 1 - parameter(0);
     const double square = slope * slope + 4 * parameter(0) * inverse_range_ * std::fabs(value);
     return square < 0 ? std::nan("") : 2 * value / (slope + std::sqrt(square));

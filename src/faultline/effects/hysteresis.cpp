@@ -7,9 +7,12 @@
 // force at 0 at the first position. Continuous in u and x; linear in width for the force.
 // The force remembers the last position it was asked for: trial steps of an integrator within one step are retraced
 // exactly while elastic, and while sliding leave an error no larger than their own overshoot over r.
+// A signal is undone by the side on which it moves; at rest by what a model has within the play, or by the side of its
+// last motion.
 // Limit: one element, so a loop of one shape; minor loops of a magnetic coil are rounder.
 
 #include <algorithm>
+#include <cmath>
 
 #include "faultline/rig/effect.h"
 
@@ -27,6 +30,22 @@ class Hysteresis : public Effect {
     memory_ = std::min(std::max(memory_, value - half), value + half);
     return memory_;
   }
+  Shown undo(const Course& out, double later, double /*time*/, double own) const override {
+    Shown in = out(later);
+    const double half = 0.5 * parameter(0);
+    if (std::fabs(in.slope) > kCertain * in.slope_std)
+      in.value += std::copysign(half, in.slope);
+    else if (std::isfinite(own))
+      in.value = std::min(std::max(own, in.value - half), in.value + half);
+    else
+      in.value += half * last_motion(out, later, in.value);
+    return in;
+  }
+  bool remembers() const override { return true; }
+  void resume(const Shown& /*in*/, const Shown& out) override {
+    memory_ = out.value;
+    started_ = true;
+  }
 
   void force(const Motion& motion, BodyForces& sum) const override {
     if (!started_) {
@@ -41,6 +60,19 @@ class Hysteresis : public Effect {
 
  private:
   static constexpr double kElasticShare = 0.05;
+  static constexpr double kCertain = 3;      // standard deviations
+  static constexpr int kMostDoublings = 24;  // of the time that is looked back
+
+  // Sign of it; 0: none is to be seen.
+  double last_motion(const Course& out, double later, double value) const {
+    double back = context().step;
+    for (int i = 0; i < kMostDoublings; ++i, back *= 2) {
+      const double moved = value - out(later - back).value;
+      if (std::isnan(moved)) return 0;
+      if (std::fabs(moved) > kCertain * context().noise_std) return std::copysign(1.0, moved);
+    }
+    return 0;
+  }
 
   void parameters_changed() override {
     reach_ = kElasticShare * context().range;

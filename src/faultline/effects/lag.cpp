@@ -4,7 +4,8 @@
 // exp(-h/time_constant):
 //   y += (1 - e)(u_before - y) + (1 - (1 - e) time_constant/h)(u - u_before)
 // so that the lag of a signal that moves is the time constant, however short. y starts at the first value (no start-up
-// transient). Continuous in time_constant down to 0, where y = u.
+// transient). Continuous in time_constant down to 0, where y = u. Undone as u = y + time_constant y', with that much of the
+// slope's error.
 
 #include <cmath>
 
@@ -25,6 +26,18 @@ class Lag : public Effect {
     before_ = value;
     started_ = true;
     return state_;
+  }
+  Shown undo(const Course& out, double later, double /*time*/, double /*own*/) const override {
+    Shown in = out(later);
+    in.value += parameter(0) * in.slope;
+    in.std = std::hypot(in.std, parameter(0) * in.slope_std);
+    return in;
+  }
+  bool remembers() const override { return true; }
+  void resume(const Shown& in, const Shown& out) override {
+    state_ = out.value;
+    before_ = in.value;
+    started_ = true;
   }
 
  private:

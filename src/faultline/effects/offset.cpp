@@ -11,7 +11,7 @@ namespace {
 class Offset : public Effect {
  public:
   double signal(double value, double /*time*/) override { return value + parameter(0); }
-  double undo_signal(double value, double /*time*/) override { return value - parameter(0); }
+  double undo_signal(double value, double /*time*/) const override { return value - parameter(0); }
   double boundary(double value, double /*flow*/, double /*time*/) const override { return value + parameter(0); }
 };
 

@@ -10,6 +10,7 @@
 namespace faultline {
 namespace {
 
+constexpr double kUniform = 0.28867513459481287;   // sqrt(1/12), standard deviation over one
 constexpr double kMostSteps = 4503599627370496.0;  // 2^52: beyond, every double is a multiple of the step already
 
 class Quantisation : public Effect {
@@ -18,6 +19,11 @@ class Quantisation : public Effect {
     const double step = parameter(0);
     if (std::fabs(value) >= kMostSteps * step) return value;
     return step * std::round(value / step);
+  }
+  Shown undo(const Course& out, double later, double /*time*/, double /*own*/) const override {
+    Shown in = out(later);
+    in.std = std::hypot(in.std, parameter(0) * kUniform);
+    return in;
   }
 };
 

@@ -17,7 +17,7 @@ class Saturation : public Effect {
   double signal(double value, double /*time*/) override {
     return std::min(std::max(value, -parameter(0)), parameter(0));
   }
-  double undo_signal(double value, double /*time*/) override {
+  double undo_signal(double value, double /*time*/) const override {
     return std::fabs(value) < parameter(0) ? value : std::nan("");
   }
 };

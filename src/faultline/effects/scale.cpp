@@ -16,7 +16,7 @@ constexpr double kSmallestFactorUndone = 1e-6;
 class Scale : public Effect {
  public:
   double signal(double value, double /*time*/) override { return value * parameter(0); }
-  double undo_signal(double value, double /*time*/) override {
+  double undo_signal(double value, double /*time*/) const override {
     return value / std::max(parameter(0), kSmallestFactorUndone);
   }
   void coupling(Coupling& sum) const override { sum.factor *= parameter(0); }

@@ -19,7 +19,8 @@ class Stuck : public Effect {
     started_ = true;
     return held_;
   }
-  double undo_signal(double value, double time) override { return time < parameter(0) ? value : std::nan(""); }
+  double undo_signal(double value, double time) const override { return time < parameter(0) ? value : std::nan(""); }
+  bool remembers() const override { return true; }
 
  private:
   double held_ = 0;

@@ -30,7 +30,7 @@ std::vector<RankedFault> screen(const StretchModel& model, const Eigen::MatrixXd
   return result;
 }
 
-RankedFault refine(const StretchModel& model, const Scene& scene, RankedFault start) {
+RankedFault refine(const StretchModel& model, const Scene& scene, RankedFault start, double loss) {
   const ResponseSettings& settings = model.settings();
   const FaultHypothesis& h = model.hypotheses()[start.hypothesis];
   if (!std::isfinite(start.std)) return start;
@@ -38,7 +38,8 @@ RankedFault refine(const StretchModel& model, const Scene& scene, RankedFault st
   const auto at = [&](double amplitude) {
     return model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitude)});
   };
-  double a = std::max(start.amplitude, least), here = at(a);
+  double a = std::max(start.amplitude, least);
+  double here = a > start.amplitude || std::isinf(loss) ? at(a) : loss;
   double curvature = 1 / (start.std * start.std);
   for (std::size_t i = 0; i < settings.refinements; ++i) {
     const double step = std::max(settings.refine_step_fraction * std::abs(a), settings.refine_step_sigma * start.std);
@@ -105,12 +106,17 @@ std::vector<RankedFault> best_of(const StretchModel& model, const Scene& scene, 
       amplitudes.push_back(a);
     }
   }
+  double worth = kInfinity;
   const auto loss = [&](std::size_t i, double enough) {
     const FaultHypothesis& h = model.hypotheses()[screened[trials[i].hypothesis].hypothesis];
-    return model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitudes[i])}, enough);
+    return model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitudes[i])}, std::min(enough, worth));
   };
+  const auto worth_beside = [&](double least) {
+    return scene.healthy_loss - settings.alternative_evidence_fraction * std::max(0.0, scene.healthy_loss - least);
+  };
+  if (!trials.empty()) worth = worth_beside(loss(0, kInfinity));
   std::vector<RankedFault> result;
-  for (const std::size_t i : try_sizes(trials, first, settings.jobs, loss)) {
+  for (const std::size_t i : try_sizes(trials, settings.refined_hypotheses, settings.jobs, loss)) {
     result.push_back(screened[trials[i].hypothesis]);
     result.back().amplitude = amplitudes[i];
     result.back().evidence = scene.healthy_loss - trials[i].loss;
@@ -121,7 +127,13 @@ std::vector<RankedFault> best_of(const StretchModel& model, const Scene& scene, 
       (*closely)[result[i].hypothesis] = result[i].amplitude;
   }
   result.resize(std::min(result.size(), settings.refined_hypotheses));
-  in_parallel(result.size(), settings.jobs, [&](std::size_t i) { result[i] = refine(model, scene, result[i]); });
+  const auto refined = [&](std::size_t i) {
+    const double loss = scene.healthy_loss - result[i].evidence;
+    if (loss <= worth) result[i] = refine(model, scene, result[i], loss);
+  };
+  if (!result.empty()) refined(0);
+  if (!result.empty()) worth = worth_beside(scene.healthy_loss - result[0].evidence);
+  in_parallel(result.empty() ? 0 : result.size() - 1, settings.jobs, [&](std::size_t i) { refined(i + 1); });
   sort_by_evidence(result);
   return result;
 }

@@ -27,12 +27,13 @@ struct Scene {
 // To first order, best first. `gram`: [r T D]'[r T D], what is known of theta in it.
 std::vector<RankedFault> screen(const StretchModel& model, const Eigen::MatrixXd& gram);
 
-// Steps towards the amplitude of the least loss: robust where the response bends.
-RankedFault refine(const StretchModel& model, const Scene& scene, RankedFault start);
+// Steps towards the amplitude of the least loss: robust where the response bends. `loss`: at the start, where known.
+RankedFault refine(const StretchModel& model, const Scene& scene, RankedFault start, double loss = kInfinity);
 
 // Of `screened` the best, refined, best first. `before`: amplitudes of those that explained best what is still there;
 // empty: all are tried anew at a few sizes each, since the first order misses what only a large fault does (a piston
-// that no longer breaks away). `closely`, if given, takes the amplitudes of the best before they are refined.
+// that no longer breaks away). What explains less than `alternative_evidence_fraction` of what the first to first order
+// does is neither followed nor refined. `closely`, if given, takes the amplitudes of the best before they are refined.
 std::vector<RankedFault> best_of(const StretchModel& model, const Scene& scene, std::vector<RankedFault> screened,
                                  const std::map<std::size_t, double>& before,
                                  std::map<std::size_t, double>* closely = nullptr);

@@ -91,6 +91,7 @@ std::unique_ptr<Stretch> StretchModel::prepare(const Recording& recording) const
   stretch->begin = recording.time.front();
   stretch->sums = no_sums();
   stretch->run = cut_run(sheet_, "", recording, settings_.segment_s, settings_.segment, Inputs::as_measured);
+  stretch->run.lead = 1;
   model_.place_starts(stretch->run, sigma_, model_.nominal());
   return stretch;
 }

@@ -53,6 +53,16 @@ void Effect::set_size(double size) {
   parameters_changed();
 }
 
+Shown Effect::undo(const Course& out, double later, double time, double /*own*/) const {
+  const Shown shown = out(later);
+  const double at = time + later, step = context_.step;
+  Shown in = shown;
+  in.value = undo_signal(shown.value, at);
+  const double slope = (undo_signal(shown.value + step * shown.slope, at + step) - in.value) / step;
+  if (std::isfinite(slope)) in.slope = slope;
+  return in;
+}
+
 bool EffectType::fits_kind(PortKind kind) const { return std::find(fits.begin(), fits.end(), kind) != fits.end(); }
 
 int EffectType::parameter_index(const std::string& wanted) const {

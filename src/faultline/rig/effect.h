@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <string>
@@ -41,6 +42,13 @@ struct PortContext {
   double start = std::numeric_limits<double>::quiet_NaN();
 };
 
+// What shows at a place at a time: value, slope per second, and the standard deviations of both.
+struct Shown {
+  double value = 0, slope = 0, slope_std = 0, std = 0;
+};
+// What shows there `later` s after a time, before it where negative. NaN: not known.
+using Course = std::function<Shown(double later)>;
+
 class Effect {
  public:
   virtual ~Effect() = default;
@@ -57,7 +65,14 @@ class Effect {
   virtual double signal(double value, double /*time*/) { return value; }
   // What must have gone in, for the given thing to come out: for sensors whose reading drives the model. Static effects
   // only. NaN: what comes out says nothing about it.
-  virtual double undo_signal(double value, double /*time*/) { return value; }
+  virtual double undo_signal(double value, double /*time*/) const { return value; }
+  // The same `later` s after `time` for any effect, from what comes out around `time`. `own`: what goes in as a model
+  // has it; NaN where none does. Here: of a static effect.
+  virtual Shown undo(const Course& out, double later, double time, double own) const;
+  // Whether what comes out depends on what went in before.
+  virtual bool remembers() const { return false; }
+  // Sets the memory to that of an effect in which `in` goes while `out` comes out.
+  virtual void resume(const Shown& /*in*/, const Shown& /*out*/) {}
   virtual void force(const Motion&, BodyForces&) const {}
   virtual double flow(const LeakPath&) const { return 0; }  // m^3/s, added
   virtual double opening(double opening) const { return opening; }

@@ -83,6 +83,10 @@ void EffectSet::set_time(double time) {
   }
 }
 
+bool EffectSet::remembers() const {
+  return std::any_of(effects_.begin(), effects_.end(), [](const auto& e) { return e->remembers(); });
+}
+
 void EffectSet::reset() {
   set_time(0);
   for (const auto& effect : effects_) effect->reset();

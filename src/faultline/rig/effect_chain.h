@@ -1,6 +1,7 @@
 // The effects of one simulation, by port, in the order in which they were given.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <memory>
 #include <set>
@@ -25,6 +26,18 @@ class EffectChain {
   double undo_signal(double value, double time) const {
     for (auto e = effects_.rbegin(); e != effects_.rend(); ++e) value = (*e)->undo_signal(value, time);
     return value;
+  }
+  // What went in at `time`, from what came out around it; effects with memory go on from there. `own`: of a model that
+  // runs, what goes in.
+  Shown resume(const Course& out, double time, double own) const {
+    Course in = out;
+    for (auto e = effects_.rbegin(); e != effects_.rend(); ++e) {
+      const double mine = e + 1 == effects_.rend() ? own : std::numeric_limits<double>::quiet_NaN();
+      const Course after = std::move(in);
+      in = [effect = *e, after, time, mine](double later) { return effect->undo(after, later, time, mine); };
+      (*e)->resume(in(0), after(0));
+    }
+    return in(0);
   }
   BodyForces forces(const Motion& motion) const {
     BodyForces sum;
@@ -88,6 +101,7 @@ class EffectSet {
   const EffectChain& at(const std::string& port) const;  // empty chain where nothing sits
   void set_time(double time);                            // grows what grows
   void reset();                                          // clears all memory
+  bool remembers() const;                                // whether any has one
 
  private:
   std::vector<EffectSpec> specs_;

@@ -42,6 +42,9 @@ int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
   return std::max(1, static_cast<int>(std::ceil(period_of(sheet, setup) / wanted - 1e-9)));
 }
 
+// What a recording shows of a channel around a row.
+using CourseOf = std::function<Shown(std::size_t channel, double later)>;
+
 // A rig with its effects, and the effects on its signals by channel: what driven and closed-loop simulation share.
 class Plant {
  public:
@@ -70,6 +73,10 @@ class Plant {
       if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::input)
         inputs_.push_back({channel, &chain});
     }
+    for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+      if (sheet.channels[c].role == Role::input) run_.push_back(c);
+      if (sheet.channels[c].role == Role::command) held_.push_back(c);
+    }
     for (std::size_t i = 0; i < sheet.states.size(); ++i)
       for (const auto& [channel, chain] : sensors_)
         if (sheet.states[i].channel == static_cast<int>(channel)) shown_states_.push_back({i, chain});
@@ -78,10 +85,11 @@ class Plant {
     start_.resize(sheet.states.size());
     true_.resize(sheet.channels.size());
     shown_.resize(sheet.channels.size());
+    resumed_.resize(sheet.channels.size());
   }
 
   // `channels`: commands and inputs at this time. Afterwards seen() holds what the sensors show.
-  void start(double time, const double* channels, const double* nominal_state) {
+  void start(double time, const double* channels, const double* nominal_state, const CourseOf& around) {
     effects_.reset();
     effects_.set_time(time);
     std::copy_n(channels, true_.size(), true_.begin());
@@ -90,22 +98,35 @@ class Plant {
     rig_->start(true_.data(), integrator_->state());
     effects_.reset();
     effects_.set_time(time);
-    if (nominal_state) restart(time, channels, nominal_state);
-    observe(time);
+    std::fill(resumed_.begin(), resumed_.end(), std::nan(""));
+    if (nominal_state) restart(time, channels, nominal_state, around, false);
+    rig_->outputs(time, integrator_->state(), shown_.data());
+    for (const auto& [channel, chain] : sensors_)
+      shown_[channel] = std::isnan(resumed_[channel]) ? chain->signal(shown_[channel], time) : resumed_[channel];
   }
 
-  // Puts the rig's states back; effects keep their memory, and what sensors show at this time stays as it was.
-  // A state that is NaN goes on. A state that a channel shows is what that channel says, back through its sensor's
-  // effects.
-  void restart(double time, const double* channels, const double* nominal_state) {
+  // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on. A state
+  // that a channel shows is what that channel says, back through its sensor's effects, which go on from there; other
+  // effects keep their memory. `running`: whether the states until now are worth anything.
+  void restart(double time, const double* channels, const double* nominal_state, const CourseOf& around, bool running) {
     std::vector<double>& state = start_;
     if (std::all_of(nominal_state, nominal_state + state.size(), [](double v) { return std::isnan(v); })) return;
     for (std::size_t i = 0; i < state.size(); ++i)
       state[i] = std::isnan(nominal_state[i]) ? integrator_->state()[i] : nominal_state[i];
     for (const auto& [index, chain] : shown_states_) {
       if (std::isnan(nominal_state[index])) continue;
-      const double shown = chain->undo_signal(state[index], time);
-      state[index] = std::isnan(shown) ? integrator_->state()[index] : shown;
+      const auto channel = static_cast<std::size_t>(sheet_.states[index].channel);
+      const double own = integrator_->state()[index], shown = state[index];
+      const double at_now = around ? around(channel, 0).value : 0;
+      const Course course = [&, index = index](double later) {
+        if (!around) return Shown{shown};
+        Shown result = around(channel, later);
+        result.value += shown - at_now;
+        return result;
+      };
+      const double value = chain->resume(course, time, running ? own : std::nan("")).value;
+      state[index] = std::isnan(value) ? own : value;
+      if (!std::isnan(value)) resumed_[channel] = shown;
     }
     move_to(state.data(), channels);
   }
@@ -116,16 +137,11 @@ class Plant {
     for (int i = 0; i < substeps_; ++i) {
       const double t = time + i * substep_;
       const double share = (i + 0.5) / substeps_;
-      for (std::size_t c = 0; c < true_.size(); ++c) {
-        const Role role = sheet_.channels[c].role;
-        if (role == Role::input)
-          true_[c] = now[c] + share * (next[c] - now[c]);
-        else if (role == Role::command)
-          true_[c] = now[c];
-      }
+      for (const std::size_t c : run_) true_[c] = now[c] + share * (next[c] - now[c]);
+      for (const std::size_t c : held_) true_[c] = now[c];
       for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(now[channel], t);
       integrator_->step(t, substep_, true_.data());
-      observe(t + substep_);
+      if (i + 1 == substeps_ || !sensors_.empty()) observe(t + substep_);
     }
   }
 
@@ -134,6 +150,9 @@ class Plant {
   const double* state() const { return integrator_->state(); }
   double drawn(int channel, double time) const {
     return rig_->drawn(channel, time, integrator_->state(), true_.data());
+  }
+  bool remembers() const {
+    return effects_.remembers() || static_cast<std::size_t>(rig_->states()) > sheet_.states.size();
   }
   double period() const { return period_; }
 
@@ -149,8 +168,7 @@ class Plant {
     rig_->set_modes(state);
   }
 
-  // Outputs as they are, then as sensors with effects show them. Sensors without effects only need the last substep,
-  // but the outputs are cheap.
+  // Outputs as they are, then as sensors with effects show them.
   void observe(double time) {
     rig_->outputs(time, integrator_->state(), shown_.data());
     for (const auto& [channel, chain] : sensors_) shown_[channel] = chain->signal(shown_[channel], time);
@@ -165,7 +183,9 @@ class Plant {
   std::unique_ptr<Integrator> integrator_;
   std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;
   std::vector<std::pair<std::size_t, const EffectChain*>> shown_states_;
+  std::vector<std::size_t> run_, held_;  // channels: inputs, commands
   std::vector<double> true_, shown_, start_, rest_, moved_;
+  std::vector<double> resumed_;  // per channel: what its sensor shows at a start; NaN: what its effects make of it
 };
 
 // The level through its lags plus band-limited wander, a sum of sines with random phases, less the droop of the flow
@@ -289,7 +309,7 @@ struct Simulator::Parts {
     }
     for (int i = 0; i < (droops ? kSettlings : 1); ++i) {
       fill_inputs(0, driving.data());
-      plant.start(0, driving.data(), nullptr);
+      plant.start(0, driving.data(), nullptr, {});
       for (auto& [channel, source] : sources)
         if (source.droops()) source.settle(plant.drawn(static_cast<int>(channel), 0));
     }
@@ -373,13 +393,11 @@ Recording simulate(const Datasheet& sheet, const SimulationSetup& setup, double 
 }
 
 struct DrivenModel::Parts {
-  Parts(const Datasheet& datasheet, const SimulationSetup& given)
-
-      : sheet(datasheet),
-        setup(given),
-        plant(sheet, setup, Use::model),
-        now(sheet.channels.size()),
-        next(sheet.channels.size()) {}
+  Parts(std::shared_ptr<const Datasheet> datasheet, const SimulationSetup& setup)
+      : sheet(std::move(datasheet)),
+        plant(*sheet, setup, Use::model),
+        now(sheet->channels.size()),
+        next(sheet->channels.size()) {}
 
   // What reaches the plant: a sensor whose reading drives the model shows the true value through its effects.
   void take(const Recording& recording, std::size_t row, std::vector<double>& values) {
@@ -393,32 +411,46 @@ struct DrivenModel::Parts {
     return recording.time[row] - recording.time.front();
   }
 
-  const Datasheet sheet;
-  const SimulationSetup setup;
+  const std::shared_ptr<const Datasheet> sheet;
+  // `later` counts from this row.
+  CourseOf around(const Recording& recording, std::size_t row) const {
+    if (!look) return {};
+    return [this, &recording, row](std::size_t channel, double later) { return look(recording, row, channel, later); };
+  }
+
   Plant plant;
+  Around look;
   std::vector<double> now, next;
 };
 
 DrivenModel::DrivenModel(const Datasheet& sheet, const SimulationSetup& setup)
-    : parts_(std::make_unique<Parts>(sheet, setup)) {}
+    : DrivenModel(std::make_shared<const Datasheet>(sheet), setup) {}
+DrivenModel::DrivenModel(std::shared_ptr<const Datasheet> sheet, const SimulationSetup& setup)
+    : parts_(std::make_unique<Parts>(std::move(sheet), setup)) {}
 DrivenModel::~DrivenModel() = default;
 
 void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {
   parts_->take(recording, row, parts_->now);
-  parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state);
+  parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, parts_->around(recording, row));
 }
+
+bool DrivenModel::remembers() const { return parts_->plant.remembers(); }
+
+void DrivenModel::set_around(Around around) { parts_->look = std::move(around); }
 
 void DrivenModel::advance(const Recording& recording, std::size_t to_row, const double* state) {
   parts_->take(recording, to_row, parts_->next);
   const double time = Parts::time(recording, to_row - 1);
   parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
   parts_->now.swap(parts_->next);
-  if (state) parts_->plant.restart(time + parts_->plant.period(), parts_->now.data(), state);
+  if (state)
+    parts_->plant.restart(time + parts_->plant.period(), parts_->now.data(), state, parts_->around(recording, to_row),
+                          true);
 }
 
 const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }
 const double* DrivenModel::state() const { return parts_->plant.state(); }
-std::size_t DrivenModel::state_count() const { return parts_->sheet.states.size(); }
+std::size_t DrivenModel::state_count() const { return parts_->sheet->states.size(); }
 
 std::vector<double> draw_parameters(const Datasheet& sheet, std::uint64_t seed) {
   Random random(seed * 6364136223846793005ULL + 99);

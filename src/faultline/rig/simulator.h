@@ -54,11 +54,13 @@ class Simulator {
 Recording simulate(const Datasheet& sheet, const SimulationSetup& setup, double duration);
 
 // The model driven by what a recording holds: commands and inputs are taken from it, outputs are predicted row by row
-// without noise and rounding. At given rows the rig's states may be put back to given values, while effects on signals
-// keep their memory: the segments of an integrating plant.
+// without noise and rounding. At given rows the rig's states may be put back to given values, and the effects of the
+// sensors that show them to what they show; other effects on signals keep their memory: the segments of an integrating
+// plant.
 class DrivenModel {
  public:
   DrivenModel(const Datasheet& sheet, const SimulationSetup& setup);
+  DrivenModel(std::shared_ptr<const Datasheet> sheet, const SimulationSetup& setup);  // for many models of one rig
   ~DrivenModel();
   DrivenModel(const DrivenModel&) = delete;
   DrivenModel& operator=(const DrivenModel&) = delete;
@@ -86,6 +88,14 @@ class DrivenModel {
       }
     }
   }
+
+  // What a channel of the recording shows without its noise `later` s after a row, for sensors whose effects have
+  // memory. Without it they are taken to have stood still.
+  using Around = std::function<Shown(const Recording& recording, std::size_t row, std::size_t channel, double later)>;
+  void set_around(Around around);
+
+  // Whether effects have memories or states of their own, which a run must first fill.
+  bool remembers() const;
 
   // The rig's states after the last row, in the datasheet's order.
   const double* state() const;

@@ -15,6 +15,22 @@ std::size_t widest_window(const SegmentedRun& run, const SegmentOptions& options
   return static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);
 }
 
+// What a channel shows `later` s after a row, from the quadratic around the nearest row.
+Shown shown_around(const SegmentedRun& run, const Recording& recording, std::size_t row, std::size_t channel,
+                   double noise, double later, const SegmentOptions& options) {
+  const double place = static_cast<double>(row) + later / run.period, nearest = std::round(place);
+  const auto stretch = std::find_if(run.stretches.begin(), run.stretches.end(),
+                                    [&](const Stretched& s) { return row >= s.first && row < s.last; });
+  if (stretch == run.stretches.end() || nearest < static_cast<double>(stretch->first) ||
+      nearest >= static_cast<double>(stretch->last))
+    return {std::nan("")};
+  const Smoothed s = smoothed(recording, static_cast<std::size_t>(nearest), channel, stretch->first, stretch->last,
+                              noise, widest_window(run, options), options);
+  const double x = place - nearest;
+  return {s.value + s.slope * x + s.curvature * x * x, (s.slope + 2 * s.curvature * x) / run.period,
+          s.slope_std / run.period, s.std};
+}
+
 auto rows_of(const SegmentedRun& run, const Eigen::MatrixXf& matrix, std::size_t segment) {
   return matrix.middleRows(static_cast<Eigen::Index>(run.restarts[segment]), static_cast<Eigen::Index>(run.segment));
 }
@@ -60,8 +76,8 @@ std::vector<double> starts_of(const SegmentedRun& run) {
 }
 
 SegmentModel::SegmentModel(const Datasheet& sheet, const SegmentOptions& options)
-    : sheet_(sheet), options_(options), outputs_(compared_outputs(sheet)) {
-  for (const State& state : sheet_.states) {
+    : sheet_(std::make_shared<const Datasheet>(sheet)), options_(options), outputs_(compared_outputs(sheet)) {
+  for (const State& state : sheet_->states) {
     const auto place = std::find(outputs_.begin(), outputs_.end(), state.channel);
     shown_by_.push_back(place == outputs_.end() ? -1 : state.channel);
     at_.push_back(static_cast<std::size_t>(place - outputs_.begin()));
@@ -86,6 +102,14 @@ void SegmentModel::place_starts(SegmentedRun& run, const std::vector<double>& no
   run.start_roots.assign(run.segments(), Eigen::MatrixXd::Zero(states, directions));
   run.start_shift.assign(run.segments(), Eigen::VectorXd::Zero(directions));
   const std::size_t widest = widest_window(run, options_);
+  std::vector<EffectSpec> specs = nominal_effects(*sheet_);
+  specs.insert(specs.end(), change.effects.begin(), change.effects.end());
+  const EffectSet effects(*sheet_, specs, run.period, 1);
+  std::vector<const EffectChain*> chains(shown_by_.size(), nullptr);
+  for (const Port& port : sheet_->ports)
+    for (std::size_t s = 0; port.kind == PortKind::sensor && !port.channel.empty() && s < chains.size(); ++s)
+      if (sheet_->channel(port.channel) == shown_by_[s] && !effects.at(port.name).empty())
+        chains[s] = &effects.at(port.name);
   auto stretch = run.stretches.begin();
   for (std::size_t g = 0; g < run.segments(); ++g) {
     while (run.restarts[g] >= stretch->last) ++stretch;
@@ -97,8 +121,15 @@ void SegmentModel::place_starts(SegmentedRun& run, const std::vector<double>& no
       const Smoothed start = smoothed(run.recording, run.restarts[g], static_cast<std::size_t>(shown_by_[state]),
                                       stretch->first, stretch->last, sigma, widest, options_);
       run.starts[g][s] = start.value;
-      if (!std::isnan(start.value))
-        run.start_roots[g](s, direction) = std::max(options_.start_prior_sigma * sigma, start.std);
+      if (!std::isnan(start.value)) {
+        const auto shown = [&](double later) {
+          return shown_around(run, run.recording, run.restarts[g], static_cast<std::size_t>(shown_by_[state]), sigma,
+                              later, options_);
+        };
+        const double undone = chains[state] ? chains[state]->resume(shown, 0, std::nan("")).std : 0;
+        run.start_roots[g](s, direction) =
+            std::max(options_.start_prior_sigma * std::max(sigma, std::isnan(undone) ? 0 : undone), start.std);
+      }
       ++direction;
     }
     if (!hidden.empty()) place_hidden(run, g, course.mean[g], course.covariance[g], hidden, direction);
@@ -134,28 +165,36 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
   setup.sample_period = run.period;
   setup.noise = false;
   DrivenModel driven(sheet_, setup);
+  driven.set_around([&](const Recording& recording, std::size_t row, std::size_t channel, double later) {
+    const auto output = std::find(outputs_.begin(), outputs_.end(), static_cast<int>(channel)) - outputs_.begin();
+    return shown_around(run, recording, row, channel, sigma[static_cast<std::size_t>(output)], later, options_);
+  });
   const double largest = options_.largest_residual_sigma;
   Eigen::MatrixXf result = Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(run.recording.rows()),
                                                  static_cast<Eigen::Index>(outputs_.size()));
   const auto residual = [&](std::size_t row, std::size_t output, const double* channels) {
     const auto c = static_cast<std::size_t>(outputs_[output]);
-    const Channel& channel = sheet_.channels[c];
+    const Channel& channel = sheet_->channels[c];
     const double r = (std::clamp(run.recording.at(row, c), channel.minimum, channel.maximum) -
                       std::clamp(channels[c], channel.minimum, channel.maximum)) /
                      sigma[output];
     return static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
   };
+  const std::size_t lead = driven.remembers() ? 0 : run.lead;
   auto restart = restarts.begin();
   for (const Stretched& stretch : run.stretches) {
     std::vector<std::size_t> own;
+    // What follows a lead is as it would be without.
+    const auto ends = std::find_if(restart, restarts.end(), [&](std::size_t k) { return k >= stretch.last; });
+    restart += std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(lead), ends - restart - 1);
     const double* first = starts.data() + static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
     for (; restart != restarts.end() && *restart < stretch.last; ++restart) own.push_back(*restart);
     auto next = own.begin() + 1;
     bool ended = false;
     driven.run(run.recording, own.front(), stretch.last - own.front(), own, first,
                [&](std::size_t k, const double* channels) {
-                 const bool shows_the_last = next != own.end() && *next == k;
-                 next += shows_the_last;
+                 const bool shows_the_last = (next != own.end() && *next == k) || (lead > 0 && k == own.front());
+                 next += next != own.end() && *next == k;
                  for (std::size_t i = 0; i < outputs_.size(); ++i)
                    if (counts(run, k, i) && !(shows_the_last && restarted == Restarted::left_out))
                      result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) = residual(k, i, channels);
@@ -173,9 +212,9 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
 void SegmentModel::read_held_values(const ModelChange& change, const SegmentedRun& run,
                                     Eigen::MatrixXf& residuals) const {
   for (const EffectSpec& spec : change.effects) {
-    if (spec.effect != "stuck" || sheet_.port(spec.port).kind != PortKind::sensor) continue;
-    const auto output =
-        std::find(outputs_.begin(), outputs_.end(), sheet_.channel(sheet_.port(spec.port).channel)) - outputs_.begin();
+    if (spec.effect != "stuck" || sheet_->port(spec.port).kind != PortKind::sensor) continue;
+    const auto output = std::find(outputs_.begin(), outputs_.end(), sheet_->channel(sheet_->port(spec.port).channel)) -
+                        outputs_.begin();
     if (output == static_cast<std::ptrdiff_t>(outputs_.size())) continue;
     const double from = spec.parameters.front() + run.recording.time.front();
     const auto first = static_cast<std::size_t>(

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -32,7 +33,7 @@ class SegmentModel {
  public:
   explicit SegmentModel(const Datasheet& sheet, const SegmentOptions& options = {});
 
-  const Datasheet& sheet() const { return sheet_; }
+  const Datasheet& sheet() const { return *sheet_; }
   const std::vector<int>& outputs() const { return outputs_; }  // channels that count
   const SegmentOptions& options() const { return options_; }
   const std::vector<int>& shown_by() const { return shown_by_; }  // per state: output that shows it, or -1
@@ -41,7 +42,7 @@ class SegmentModel {
   // Puts the starts of all segments where the measurements say, without shift. `noise`: of each output. `change`: the
   // model that estimates hidden states.
   void place_starts(SegmentedRun& run, const std::vector<double>& noise, const ModelChange& change) const;
-  ModelChange nominal() const { return {sheet_.nominal(), {}}; }
+  ModelChange nominal() const { return {sheet_->nominal(), {}}; }
 
   // Rows x outputs, each over `sigma` of its output. A model that leaves all bounds gives large but finite numbers.
   Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma) const;
@@ -73,7 +74,7 @@ class SegmentModel {
                     const Eigen::MatrixXd& covariance, const std::vector<int>& hidden, Eigen::Index direction) const;
   bool counts(const SegmentedRun& run, std::size_t row, std::size_t output) const;
 
-  Datasheet sheet_;
+  std::shared_ptr<const Datasheet> sheet_;
   SegmentOptions options_;
   std::vector<int> outputs_;
   std::vector<int> shown_by_;    // per state: channel that shows it, or -1

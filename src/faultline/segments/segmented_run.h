@@ -31,6 +31,7 @@ struct SegmentedRun {
   std::size_t segment = 0;            // rows of each
   std::vector<Stretched> stretches;   // in order of time
   std::vector<std::size_t> restarts;  // first row of each segment
+  std::size_t lead = 0;               // segments at the head of each stretch that only fill memories
   std::vector<double> counted;        // per segment: readings of outputs that count
   std::string remark;                 // what was left out and why; empty: nothing
   // Where each segment starts: starts + start_roots start_shift, the shift beforehand normal with covariance 1

@@ -54,10 +54,14 @@ Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t colum
       misfit += std::pow(at(i) - value - slope * x - curvature * x * x, 2);
     }
     if (misfit < options.start_misfit_variances * noise * noise * (window.s0 - 3))
-      return {value, noise * std::sqrt(window.s4 / window.determinant())};
+      return {value, noise * std::sqrt(window.s4 / window.determinant()), slope, noise / std::sqrt(window.s2),
+              curvature};
   }
   const double value = recording.at(row, column);
-  return {measures(channel, value) ? value : std::nan(""), noise};
+  const std::size_t before = row > first ? row - 1 : row, after = row + 1 < last ? row + 1 : row;
+  const auto rows = static_cast<double>(std::max<std::size_t>(1, after - before));
+  return {measures(channel, value) ? value : std::nan(""), noise,
+          (recording.at(after, column) - recording.at(before, column)) / rows, noise * std::sqrt(2.0) / rows, 0};
 }
 
 void smooth_inputs(const Datasheet& sheet, Recording& recording, std::size_t first, std::size_t last,

@@ -19,7 +19,8 @@ bool measures(const Channel& channel, double value);
 
 struct Smoothed {
   double value = 0;
-  double std = 0;  // of the value, from the noise alone
+  double std = 0;                                  // of the value, from the noise alone
+  double slope = 0, slope_std = 0, curvature = 0;  // per row: b and c, and how well b is known
 };
 
 // At a row, from rows first .. last - 1 only. Where no window describes the signal (a spool that jumps), the sample

@@ -17,6 +17,7 @@
 // Settings: pressure_walk (Pa) and coefficient_walk (relative to d) per step, flow_noise (kg/s), inlet_noise and
 // outlet_noise (Pa), residual: before or after the correction, which {b}_pressure_residual shows.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -32,6 +33,10 @@ enum { kResidual, kTestResidual, kTubeCoefficient, kReversed, kQuantities };
 
 constexpr double kSteady = 40;  // exp(-K) beyond this is nothing
 
+struct Step {
+  double pressure, by_pressure, by_coefficient, by_flow, by_inlet;
+};
+
 struct Branch {
   std::string name;
   int inlet, outlet, flow;          // channels
@@ -39,6 +44,10 @@ struct Branch {
   double nominal;                   // d
   double p1 = 0, q = 0, root8 = 0;  // inputs held for the next step; root8 = q^0.125
   bool flows = false;
+  // The last step that was asked for since; dt 0: none.
+  mutable Step step{};
+  mutable std::array<double, 2> x{};
+  mutable double dt = 0;
 };
 
 class CoolingBranchesModel : public ProcessModel {
@@ -68,6 +77,16 @@ class CoolingBranchesModel : public ProcessModel {
     }
     exact_ = choice(settings, "scheme", "exact", "euler");
     after_ = choice(settings, "residual", "after", "before");
+  }
+
+  std::vector<std::unique_ptr<ProcessModel>> parts() const override {
+    std::vector<std::unique_ptr<ProcessModel>> result;
+    for (const Branch& b : branches_) {
+      auto part = std::make_unique<CoolingBranchesModel>(*this);
+      part->branches_ = {b};
+      result.push_back(std::move(part));
+    }
+    return result;
   }
 
   std::vector<State> states() const override {
@@ -117,6 +136,7 @@ class CoolingBranchesModel : public ProcessModel {
     for (Branch& b : branches_) {
       b.p1 = channels[b.inlet];
       b.q = channels[b.flow];
+      b.dt = 0;
       b.flows = b.q > smallest_flow_ && b.p1 > channels[b.outlet];
       b.root8 = b.flows ? std::sqrt(std::sqrt(std::sqrt(b.q))) : 0.0;
     }
@@ -138,7 +158,7 @@ class CoolingBranchesModel : public ProcessModel {
 
   void predict(const double* x, double dt, double* next) const override {
     for (const Branch& b : branches_) {
-      next[kPressure] = b.flows ? (exact_ ? exact(b, x, dt).pressure : euler(b, x, dt).pressure) : x[kPressure];
+      next[kPressure] = b.flows ? step(b, x, dt).pressure : x[kPressure];
       next[kCoefficient] = x[kCoefficient];
       x += kPerBranch;
       next += kPerBranch;
@@ -151,7 +171,7 @@ class CoolingBranchesModel : public ProcessModel {
     for (std::size_t i = 0; i < branches_.size(); ++i) {
       const Branch& b = branches_[i];
       const std::size_t row = kPerBranch * i;
-      const Step step = b.flows ? (exact_ ? exact(b, x + row, dt) : euler(b, x + row, dt)) : Step{0, 1, 0, 0, 0};
+      const Step step = b.flows ? this->step(b, x + row, dt) : Step{0, 1, 0, 0, 0};
       a[row * n + row] = step.by_pressure;
       a[row * n + row + 1] = step.by_coefficient;
       a[(row + 1) * n + row + 1] = 1;
@@ -165,7 +185,7 @@ class CoolingBranchesModel : public ProcessModel {
     for (std::size_t i = 0; i < branches_.size(); ++i) {
       const Branch& b = branches_[i];
       if (!b.flows) continue;
-      const Step step = exact_ ? exact(b, x + kPerBranch * i, dt) : euler(b, x + kPerBranch * i, dt);
+      const Step step = this->step(b, x + kPerBranch * i, dt);
       g[kPerBranch * i * inputs + 2 * i] = step.by_flow;
       g[kPerBranch * i * inputs + 2 * i + 1] = step.by_inlet;
     }
@@ -188,7 +208,7 @@ class CoolingBranchesModel : public ProcessModel {
       q[kResidual].value = channels[b.outlet] - x[kPerBranch * i];
       q[kTubeCoefficient].value = x[d] / b.inverse_b;
       q[kTubeCoefficient].std = std::sqrt(std::max(0.0, covariance[d * n + d])) / b.inverse_b;
-      q[kReversed].value = b.q > smallest_flow_ && channels[b.inlet] <= channels[b.outlet] ? 1 : 0;
+      q[kReversed].value = channels[b.flow] > smallest_flow_ && channels[b.inlet] <= channels[b.outlet] ? 1 : 0;
     }
   }
 
@@ -204,16 +224,22 @@ class CoolingBranchesModel : public ProcessModel {
   }
 
  private:
-  struct Step {
-    double pressure, by_pressure, by_coefficient, by_flow, by_inlet;
-  };
-
   static double square(double value) { return value * value; }
   static bool choice(const Settings& settings, const std::string& key, const char* yes, const char* no) {
     const std::string word = settings.word(key);
     if (word != yes && word != no)
       throw InputError(fmt::format("{}: '{}' is '{}'; it must be {} or {}", settings.where(), key, word, yes, no));
     return word == yes;
+  }
+
+  // A filter asks three times for the same one.
+  Step step(const Branch& b, const double* x, double dt) const {
+    if (b.x[0] != x[0] || b.x[1] != x[1] || b.dt != dt) {
+      b.step = exact_ ? exact(b, x, dt) : euler(b, x, dt);
+      b.x = {x[0], x[1]};
+      b.dt = dt;
+    }
+    return b.step;
   }
 
   static Step euler(const Branch& b, const double* x, double dt) {
