@@ -128,8 +128,8 @@ std::vector<RankedFault> best_of(const StretchModel& model, const Scene& scene, 
   }
   result.resize(std::min(result.size(), settings.refined_hypotheses));
   const auto refined = [&](std::size_t i) {
-    const double now = scene.healthy_loss - result[i].evidence;
-    if (now <= worth) result[i] = refine(model, scene, result[i], now);
+    const double reached = scene.healthy_loss - result[i].evidence;
+    if (reached <= worth) result[i] = refine(model, scene, result[i], reached);
   };
   if (!result.empty()) refined(0);
   if (!result.empty()) worth = worth_beside(scene.healthy_loss - result[0].evidence);

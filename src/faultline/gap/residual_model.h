@@ -1,6 +1,8 @@
 // The runs of a gap diagnosis with their noise, and a model's residuals over them (segments/segment_model.h).
 #pragma once
 
+#include <algorithm>
+
 #include <Eigen/Core>
 
 #include "faultline/gap/gap_options.h"
@@ -40,10 +42,14 @@ class ResidualModel {
   std::vector<Eigen::MatrixXf> start_sensitivity(const ModelChange& model, std::size_t run) const {
     return model_.start_columns(model, runs_[run], noise_);
   }
-  // SegmentModel::settle() of a run. Hidden states are as the model at hand has them, unless it has hardly moved.
+  // SegmentModel::settle() of a run. Hidden states and what is known behind sensors with effects are as the model at
+  // hand has them, unless it has hardly moved.
   std::vector<Eigen::MatrixXf> settle_starts(const ModelChange& model, std::size_t run,
                                              std::vector<Eigen::MatrixXf> known = {}) {
-    if (known.empty() && !hidden_states(model_, model, runs_[run]).empty())
+    const bool at_sensor = std::any_of(model.effects.begin(), model.effects.end(), [](const EffectSpec& effect) {
+      return port_kind(effect.port) == PortKind::sensor;
+    });
+    if (known.empty() && (at_sensor || !hidden_states(model_, model, runs_[run]).empty()))
       model_.place_starts(runs_[run], noise_, model);
     return model_.settle(model, runs_[run], noise_, std::move(known));
   }

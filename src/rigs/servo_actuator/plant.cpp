@@ -269,7 +269,7 @@ void ServoActuator::outputs(double, const double* state, double* channels) const
 }
 
 namespace {
-FAULTLINE_RIG(servo_actuator, {"servo_actuator", 0.25e-3, make_rig<ServoActuator>, 1e-3});
+FAULTLINE_RIG(servo_actuator, {"servo_actuator", 0.25e-3, make_rig<ServoActuator>, 0.5e-3});
 }
 
 }  // namespace faultline
