@@ -191,9 +191,9 @@ TEST(Linearisation, ProjectedParametersStayWithinTheirBound) {
   // The loss belongs to the move: nothing along a parameter that is not held is better.
   const auto loss_at = [&](const Eigen::VectorXd& to) {
     double sum = 0.5 * (z + to).squaredNorm();
-    Eigen::VectorXd at(1 + to.size());
-    at << 1, to;
-    for (const Eigen::MatrixXd& segment : products) sum += linear.robust(0.5 * at.dot(segment * at));
+    Eigen::VectorXd v(1 + to.size());
+    v << 1, to;
+    for (const Eigen::MatrixXd& segment : products) sum += linear.robust(0.5 * v.dot(segment * v));
     return sum;
   };
   EXPECT_NEAR(loss_at(move), loss, 1e-6 * std::abs(loss));

@@ -20,8 +20,8 @@ struct FitResult {
 };
 
 // Refits the effects' parameters, and where they move the free parameters, from where `start` and `effects` have them,
-// in at most `iterations` steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in each
-// step. Simulates `jobs` runs at once, as all here do.
+// in at most `iterations` steps. Sensitivities to parameters are those of `linear`; those to effects are found anew in
+// each step. Simulates `jobs` runs at once, as all here do.
 FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
                   const Linearisation& linear, std::size_t iterations, int jobs = 1, bool parameters_move = true);
 

@@ -1,5 +1,5 @@
-// Every candidate beside a fitted model, to first order (attribution/screening.h): simulated at few starting points, the
-// parameters adjusted within their bounds, and with them the size on the line between no effect and that point.
+// Every candidate beside a fitted model, to first order (attribution/screening.h): simulated at few starting points,
+// the parameters adjusted within their bounds, and with them the size on the line between no effect and that point.
 #pragma once
 
 #include <functional>
