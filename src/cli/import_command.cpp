@@ -138,7 +138,8 @@ std::function<void()> add(CLI::App& app) {
                  "put all signals on a common grid: SECONDS, or `rig` for the rig's sample period")
       ->check(period_or_none());
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
-  app.add_option("--compression", options->compression, "of the bag: lz4 (default), bz2 (half as large, read five times as slowly) or none");
+  app.add_option("--compression", options->compression,
+                 "of the bag: lz4 (default), bz2 (half as large, read five times as slowly) or none");
   return [options] { run(*options); };
 }
 

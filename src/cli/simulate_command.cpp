@@ -286,7 +286,8 @@ std::function<void()> add(CLI::App& app) {
   app.add_option("--substep", options->substep, "s, largest step of the integration; default: the rig's own")
       ->check(number_between(1e-7, 1.0));
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
-  app.add_option("--compression", options->compression, "of a bag: lz4 (default), bz2 (half as large, read five times as slowly) or none");
+  app.add_option("--compression", options->compression,
+                 "of a bag: lz4 (default), bz2 (half as large, read five times as slowly) or none");
   app.add_flag("--quiet", options->quiet, "say nothing but errors");
   return [options, rig_seed] {
     options->rig_seed_given = rig_seed->count() > 0;

@@ -20,7 +20,8 @@ namespace faultline {
 
 class EstimatorHost {
  public:
-  // Waits for the listeners to its estimates before it subscribes. `stage`: of the datasheet's estimators of these families; empty: all of them. Throws InputError that lists the
+  // Waits for the listeners to its estimates before it subscribes. `stage`: of the datasheet's estimators of these
+  // families; empty: all of them. Throws InputError that lists the
   // stages there are.
   EstimatorHost(const Datasheet& sheet, const std::vector<std::string>& families, const std::string& stage,
                 Listeners listeners);

@@ -22,7 +22,8 @@ int run_node(int argc, char** argv, const std::string& name, const std::function
 Datasheet read_rig(Parameters& parameters);
 
 // The nodes that must hear a publisher's first message: ROS drops what is published before a subscriber is connected,
-// and with the first samples a diagnosis would lose its start. By name, for whoever else listens (a recorder, a plot) is
+// and with the first samples a diagnosis would lose its start. By name, for whoever else listens (a recorder, a plot)
+// is
 // no reason to begin.
 class Listeners {
  public:

@@ -2,7 +2,8 @@
 //
 // gain [1]: 1 is a lag, negative is a lead, between them a share of both. time_constant [s], a shape. Discretised
 // exactly for an input held over the step. Undone by m' = (y - m)/((1 - gain) time_constant) over the past - over what
-// comes where that is negative -, u = (y - gain m)/(1 - gain); near gain 1, u = y + gain time_constant y'. Linear in `gain`. No rig is said to have it: the gap diagnoser uses it to
+// comes where that is negative -, u = (y - gain m)/(1 - gain); near gain 1, u = y + gain time_constant y'. Linear in
+// `gain`. No rig is said to have it: the gap diagnoser uses it to
 // find what a memory at a place could win (its closure), so no datasheet lists it.
 
 #include <cmath>

@@ -4,7 +4,8 @@
 // exp(-h/time_constant):
 //   y += (1 - e)(u_before - y) + (1 - (1 - e) time_constant/h)(u - u_before)
 // so that the lag of a signal that moves is the time constant, however short. y starts at the first value (no start-up
-// transient). Continuous in time_constant down to 0, where y = u. Undone as u = y + time_constant y', with that much of the
+// transient). Continuous in time_constant down to 0, where y = u. Undone as u = y + time_constant y', with that much of
+// the
 // slope's error.
 
 #include <cmath>

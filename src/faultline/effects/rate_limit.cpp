@@ -1,7 +1,8 @@
 // Rate limit: |dy/dt| <= rate; y follows u at the largest slope allowed and meets it again.
 //
 // rate [of what passes, per second]; infinite: none. Starts at the first value. Continuous in u and, as 1/size, down to
-// no effect. Undone as it stands where it moves slower; else what a model has, if that lies ahead. Event-driven (a kink where y meets u). Limit: the same bound up and down.
+// no effect. Undone as it stands where it moves slower; else what a model has, if that lies ahead. Event-driven (a kink
+// where y meets u). Limit: the same bound up and down.
 
 #include <cmath>
 

@@ -1,4 +1,5 @@
-// State estimators with their process model inside a stage (estimator.h), one on each part of the model. Setting: model;
+// State estimators with their process model inside a stage (estimator.h), one on each part of the model. Setting:
+// model;
 // the others are the model's.
 #include <algorithm>
 #include <array>

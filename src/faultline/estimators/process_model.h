@@ -22,7 +22,8 @@ class ProcessModel {
   virtual ~ProcessModel() = default;
 
   // Models of which this one consists side by side: no state, input or output of one is another's, and theirs one after
-  // the other are this one's. Filters run on each of them, and ask the whole for quantities only. Empty: there are none.
+  // the other are this one's. Filters run on each of them, and ask the whole for quantities only. Empty: there are
+  // none.
   virtual std::vector<std::unique_ptr<ProcessModel>> parts() const { return {}; }
 
   virtual std::vector<State> states() const = 0;              // names and units, in the model's scaling
