@@ -148,7 +148,7 @@ TEST(Shaft, WithoutNoiseInterpolationIsAllThatIsLeft) {
   const Course course = estimated(drive_plain("paper"));
   const Three exact = truth(drive().nominal());
   for (std::size_t k = 300; k < course.value.size(); ++k)
-    for (std::size_t i = 0; i < 3; ++i) ASSERT_NEAR(course.value[k][i] / exact[i], 1, i == 0 ? 1e-2 : 3e-3) << k;
+    for (std::size_t i = 0; i < 3; ++i) ASSERT_NEAR(course.value[k][i] / exact[i], 1, i == 0 ? 2e-2 : 6e-3) << k;
   // The paper's fault-free numbers, in its units.
   const Three mean = course.mean(300, 3000);
   const double rpm_per_bar = 30 / 3.14159265358979 * 1e5;
