@@ -26,6 +26,9 @@ ROWS = [  # benchmark, what it is, aim
     ('offline_diagnosis/whole', 'offline diagnosis per sample', ''),
     ('simulator/no_effects', 'simulator, no effects, per sample', ''),
     ('simulator/five_effects', 'simulator, five effects, per sample', '300 x'),
+    ('drive_simulator/no_effects', 'hydraulic drive: simulator, no effects', '300 x'),
+    ('drive_simulator/nuisance', '  the same with what recordings carry', '300 x'),
+    ('drive_simulator/five_effects', '  the same with five effects', '300 x'),
     ('least_squares_step/scalar', 'least squares step, one parameter', '<= 0.2 us'),
     ('least_squares_step/three', 'least squares step, three parameters', ''),
     ('one_detector/cusum', 'CUSUM step', '<= 0.010 us'),
@@ -142,7 +145,7 @@ def whole_recordings(programs, seconds):
 
 
 def run_rate(run):
-    return 1e6 / run['cpu_time']  # a sample stands for 1 ms = 1e6 ns
+    return 1e9 * run.get('period', 1e-3) / run['cpu_time']  # a sample stands for so many s, the time is in ns
 
 
 def latency(root, programs, duration):

@@ -98,7 +98,7 @@ TEST(Defaults, InputWithoutAValueStandsInTheMiddle) {
   text.erase(begin, text.find("ports:") - begin);
   const Datasheet sheet = read_text_of(text);
   ASSERT_EQ(sheet.inputs.size(), 1u);
-  EXPECT_EQ(sheet.inputs[0].value, 1e7);
+  EXPECT_EQ(sheet.inputs[0].level.value, 1e7);
   EXPECT_EQ(sheet.defaulted.count("inputs"), 1u);
 }
 

@@ -81,12 +81,12 @@ ports:
   sensor.inflow: {component: gauge, meaning: supply, channel: supply, effects: {offset: {value: [-1, 1]}, stuck: {from: [0, .inf]}}}
   "flow.{b}_ambient": {component: wall, meaning: leak, effects: {orifice_leakage: {coefficient: [0, 1.0e-4]}}}
 inputs:
-  supply: {value: 5.0e+5, wander_std: 10, wander_low: 0.1, wander_high: 1, meaning: pump}
+  supply: {value: 5.0e+5, wander_std: 10, wander_low: 0.1, wander_high: 1, moves: {shape: triangle, amplitude: 3, period: 4}, lag: 0.1, lags: 2, droop: 5, droop_lag: 0.2, meaning: pump}
 controllers:
   level_control: {gain: 2, period: 1, meaning: what it does}
 profiles:
   - {name: steps, controller: level_control, shape: steps, duration: 10, low: 0, high: 1, shortest: 1, longest: 2, second: {shape: constant, value: 3}, inputs: {supply: 4.0e+5}, meaning: steps}
-  - {name: ramp, controller: level_control, shape: table, duration: 10, time: [0, 5], value: [0, 1], meaning: ramp}
+  - {name: ramp, controller: level_control, shape: table, duration: 10, time: [0, 5], value: [0, 1], inputs: {supply: {value: 3.0e+5}}, meaning: ramp}
   - {name: driven, duration: 10, meaning: open loop, commands: {valve: {shape: constant, value: 3.5}}}
 faults:
   - {name: leak, meaning: leak at a, profile: steps, effects: ["orifice_leakage@flow.a_ambient:coefficient=1e-5,from=2,to=4"]}
@@ -142,7 +142,12 @@ TEST_F(SmallDatasheet, IsRead) {
   EXPECT_EQ(sheet.port("flow.b_ambient").kind, PortKind::flow);
   EXPECT_EQ(sheet.profile("steps").second_shape, "constant");
   EXPECT_EQ(sheet.profile("steps").second_settings.number("value", 0, 9), 3);
-  EXPECT_EQ(sheet.profile("steps").inputs.at("supply"), 4e5);
+  EXPECT_EQ(sheet.profile("steps").inputs.at("supply").value, 4e5);
+  EXPECT_EQ(sheet.profile("steps").inputs.at("supply").shape, "triangle");
+  EXPECT_EQ(sheet.profile("ramp").inputs.at("supply").shape, "");
+  EXPECT_EQ(sheet.inputs.at(0).level.settings.number("amplitude", 0, 9), 3);
+  EXPECT_EQ(sheet.inputs.at(0).lags, 2);
+  EXPECT_EQ(sheet.inputs.at(0).droop, 5);
   EXPECT_EQ(sheet.fault("leak").effects.at(0), "orifice_leakage@flow.a_ambient:coefficient=1e-5,from=2,to=4");
   EXPECT_EQ(sheet.estimators.at(0).settings.word("kind"), "fast");
   EXPECT_EQ(sheet.estimators.at(0).settings.list("gains", 2, 0, 9), (std::vector<double>{1, 2}));
@@ -236,6 +241,16 @@ const Case kCases[] = {
     {"supply: {value", "steam: {value", "inputs.steam", "channels are"},
     {"wander_std: 10", "wander_std: -10", "inputs.supply.wander_std", "0 or more"},
     {"wander_high: 1", "wander_high: 0.01", "inputs.supply.wander_high", "not above wander_low"},
+    {"triangle", "trangle", "inputs.supply.moves", "no excitation shape 'trangle'"},
+    {"{shape: triangle, amp", "{form: triangle, amp", "inputs.supply.moves", "lacks the key 'shape'"},
+    {"amplitude: 3", "amplitude: high", "inputs.supply.moves", "'amplitude' must be a number"},
+    {"lag: 0.1", "lag: 0", "inputs.supply.lag", "or more"},
+    {"lag: 0.1, lags", "lags", "inputs.supply.lags", "needs 'lag'"},
+    {"lags: 2", "lags: 0", "inputs.supply.lags", "allowed is 1 to 100"},
+    {"droop: 5", "droop: -5", "inputs.supply.droop", "0 or more"},
+    {"droop: 5, droop_lag", "droop_lag", "inputs.supply.droop_lag", "needs 'droop'"},
+    {"droop: 5, droop_lag: 0.2", "droop: 5", "inputs.supply", "lacks the key 'droop_lag'"},
+    {"{supply: {value: 3.0e+5}}", "{supply: {moves: 3.0e+5}}", "profiles[1].inputs.supply", "lacks the key 'value'"},
     {"gain: 2", "gain: .nan", "controllers.level_control.gain", "NaN"},
     {"gain: 2", "gain: {p: 2}", "controllers.level_control.gain", "must be text"},
     {"controller: level_control", "controller: guess", "profiles[0].controller", "controllers are level_control"},
@@ -396,7 +411,7 @@ TEST_F(SmallDatasheet, EveryKeyRefusesWhatIsWrongEverywhere) {
   };
   const YAML::Node whole = YAML::Load(kSmall);
   mutate(mutate, whole, whole, "");
-  EXPECT_EQ(keys, 197);  // of the schema, as kSmall uses them
+  EXPECT_EQ(keys, 208);  // of the schema, as kSmall uses them
 }
 
 TEST_F(SmallDatasheet, FilesThatAreNoDatasheetsAreRefusedInOneLine) {

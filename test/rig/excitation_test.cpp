@@ -44,6 +44,13 @@ const std::vector<Case>& cases() {
       {"prbs", {{"low", 1}, {"high", 2.2}, {"clock", 0.05}, {"longest", 7}}, {}, -2.2, 2.2, 0, true},
       {"cycle", {{"low", -0.04}, {"high", 0.06}, {"move", 0.8}, {"dwell", 0.7}}, {}, -0.04, 0.06, 3, false},
       {"table", {}, {{"time", {1, 2, 4}}, {"value", {0, 1, -1}}}, -1, 1, 0, false},
+      {"steps",
+       {{"low", -0.05}, {"high", 0.05}, {"smallest", 0.01}, {"largest", 0.04}, {"shortest", 0.5}, {"longest", 1.6}},
+       {},
+       -0.05,
+       0.05,
+       0,
+       true},
   };
   return all;
 }
@@ -127,7 +134,7 @@ TEST(Excitation, RefusesWhatItDoesNotKnow) {
       EXPECT_NE(std::string(e.what()).find("surplus"), std::string::npos) << c.shape;
     }
     for (const auto& [key, value] : c.numbers) {
-      if (key == "mean" || key == "longest") continue;
+      if (key == "mean" || key == "longest" || key == "smallest" || key == "largest") continue;
       Case less = c;
       less.numbers.erase(key);
       EXPECT_THROW(make_excitation(c.shape, settings_of(less), 1), InputError)
@@ -181,6 +188,26 @@ TEST(Excitation, AMultisineScalesWithItsCorner) {
     EXPECT_NEAR(slow->value(1000 * t), value, 2e-3) << t;  // the peak is looked for on a grid
     EXPECT_EQ(plain->value(t), value) << t;  // a corner of 1 Hz and a second of fading in, where none is given
   }
+}
+
+TEST(Excitation, StepsMayBeOfGivenSizes) {
+  const Settings s("test",
+                   {{"low", 0}, {"high", 1}, {"smallest", 0.2}, {"largest", 0.7}, {"shortest", 0.1}, {"longest", 0.2}},
+                   {}, {});
+  const auto values = run(*make_excitation("steps", s, 7), 300);
+  double smallest = 1, largest = 0;
+  for (std::size_t k = 1; k < values.size(); ++k) {
+    const double step = std::abs(values[k] - values[k - 1]);
+    if (step > 0) smallest = std::min(smallest, step);
+    largest = std::max(largest, step);
+  }
+  EXPECT_GE(smallest, 0.2);
+  EXPECT_LE(largest, 0.7);
+  EXPECT_LT(smallest, 0.21);
+  EXPECT_GT(largest, 0.65);
+  const Settings wide(
+      "test", {{"low", 0}, {"high", 1}, {"smallest", 0.6}, {"largest", 0.7}, {"shortest", 1}, {"longest", 1}}, {}, {});
+  EXPECT_THROW(make_excitation("steps", wide, 1), InputError);  // from the middle there is no room for 0.6
 }
 
 TEST(Excitation, BinaryHoldsWholeClocks) {

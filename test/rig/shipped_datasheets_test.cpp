@@ -85,7 +85,7 @@ TEST(ShippedDatasheets, ServoActuator) {
   EXPECT_TRUE(std::isinf(bounds(sheet, "sensor.position", "stuck", "from").maximum));
   EXPECT_DOUBLE_EQ(bounds(sheet, "line.valve_cylinder", "line_inertia", "inertance").maximum, 1.5e8);
   ASSERT_EQ(sheet.inputs.size(), 2u);
-  EXPECT_DOUBLE_EQ(sheet.inputs[0].value, 6.89e6);
+  EXPECT_DOUBLE_EQ(sheet.inputs[0].level.value, 6.89e6);
   EXPECT_DOUBLE_EQ(sheet.inputs[0].wander_high, 5);
   EXPECT_DOUBLE_EQ(sheet.controllers.at("position_control").number("position_gain", 0, 1e9), 2e5);
   EXPECT_DOUBLE_EQ(sheet.profile("square").settings.number("period", 0, 100), 20);

@@ -1,6 +1,6 @@
 """Makes cases from a seed: two (or three) runs each as CSV, neutral names, labels in one sealed file.
 
-    generate.py OUT --cases 20 [--rig servo_actuator] [--part closed --part none ...] [--set development|test] [--jobs 2]
+    generate.py OUT --cases 20 [--rig RIG] [--part closed --part none ...] [--set development|test] [--jobs 2]
 
 OUT/data/case_0001/run_1.csv ...   what a diagnosis may read
 OUT/runs.json                      per case: its CSV files and what must be taken out of the library (--without)
@@ -207,8 +207,10 @@ def write_csv(path, output, channels):
 
 
 def _one(task):
-    out, rig, seed, part, number, name, third, path = task
+    out, rig, seed, part, number, name, third, path, exact_inputs = task
     sheet = Datasheet(rig, path)
+    if exact_inputs:
+        sheet.noise.update((c, 0.0) for c in sheet.channels if sheet.role[c] == "input")
     began = time.perf_counter()
     folder = os.path.join(out, "data", name)
     outputs, label = Case(sheet, seed, part, number).make(third)
@@ -256,13 +258,13 @@ def plan(parts, cases, seed):
     return {item: f"case_{order[i] + 1:04d}" for i, item in enumerate(items)}
 
 
-def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0]):
+def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0], exact_inputs=False):
     """Makes the cases that are not there yet; returns the sealed labels' path."""
     names = plan(parts, cases, seed)
     sealed = os.path.join(out, "sealed")
     os.makedirs(sealed, exist_ok=True)
     label_path = os.path.join(sealed, "labels.json")
-    made = {"settings": [rig, list(parts), cases, seed, third], "cases": {}, "seconds": {}}
+    made = {"settings": [rig, list(parts), cases, seed, third, exact_inputs], "cases": {}, "seconds": {}}
     if os.path.exists(label_path):
         with open(label_path, encoding="utf-8") as stream:
             before = json.load(stream)
@@ -275,7 +277,7 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0])
         if part == "open" and ("closed", number) in names:
             home[name] = names[("closed", number)]
         elif name not in made["cases"]:
-            tasks.append((out, rig, seed, part, number, name, third, path))
+            tasks.append((out, rig, seed, part, number, name, third, path, exact_inputs))
     began, done = time.perf_counter(), 0
     bar(0, len(tasks), began, "cases  ")
     pool = multiprocessing.Pool(jobs, quiet_worker)
@@ -323,6 +325,9 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0])
 def add_arguments(parser):
     parser.add_argument("out", help="folder for cases, answers and the table (outside the tree)")
     parser.add_argument("--rig", choices=RIGS, default=RIGS[0], help="whose truth (default %(default)s)")
+    parser.add_argument(
+        "--exact-inputs", action="store_true", help="measured inputs without noise: what is lost to theirs"
+    )
     parser.add_argument("--cases", type=int, default=10, help="cases in each part (default 10)")
     parser.add_argument("--part", action="append", choices=PARTS, help="only this part; may be repeated (default: all)")
     parser.add_argument("--set", choices=sorted(SEEDS), default="development", help="which seed (default development)")
@@ -339,6 +344,8 @@ if __name__ == "__main__":
     given = reader.parse_args()
     end_on_signals()
     try:
-        generate(given.out, given.part or PARTS, given.cases, given.seed or SEEDS[given.set], given.jobs, given.third, rig=given.rig)
+        seed = given.seed or SEEDS[given.set]
+        more = {"rig": given.rig, "exact_inputs": given.exact_inputs}
+        generate(given.out, given.part or PARTS, given.cases, seed, given.jobs, given.third, **more)
     except KeyboardInterrupt:
         sys.exit("\nstopped; run the same command again to go on")

@@ -21,7 +21,7 @@ WINDING = 2.0e-3  # rad, over which bristles take up the friction
 BRISTLE_TIME = 1.0e-3  # s, of their damping
 RELAXATION = 2.0e-4  # s, no faster than which they turn over
 PISTONS = 9
-STATES = 10  # x1, X_s, P_m, S_s, angle, bristle, P_s, three lags of P_p; then valve-side pressure, column, motor end, spring
+STATES = 10  # x1, X_s, P_m, S_s, angle, bristle, P_s, three lags of P_p; then what effects add
 MOST_STATES = 14
 TONES = 5
 
@@ -213,8 +213,8 @@ def integrate(y, start, end, step, c, drive, given, tolerance, scale):
 def replay(y, pieces, first, last, period, pressures, c, tolerance, scale):
     """Motor pressure and shaft speed and their slopes at the samples first..last-1, from y at `first`.
 
-    pieces: rows of (sample, start, end, kind, a, b, c), in order; pressures: rows of (supply, slope, load, slope) at the
-    samples. Empty if the integration failed.
+    pieces: rows of (sample, start, end, kind, a, b, c), in order; pressures: rows of (supply, slope, load, slope) at
+    the samples. Empty if the integration failed.
     """
     shown = np.empty((last - first, 4))
     dy, given, drive = np.zeros(MOST_STATES), np.zeros(4), np.zeros(5)

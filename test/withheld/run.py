@@ -146,7 +146,8 @@ def main():
         sys.exit(f"{given.program}: cannot be run; build first, or give --program or --no-faultline")
     seed = given.seed if given.seed is not None else generate.SEEDS[given.set]
     parts = given.part or generate.PARTS
-    generate.generate(given.out, parts, given.cases, seed, given.jobs, given.third, rig=given.rig)
+    more = {"rig": given.rig, "exact_inputs": given.exact_inputs}
+    generate.generate(given.out, parts, given.cases, seed, given.jobs, given.third, **more)
     with open(os.path.join(given.out, "runs.json"), encoding="utf-8") as stream:
         manifest = json.load(stream)
     failed = []
@@ -165,6 +166,7 @@ def main():
         + f" --cases {given.cases}"
         + "".join(f" --part {p}" for p in given.part or [])
         + (f" --set {given.set}" if given.seed is None else f" --seed {given.seed}")
+        + (" --exact-inputs" if given.exact_inputs else "")
         + (" --third" if given.third else "")
     )
     table = score.score(given.out, f"Made by `{command}` (seed {seed}).")

@@ -1,8 +1,8 @@
 """What an effect, a parameter or a nuisance does to the outputs, in units of the noise.
 
 Windows (of Truth.WINDOW samples), spread over a run, are simulated again without noise under the recorded commands,
-each started from the true state, once with and once without the change. Their difference over the channel's noise is the
-signature: what a model without the effect leaves as residual when it is restarted that often, before any refit.
+each started from the true state, once with and once without the change. Their difference over the channel's noise is
+the signature: what a model without the effect leaves as residual when it is restarted that often, before any refit.
 """
 import numpy as np
 from scipy.optimize import lsq_linear

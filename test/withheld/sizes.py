@@ -5,7 +5,12 @@ A template fixes everything but the size (signs, the second parameter), drawn on
 import math
 
 SIGNED = {("offset", "value"), ("drift", "rate"), ("asymmetric_friction", "difference"), ("gain_curve", "curvature")}
-AROUND_ONE = {("scale", "factor"), ("area_curve", "exponent"), ("compliance_factor", "factor"), ("viscosity_drift", "factor")}
+AROUND_ONE = {
+    ("scale", "factor"),
+    ("area_curve", "exponent"),
+    ("compliance_factor", "factor"),
+    ("viscosity_drift", "factor"),
+}
 FROM_INFINITY = {("rate_limit", "rate"), ("saturation", "limit"), ("end_stop", "position")}
 SPAN = 2.5  # decades between weakest and strongest where the port gives no lower bound
 # Parameters whose number means the same in the truth and in the datasheet, so that an interval for it can be scored.

@@ -1,15 +1,17 @@
 """An independent truth of the hydraulic drive, for the check of `faultline gap` on effects that are withheld.
 
-Shares no code with src/; takes only the datasheet's numbers. Integrated by Dormand and Prince's method with its own step
-control (rate_hydraulic_drive.py), restarted at every sample and wherever a held command changes. Where physics allows, the
-formula is another one than the datasheet's:
+Shares no code with src/; takes only the datasheet's numbers. Integrated by Dormand and Prince's method with its own
+step control (rate_hydraulic_drive.py), restarted at every sample and wherever a held command changes. Where physics
+allows, the formula is another one than the datasheet's:
 
     orifices            y / (|y|^3 + d^3)^(1/6) in place of y / (y^2 + d^2)^(1/4)
-    dry friction        bristles that take up the friction over 2 mrad (datasheet: set-valued); Stribeck part with sech^2
+    dry friction        bristles that take it up over 2 mrad (datasheet: set-valued); Stribeck part with sech^2
     supply              power unit with a soft characteristic and wander, a state of its own; measured at its outlet
     load pressure       load valve behind three lags, flutter on top; runs smoothly between samples
     entrained air       polytropic, exponent 1.1 (so its fraction is not the datasheet's number to the last digit)
-    deadband            softplus blend;     saturation  high-order rational blend;     hysteresis  three plays in parallel
+    deadband            softplus blend
+    saturation          high-order rational blend
+    hysteresis          three plays in parallel
     droop               solved exactly for the drawn flow (quadratic)
     lags                exact between samples;   delay  exact shift: the command changes within a sample, a transducer's
                         reading is a cubic between samples
@@ -17,8 +19,8 @@ Small nuisance effects that no datasheet lists: a motor of nine pistons that pul
 warms up, a valve with a trace of hysteresis, transducers a little off, a filter on the pressure channels. Each stays
 below the sensor noise.
 
-States: x_1, X_s, P_m, S_s (pump end), shaft angle, bristle, P_s, three lags of P_p; with line inertia also the pressure at
-the valve and the column's flow; with elasticity the motor end's speed and the twist. SI units throughout.
+States: x_1, X_s, P_m, S_s (pump end), shaft angle, bristle, P_s, three lags of P_p; with line inertia also the
+pressure at the valve and the column's flow; with elasticity the motor end's speed and the twist. SI units throughout.
 """
 import math
 

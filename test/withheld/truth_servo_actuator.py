@@ -67,8 +67,8 @@ def draw_nuisance(random):
 
 
 class Truth:
-    """The rig with given parameters and effects. What the check asks of a truth: the names below, again(), run(), base()
-    and replay().
+    """The rig with given parameters and effects. What the check asks of a truth: the names below, again(), run(),
+    base() and replay().
 
     parameters: name -> value; effects: "effect@port" -> {parameter: value}; supply_wander(t) and load(t): callables.
     """

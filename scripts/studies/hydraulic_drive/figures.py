@@ -192,8 +192,8 @@ def changes(runs, seeds):
 
 def table(rows, seeds):
     print(
-        f"\n| fault | exact | paper | ours, median of {seeds} rigs | ours, 5 to 95 % of the rigs | delay, samples: median |"
-        " largest | within 250 |\n|---|---|---|---|---|---|---|---|"
+        f"\n| fault | exact | paper | ours, median of {seeds} rigs | ours, 5 to 95 % of the rigs |"
+        f" delay, samples: median | largest | within {ALLOWED} |\n|---|---|---|---|---|---|---|---|"
     )
     for symbol, found in rows.items():
         change = np.array([c for c, _, _ in found])

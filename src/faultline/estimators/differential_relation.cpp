@@ -12,9 +12,8 @@
 // Noise: the channels' noise_std and rounding, white, through the filter, at p = first; its autocovariance goes to the
 // covariance of the estimates (coloured_noise.h). The filters begin at the first sample, and again after a hole of more
 // than 1/bandwidth (or of two samples where that is longer); no row is given until (order + 6)/bandwidth later. A
-// sample in which one of the channels is missing, out of range or, where it is noisy, at the end of its range (it may be
-// anything beyond) is no sample for the filters. The innovation bears
-// the name of the channel on the left.
+// sample in which one of the channels is missing, out of range or, where it is noisy, at the end of its range (it may
+// be anything beyond) is no sample for the filters. The innovation bears the name of the channel on the left.
 // Blind to terms that the equation lacks (a constant torque, an offset): they move the parameters. Noise of the u_i
 // pulls all p_i towards zero, the more the less the channels move.
 #include <algorithm>

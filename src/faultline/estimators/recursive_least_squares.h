@@ -8,8 +8,8 @@
 // P is positive whatever is rounded. Bounded: where trace(P/g) would pass `covariance_limit`, that step does not
 // forget, so the trace never passes it however long the input stands still. Excitation guard: |h| below `excitation`
 // changes nothing. Variance of theta, for white noise and a window of about 1/(1 - g) samples: P noise_variance/(1 +
-// g), noise_variance being the running mean of r^2 g/s; for other noise see coloured_noise.h. Units are the caller's. Blind to what it cannot tell: a wrong
-// theta fits a wrong y just as well.
+// g), noise_variance being the running mean of r^2 g/s; for other noise see coloured_noise.h. Units are the caller's.
+// Blind to what it cannot tell: a wrong theta fits a wrong y just as well.
 #pragma once
 
 #include <array>

@@ -1,11 +1,11 @@
 // A bank of recursive least squares, one for each relation of a model, inside a stage (estimator.h). Settings:
 // forgetting, initial_covariance (of the coefficients at the start, in units of noise variance over the square of the
 // least excitation), covariance_limit (times the initial covariance), renewal [never]: how many sigma of its noise a
-// row may be off; from there on it is another rig, whose coefficients old rows know nothing of. The covariance is then
-// that of the start again, and filters forget before they give rows. Without it least squares over rows of both rigs
-// fit neither until the old ones are forgotten. The coefficients are the first quantities of the
-// estimate. The innovation is y - h' theta before the correction; its predicted sigma the running root mean square of
-// itself. Coefficients that are estimated together (a relation of several) are the state too, with their covariance.
+// row may be off; from there on it is another rig's, about whose coefficients old rows know nothing. The covariance is
+// then that of the start again, and filters forget before they give rows. Without it least squares over rows of both
+// rigs fit neither until the old ones are forgotten. The coefficients are the first quantities of the estimate. The
+// innovation is y - h' theta before the correction; its predicted sigma the running root mean square of itself.
+// Coefficients that are estimated together (a relation of several) are the state too, with their covariance.
 #include <algorithm>
 #include <array>
 #include <cmath>

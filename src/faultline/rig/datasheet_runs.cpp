@@ -187,12 +187,15 @@ void read_excitation(const YamlValue& root, Datasheet& sheet) {
     const Channel& channel = channel_named(sheet, entry, input.channel);
     if (channel.role != Role::input) entry.fail("is not a channel of role input");
     read_level(entry, channel, input.level);
+    for (const auto& [key, needed] : {std::pair{"lags", "lag"}, std::pair{"droop_lag", "droop"}})
+      if (entry.has(key) && !entry.has(needed)) entry.at(key).fail(fmt::format("needs '{}' beside it", needed));
     if (entry.has("lag")) {
       input.lag = entry.at("lag").number(1e-9);
       input.lags = entry.has("lags") ? static_cast<int>(entry.at("lags").number(1, 100)) : 1;
     }
     if (entry.has("droop")) {
       input.droop = entry.at("droop").number(0);
+      if (!entry.has("droop_lag")) entry.fail("lacks the key 'droop_lag'");
       input.droop_lag = entry.at("droop_lag").number(0);
     }
     input.wander_std = entry.at("wander_std").number(0);
@@ -233,7 +236,7 @@ void read_excitation(const YamlValue& root, Datasheet& sheet) {
       const Channel& channel = channel_named(sheet, input, input.key());
       if (channel.role != Role::input) input.fail("is not a channel of role input");
       InputLevel& level = profile.inputs[input.key()];
-      if (input.is_number()) {  // elsewhere, but as ever
+      if (!input.is_mapping()) {  // elsewhere, but as ever
         for (const InputSignal& usual : sheet.inputs)
           if (usual.channel == channel.name) level = usual.level;
         level.value = value_of(input, channel);

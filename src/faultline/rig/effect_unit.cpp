@@ -12,12 +12,16 @@ bool has_state(const Datasheet& sheet, const std::string& unit) {
 }  // namespace
 
 std::string effect_unit(const Datasheet& sheet, const Port& port, const std::string& unit) {
-  // A port whose place bears the name of a channel passes what that channel measures.
+  // A port whose place bears the name of a channel, or its beginning, passes what that channel measures.
   const std::string place = port.channel.empty() ? port.name.substr(port.name.find('.') + 1) : port.channel;
-  const int channel = find_channel(sheet.channels, place);
+  int channel = find_channel(sheet.channels, place);
+  for (std::size_t c = 0; channel < 0 && port.kind == PortKind::source && c < sheet.channels.size(); ++c)
+    if (sheet.channels[c].role == Role::input && sheet.channels[c].name.rfind(place + "_", 0) == 0)
+      channel = static_cast<int>(c);
+  // On a shaft forces are torques; a resistance is to volume flow, turning or not.
   const std::size_t either = unit.find(" or ");
-  if (either != std::string::npos)
-    return has_state(sheet, "rad/s") && !has_state(sheet, "m/s") ? unit.substr(either + 4) : unit.substr(0, either);
+  const bool turning = has_state(sheet, "rad/s") && !has_state(sheet, "m/s") && port.kind != PortKind::source;
+  if (either != std::string::npos) return turning ? unit.substr(either + 4) : unit.substr(0, either);
   if (channel < 0 || unit.compare(0, 4, "port") != 0) return unit;
   return sheet.channels[static_cast<std::size_t>(channel)].unit + unit.substr(4);
 }

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "faultline/rig/controller.h"
+#include "faultline/rig/effect_unit.h"
 #include "rigs/hydraulic_drive/runs.h"
 
 namespace faultline {
@@ -324,6 +325,17 @@ std::string place_name(const ::testing::TestParamInfo<Place>& info) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Drive, EveryDriveEffect, ::testing::ValuesIn(places()), place_name);
+
+TEST(DriveEffects, SizesHaveTheUnitsOfAShaftAndOfVolumeFlow) {
+  const auto unit = [](const char* port, const char* unit_text) {
+    return effect_unit(drive(), drive().port(port), unit_text);
+  };
+  EXPECT_EQ(unit("force.shaft", "N or N m"), "N m");
+  EXPECT_EQ(unit("transmission.shaft", "m/N or rad/(N m)"), "rad/(N m)");
+  EXPECT_EQ(unit("source.supply", "Pa s/m^3 or Pa s/kg"), "Pa s/m^3");
+  EXPECT_EQ(unit("source.supply", "port"), "Pa");
+  EXPECT_EQ(unit("command.valve", "port/s"), "V/s");
+}
 
 // The paper's three sets and its nine faults alone, as `simulate hydraulic_drive --fault NAME`.
 TEST(DriveFaults, AllOfThePaperMove) {

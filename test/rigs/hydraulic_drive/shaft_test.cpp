@@ -90,8 +90,8 @@ const PaperFault kFaults[] = {
 
 class PaperFaults : public ::testing::TestWithParam<bool> {};
 
-// The memory of the paper, and the longer one that docs/hydraulic_drive.md recommends: it scatters half as much, so that
-// the delay is that of the fault and not of the noise.
+// The memory of the paper, and the longer one that docs/hydraulic_drive.md recommends: it scatters half as much, so
+// that the delay is that of the fault and not of the noise.
 TEST_P(PaperFaults, MoveWhatThePaperSaysByAsMuch) {
   const bool longer = GetParam();
   StageSpec spec = shipped();
