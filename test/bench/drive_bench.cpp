@@ -1,7 +1,8 @@
 // Times of the hydraulic drive's parameter estimation on one core: the state variable filter of three signals, the
 // whole stage (gating, filter, least squares, covariance; aim: 500 ns) with even and with uneven stamps, and a peer:
 // the same filter and least squares with matrices from Eigen, written as the equations stand, without covariance of
-// coloured noise, gating or names.
+// coloured noise, gating or names. And the two bilinear observers: five Runge-Kutta steps of three states with five
+// sensitivities, one of one state with four.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Dense>
@@ -72,6 +73,20 @@ void parameter_stage(benchmark::State& state, double jitter) {
   });
 }
 
+void observer_stage(benchmark::State& state, const char* name) {
+  EstimatorStage stage(drive(), drive().estimators[drive().estimator(name)]);
+  Estimate estimate;
+  double time = 0;
+  Sample sample = drive_samples()[0];
+  measure(state, [&](std::size_t k) {
+    time += 0.01;
+    sample.values = drive_samples()[k].values;
+    sample.time = time;
+    stage.process(sample, estimate);
+    benchmark::DoNotOptimize(estimate.quantities.data());
+  });
+}
+
 void peer_filter_and_least_squares(benchmark::State& state) {
   const double w = 60, period = 0.01, forgetting = 0.95;
   // (9): z = Phi z + sum of b_i p_i, here with weights of the samples; any numbers of that size do.
@@ -99,6 +114,8 @@ void peer_filter_and_least_squares(benchmark::State& state) {
   });
 }
 
+BENCHMARK_CAPTURE(observer_stage, line, "line_observer");
+BENCHMARK_CAPTURE(observer_stage, shaft, "shaft_observer");
 BENCHMARK(state_variable_filter);
 BENCHMARK_CAPTURE(parameter_stage, even, 0.0);
 BENCHMARK_CAPTURE(parameter_stage, uneven, 0.01);

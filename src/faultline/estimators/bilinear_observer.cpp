@@ -273,7 +273,8 @@ bool BilinearObserver::advance(const double* channels, const ChannelStatus* stat
         return status[c] == ChannelStatus::good &&
                (channel.noise_std == 0 || (channels[c] > channel.minimum && channels[c] < channel.maximum));
       });
-  steady_ = good ? steady_ + 1 : 0;
+  // What happened between lost samples is not known either.
+  steady_ = good && steps == 1 ? steady_ + 1 : 0;
   if (!good) return state_.allFinite();
 
   sensitivity_.noalias() = decoupling_.h.lazyProduct(state_.rightCols(state_.cols() - 1));
