@@ -1,14 +1,14 @@
 #!/usr/bin/python3
 """Observers, signature table and response isolator of the hydraulic drive, on the same recordings.
 
-Every rig is off its datasheet by its tolerances and carries the nuisance effects; the first half of a minute is healthy.
+Every rig is off its datasheet by its tolerances and carries the nuisance effects; the first 25 s or more are healthy.
 
     isolation.py singles [--count 500] [--seed 1000]   confusion matrices over random single faults of 2 to 15 %
     isolation.py pairs [--count 40] [--seed 3000]      two shaft faults at the same time, 5 to 15 %
-    isolation.py paper                                 the paper's nine faults of 10 % in its three sets, 20 s into a run
+    isolation.py paper [--rigs 10]                     the paper's nine faults of 10 %, its runs begun 20 s earlier
     isolation.py smallest [--rigs 10]                  2, 3, 5 and 10 %: found and isolated, and after which time
     isolation.py healthy [--hours 10] [--profile paper]   false alarms
-        [--stages signature,response,shipped] [--json FILE] [--picture FILE] [--jobs N]
+        [--stages signature,response,shipped] [--json FILE] [--read FILE] [--jobs N]
 
 Stages: `signature` are the observers with the signature table, `response` the stages that every rig has, `shipped` all
 of config/hydraulic_drive/stages.yaml. A run's answer is what its alarms name at its end, or named before they ended.
@@ -153,6 +153,19 @@ def median(values):
     return values[len(values) // 2] if values else float("nan")
 
 
+def by_size(rows, which):
+    print(f"\n{which}: alarmed and right at the end, of all, by size")
+    ends = [0.02, 0.04, 0.07, 0.1, 0.15]
+    print(f"{'':<6}" + "".join(f"{f'{100 * low:g} to {100 * high:g} %':>16}" for low, high in zip(ends, ends[1:])))
+    for kind in SHAFT + OUTSIDE:
+        cells = []
+        for low, high in zip(ends, ends[1:]):
+            mine = [r for r in rows if r["kind"] == kind and low <= abs(r["size"]) < high]
+            good = sum(right(kind, r["answers"][which]) in ("named", "outside") for r in mine)
+            cells.append(f"{sum(bool(r['answers'][which]['alarm']) for r in mine)}, {good} of {len(mine)}")
+        print(f"{kind:<6}" + "".join(f"{c:>16}" for c in cells))
+
+
 def singles(options, sheet):
     draw = random.Random(options.seed)
     work = []
@@ -174,7 +187,9 @@ def singles(options, sheet):
             "answers": {s: judge(r, onset) for s, r in reports.items()},
         }
 
-    rows = parallel(options.jobs, work, job)
+    rows = json.loads(pathlib.Path(options.read).read_text()) if options.read else parallel(options.jobs, work, job)
+    for which in options.stages:
+        by_size(rows, which)
     for which in options.stages:
         tables = {kind: collections.Counter() for kind in SHAFT + OUTSIDE}
         outcome = {kind: collections.Counter() for kind in SHAFT + OUTSIDE}
@@ -183,7 +198,8 @@ def singles(options, sheet):
             outcome[row["kind"]][right(row["kind"], row["answers"][which])] += 1
         columns = SHAFT + ["K_0", "K_l", "V_t/B", "another", "line", "shaft", "unknown", "nothing"]
         print(f"\n{which}: {len(rows)} single faults; columns: what the run names at its end")
-        print(f"{'':<6}" + "".join(f"{c:>8}" for c in columns) + f"{'right':>8}{'alarm':>8}{'name':>8}{'size':>8}{'inside':>8}")
+        more = ["right", "alarm", "name", "size", "inside"]
+        print(f"{'':<6}" + "".join(f"{c:>8}" for c in columns + more))
         for kind, table in tables.items():
             mine = [r for r in rows if r["kind"] == kind]
             good = [r for r in mine if right(kind, r["answers"][which]) in ("named", "outside")]
@@ -205,8 +221,9 @@ def singles(options, sheet):
         total = collections.Counter()
         for counter in outcome.values():
             total.update(counter)
-        print(f"  {dict(total)}; early alarms {sum(r['answers'][which]['early'] for r in rows)}; another name on the way "
-              f"{sum(bool(r['answers'][which]['on_the_way']) for r in rows)}")
+        early = sum(r["answers"][which]["early"] for r in rows)
+        others = sum(bool(r["answers"][which]["on_the_way"]) for r in rows)
+        print(f"  {dict(total)}; early alarms {early}; another name on the way {others}")
     return rows
 
 
@@ -244,8 +261,8 @@ def pairs(options, sheet):
                 told = "none"
             table[row["kinds"]][told] += 1
         for kinds, c in sorted(table.items()):
-            print(f"{' + '.join(kinds):<14}{sum(c.values()):>5}" + "".join(f"{c[k] or '':>6}" for k in ("both", "alike", "one"))
-                  + f"{c['unknown'] or '':>8}{c['none'] or '':>6}")
+            cells = "".join(f"{c[k] or '':>6}" for k in ("both", "alike", "one"))
+            print(f"{' + '.join(kinds):<14}{sum(c.values()):>5}{cells}{c['unknown'] or '':>8}{c['none'] or '':>6}")
         total = sum(table.values(), collections.Counter())
         print(f"  {dict(total)}")
     return rows
@@ -280,8 +297,11 @@ def paper(options, sheet):
                 found = [[a for a in r["alarms"] if NAMES.get(f"{a['effect']}@{a['port']}") == kind] for r in mine]
                 delays = [round(f[0]["raised"] - before - at, 2) for f in found if f]
                 sizes = [size_in(kind, f[-1]["size"]["value"], sheet) for f in found if f]
-                print(f"  {name} {kind:<6} named in {len(delays)} of {len(mine)}, delay [s] median {median(delays):.2f}, longest "
-                      f"{max(delays, default=float('nan')):.2f}; change {median(sizes):+.4f} (true {size:+.2f})")
+                longest = max(delays, default=float("nan"))
+                print(
+                    f"  {name} {kind:<6} named in {len(delays)} of {len(mine)}, delay [s] median {median(delays):.2f}, "
+                    f"longest {longest:.2f}; change {median(sizes):+.4f} (true {size:+.2f})"
+                )
             wrong = collections.Counter(
                 NAMES.get(f"{a['effect']}@{a['port']}", a["effect"])
                 for r in mine for a in r["alarms"] if a["effect"]
@@ -300,9 +320,12 @@ def paper(options, sheet):
     print("\noutside faults of 10 %, each alone")
     for kind, answers in outcome.items():
         delays = [a["alarm"] - ONSET for a in answers if a["alarm"]]
-        print(f"  {kind:<4} line alarm in {sum(verdict(a) == 'line' for a in answers)} of {len(answers)}, delay [s] median "
-              f"{median(delays):.2f}, longest {max(delays, default=float('nan')):.2f}; shaft faults named "
-              f"{sum(bool(a['named']) or bool(a['on_the_way']) for a in answers)}")
+        line, longest = sum(verdict(a) == "line" for a in answers), max(delays, default=float("nan"))
+        wrong = sum(bool(a["named"]) or bool(a["on_the_way"]) for a in answers)
+        print(
+            f"  {kind:<4} line alarm in {line} of {len(answers)}, delay [s] median {median(delays):.2f}, longest "
+            f"{longest:.2f}; shaft faults named {wrong}"
+        )
     return rows
 
 
@@ -310,7 +333,7 @@ def smallest(options, sheet):
     sizes = [0.02, 0.03, 0.05, 0.1]
     kinds = SHAFT + OUTSIDE
     work = [
-        (seed, kind, size) for kind in kinds for size in sizes for seed in range(options.seed, options.seed + options.rigs)
+        (options.seed + k, kind, size) for kind in kinds for size in sizes for k in range(options.rigs)
     ]
 
     def job(folder, seed, kind, size):
@@ -319,7 +342,7 @@ def smallest(options, sheet):
 
     rows = parallel(options.jobs, work, job)
     for which in options.stages:
-        print(f"\n{which}: of {options.rigs} rigs each: alarmed / right after 60 s (median s to the alarm / to the name)")
+        print(f"\n{which}: of {options.rigs} rigs alarmed/right after 60 s (median s to the alarm/to the name)")
         print(f"{'':<6}" + "".join(f"{f'{100 * s:g} %':>22}" for s in sizes))
         for kind in kinds:
             cells = []
@@ -346,8 +369,11 @@ def healthy(options, sheet):
         alarms = [a for reports in rows for a in reports[which]["alarms"]]
         said = collections.Counter(f"{a['effect']}@{a['port']}" if a["effect"] else a["text"][:30] for a in alarms)
         bound = f"below {3 / hours:.2g} an hour at 95 %" if not alarms else f"{len(alarms) / hours:.2g} an hour"
-        print(f"{which}, profile {options.profile}, {hours:g} h on {count} rigs: {len(alarms)} false alarms ({bound}) in "
-              f"{sum(bool(r[which]['alarms']) for r in rows)} runs {dict(said)}", flush=True)
+        runs = sum(bool(r[which]["alarms"]) for r in rows)
+        print(
+            f"{which}, profile {options.profile}, {hours:g} h on {count} rigs: {len(alarms)} false alarms ({bound}) in "
+            f"{runs} runs {dict(said)}"
+        )
     return [{w: r[w]["alarms"] for w in options.stages} for r in rows]
 
 
@@ -362,9 +388,10 @@ def main():
     parser.add_argument("--stages", type=lambda text: text.split(","), default=["signature", "response"])
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json")
+    parser.add_argument("--read", help="singles: print the tables of such a file")
     options = parser.parse_args()
-    defaults = {"singles": (500, 1000), "pairs": (40, 3000), "paper": (0, 5000), "smallest": (0, 6000), "healthy": (0, 7000)}
-    count, seed = defaults[options.what]
+    defaults = {"singles": (500, 1000), "pairs": (40, 3000), "paper": (0, 5000), "smallest": (0, 6000)}
+    count, seed = defaults.get(options.what, (0, 7000))
     options.count = options.count or count
     options.seed = seed if options.seed is None else options.seed
     rows = globals()[options.what](options, datasheet(RIG))

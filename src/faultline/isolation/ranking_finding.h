@@ -1,13 +1,13 @@
 // From a ranking of causes (estimators/estimate.h) to a finding: what is named, what cannot be told from it, of which
 // size. Of every isolator that ranks.
 //
-// Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What explains
-// within `rival` of that evidence (a fraction, and never less than `rival_least`) cannot be told from it and is listed
-// as equivalent; if more than `most_rivals` are, the fault is unknown. Size with 90 % bounds from the ranking's standard
-// deviation and `model_error` (relative: what tolerances leave). The evidence's variances are inflated to decide with
-// care; `std_factor` takes that back for the bounds.
-// Settings: place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals, model_error,
-// std_factor [1].
+// Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What
+// explains within `rival` of that evidence (a fraction, and never less than `rival_least`) cannot be told from it
+// and is listed as equivalent; if more than `most_rivals` are, the fault is unknown. Size with 90 % bounds from
+// the ranking's standard deviation and `model_error` (relative: what tolerances leave). The evidence's variances
+// are inflated to decide with care; `std_factor` takes that back for the bounds.
+// Settings: place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals,
+// model_error, std_factor [1].
 #pragma once
 
 #include <cstdint>

@@ -6,8 +6,8 @@
 //   P_m' = B/V_t (K_0 X_s R - C_r S_s - K_l P_m)              the one product, A_R
 //   S_s' = (C_r eta_m P_m - D S_s - C_r/eta_p P_p)/I
 // With the root as an input nothing is linearised. The sign is the voltage's, since no spool position is measured: it
-// is wrong while the spool crosses zero. Below kLeastPressure at the motor nothing is said: what air there is in the oil
-// then makes the line soft. As decoupling.h has it:
+// is wrong while the spool crosses zero. Below kLeastPressure at the motor nothing is said: what air there is in
+// the oil then makes the line soft. As decoupling.h has it:
 //   unknown on shaft_speed (torques, friction, load): decoupled; the residual is the flow balance of valve, line and
 //     motor. Not strict: X_s is not measured, so T A_R M != 0 and the error's coefficients contain R. They form a
 //     cascade, valve before line, whose poles R does not touch.
