@@ -180,7 +180,9 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
                      sigma[output];
     return static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
   };
-  const std::size_t lead = driven.remembers() ? 0 : run.lead;
+  // A state that no start puts back goes on as well, and is what the effects before have made of it.
+  const bool goes_on = std::any_of(starts.begin(), starts.end(), [](double value) { return std::isnan(value); });
+  const std::size_t lead = goes_on || driven.remembers() ? 0 : run.lead;
   auto restart = restarts.begin();
   for (const Stretched& stretch : run.stretches) {
     std::vector<std::size_t> own;
