@@ -39,6 +39,8 @@ ROWS = [  # benchmark, what it is, aim
     ('whole_circuit/healthy', 'cooling circuit: whole diagnosis per sample', '<= 50 us: 5 % of a core'),
     ('whole_circuit/leaking', '  the same while it leaks', ''),
     ('state_variable_filter', 'state variable filter, three signals', ''),
+    ('observer_stage/line', 'hydraulic drive: bilinear observer of the line', ''),
+    ('observer_stage/shaft', '  of the shaft', ''),
     ('parameter_stage/even', 'hydraulic drive: filter and least squares, whole stage', '<= 0.5 us'),
     ('parameter_stage/uneven', '  the same with uneven stamps', ''),
     ('peer_filter_and_least_squares', 'peer: filter and least squares with Eigen', ''),
