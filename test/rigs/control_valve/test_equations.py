@@ -47,7 +47,7 @@ class Equations(ProgramTest):
         moved = 0
         for k in range(rows):
             for channel, value in valve.outputs(state).items():
-                self.assertLess(abs(value - predicted[k][channel]), 0.02 * NOISE[channel], (profile, k, channel))
+                self.assertLess(abs(value - predicted[k][channel]), 0.05 * NOISE[channel], (profile, k, channel))
             moved = max(moved, abs(predicted[k]["valve_position"] - first["valve_position"]))
             now, after = recorded[k], recorded[k + 1]
             for i in range(SUBSTEPS):
