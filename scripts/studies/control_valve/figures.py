@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Figures 30, 31, 33, 34, 35 and 42 of Manninen (2012) on the control valve's simulator, and their numbers as JSON on
-standard output. Figures 31 and 34: how far the mean of each variable in the chain moves by a fault of growing size, over
-its standard deviation without fault.
+standard output. Figures 31 and 34: how far the mean of each variable in the chain moves by a fault of growing size,
+over its standard deviation without fault.
 
 The valve is off its datasheet by its tolerances, but for figure 31: without loops it would drift to a stop. It carries
 the small effects of every recording.
@@ -69,7 +69,8 @@ def shifts(runs, start=20):
 def bars(moved, names, labels, title, file):
     figure, axes = plt.subplots(figsize=(8, 3.2))
     for i, (one, label) in enumerate(zip(moved, labels)):
-        axes.bar(np.arange(len(names)) + 0.25 * (i - 1), [one[n] for n in names], 0.25, label=label, color=COLOURS[1 + i])
+        at = np.arange(len(names)) + 0.25 * (i - 1)
+        axes.bar(at, [one[n] for n in names], 0.25, label=label, color=COLOURS[1 + i])
     axes.axhline(0, color="black", linewidth=0.6)
     axes.set_xticks(np.arange(len(names)), [n.replace("_", "\n") for n in names], fontsize=7)
     axes.set_ylabel("shift of the mean,\nstandard deviations")
@@ -86,9 +87,11 @@ def flapper(runs, sizes, title, file, window):
         x = 1e6 * run["flapper_position"]
         axes[0].plot(run["t"][part], x[part], color=colour, linewidth=0.8, label=f"{size:g}" if size else "no leak")
         axes[1].plot(x[::20], 1e-5 * run["prestage_pressure"][::20], ".", color=colour, markersize=2)
-    axes[0].set_xlabel("time [s]"), axes[0].set_ylabel("flapper [um]")
-    axes[1].set_xlabel("flapper [um]"), axes[1].set_ylabel("prestage pressure [bar]")
-    axes[0].legend(frameon=False, fontsize=7, ncol=2)
+    axes[0].set_xlabel("time [s]")
+    axes[0].set_ylabel("flapper [um]")
+    axes[1].set_xlabel("flapper [um]")
+    axes[1].set_ylabel("prestage pressure [bar]")
+    axes[0].legend(loc="upper left", frameon=False, fontsize=7, ncol=2)
     figure.suptitle(title, fontsize=9)
     figure.savefig(file, dpi=110, bbox_inches="tight")
     plt.close(figure)
@@ -100,11 +103,16 @@ def excitation(bench, file):
     for axis, run, title in ((axes[0, 0], fast, "fast switching"), (axes[0, 1], slow, "flow control")):
         axis.plot(run["t"], 1e3 * run["flow_setpoint"], color=COLOURS[3], linewidth=0.8, label="set point")
         axis.plot(run["t"], 1e3 * run["flow"], color=COLOURS[2], linewidth=0.8, label="flow")
-        axis.set_ylim(0, 32), axis.set_ylabel("flow [l/s]"), axis.set_title(title, fontsize=9), axis.legend(frameon=False, fontsize=7, loc="upper right")
+        axis.set_ylim(0, 32)
+        axis.set_ylabel("flow [l/s]")
+        axis.set_title(title, fontsize=9)
+        axis.legend(frameon=False, fontsize=7, loc="upper right")
     axes[1, 0].plot(slow["t"], 1e-5 * slow["supply_pressure"], color=COLOURS[2], linewidth=0.8)
-    axes[1, 0].set_ylabel("supply [bar]"), axes[1, 0].set_xlabel("time [s]")
+    axes[1, 0].set_ylabel("supply [bar]")
+    axes[1, 0].set_xlabel("time [s]")
     axes[1, 1].plot(slow["t"], slow["ambient_temperature"], color=COLOURS[2], linewidth=0.8)
-    axes[1, 1].set_ylabel("temperature [K]"), axes[1, 1].set_xlabel("time [s]")
+    axes[1, 1].set_ylabel("temperature [K]")
+    axes[1, 1].set_xlabel("time [s]")
     figure.savefig(file, dpi=110, bbox_inches="tight")
     plt.close(figure)
     error = slow["flow"] - slow["flow_setpoint"]

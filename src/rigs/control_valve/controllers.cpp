@@ -1,14 +1,14 @@
-// The loops of the control valve on the measured channels (Manninen 2012, section 3.1.5, 3.1.7 and Fig 28; its gains are
-// not printed). e: set point minus measurement.
+// The loops of the control valve on the measured channels (Manninen 2012, section 3.1.5, 3.1.7 and Fig 28; its gains
+// are not printed). e: set point minus measurement.
 //
-//   flow    flow_setpoint = demand_flow d; flow PI: valve_setpoint = clip(kp e + I, 0, 1), I' = ki e, every flow_period;
-//           valve and spool loops
+//   flow    flow_setpoint = demand_flow d; flow PI: valve_setpoint = clip(kp e + I, 0, 1), I' = ki e, every
+//           flow_period; valve and spool loops
 //   valve   valve_setpoint = d; P: spool_setpoint = clip(1/2 + kp e, 0, 1), every position_period; spool loop: U =
-//           clip(u0 + kp e + I + kd d/dt of minus the filtered spool position, the channel's range), every spool_period
+//           clip(u0 + kp e + I - kd d/dt of the filtered spool position, the channel's range), every spool_period
 //   open    U = u0 + demand_gain (d - 1/2) + a uniform disturbance within +-voltage_noise, new with each demand
 //
-// d: the raw set point, taken every demand_period, plus first-order noise, clipped. Set points that a scheme does not use
-// are 0.
+// d: the raw set point, taken every demand_period, plus first-order noise, clipped. Set points that a scheme does not
+// use are 0.
 #include <algorithm>
 #include <cmath>
 

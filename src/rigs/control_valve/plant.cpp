@@ -237,8 +237,8 @@ ControlValve::MassFlows ControlValve::mass_flows(double time, const double* stat
   MassFlows flows;
   flows.supply = channels[supply_];
   if (!supply_port_.empty()) {
-    // The filling flow lowers the pressure that drives it: p - boundary(m(p)) rises with p, between what all of the flow
-    // at the undisturbed pressure leaves and that pressure.
+    // The filling flow lowers the pressure that drives it: p - boundary(m(p)) rises with p, between what all of the
+    // flow at the undisturbed pressure leaves and that pressure.
     const auto left = [&](double supply) {
       const double filling = std::max(0.0, spool_flow(spool, cylinder, supply + ambient_, root));
       return supply_port_.boundary(channels[supply_], filling, time);

@@ -1,24 +1,26 @@
-// Quarter-turn pneumatic control valve in a flow loop: nozzle-flapper, spool valve, spring-return piston, segment valve.
-// Source: Manninen, "Fault Simulator and Detection for a Process Control Valve", Aalto University 2012, equations
-// (1)-(15); numbers and tables in config/control_valve. dz(F, lo, hi): how far F lies outside the friction band.
+// Quarter-turn pneumatic control valve in a flow loop: nozzle-flapper, spool valve, spring-return piston, segment
+// valve. Source: Manninen, "Fault Simulator and Detection for a Process Control Valve", Aalto University 2012,
+// equations (1)-(15); numbers and tables in config/control_valve. dz(F, lo, hi): how far F lies outside the friction
+// band.
 //
-//   c_f x_f' = max(0, c_0 - c_1 x_f) p_p A_EA - U f_f ((T_a - T_ref) c_T + 1) - k_f (x_f - x_0)             (1)-(3), (15)
-//   P_p' = gamma/(V_p + A_p X) ((m_r - m_n - m_leak) R T_a - P_p A_p X')                                         (6), (7)
-//   b_s X' = dz(A_p p_p - A_s p_S - k_ss (X + x_spre) - k_d X, -F_cs, F_cs)                                      (8)-(10)
-//   P_c' = gamma/(V_d + A_c x) ((m_c - m_leak) R T_a - P_c A_c x')                                                    (7)
-//   b_a x' = dz(A_c p_c - k_a (x + x_a0) - T_v phi'(x), -F_c-(x), F_c+(x))                                           (12)
-//   phi_w T_v' = w T_c - |w| T_v,  w = phi'(x) x',  T_c = f_mu mu(h) F_seal l                          in place of (11)
-//   Q = 0.865 C_v c sqrt(dp/1e5)/3600,  dp = dp_0 DP_f/(DP_f + (1 - DP_f) c^2),  c = a h + (1 - a) h^3         (13), (14)
+//   c_f x_f' = max(0, c_0 - c_1 x_f) p_p A_EA - U f_f ((T_a - T_ref) c_T + 1) - k_f (x_f - x_0)  (1)-(3), (15)
+//   P_p' = gamma/(V_p + A_p X) ((m_r - m_n - m_leak) R T_a - P_p A_p X')  (6), (7)
+//   b_s X' = dz(A_p p_p - A_s p_S - k_ss (X + x_spre) - k_d X, -F_cs, F_cs)  (8)-(10)
+//   P_c' = gamma/(V_d + A_c x) ((m_c - m_leak) R T_a - P_c A_c x')  (7)
+//   b_a x' = dz(A_c p_c - k_a (x + x_a0) - T_v phi'(x), -F_c-(x), F_c+(x))  (12)
+//   phi_w T_v' = w T_c - |w| T_v,  w = phi'(x) x',  T_c = f_mu mu(h) F_seal l  in place of (11)
+//   Q = 0.865 C_v c sqrt(dp/1e5)/3600,  dp = dp_0 DP_f/(DP_f + (1 - DP_f) c^2),  c = a h + (1 - a) h^3  (13), (14)
 //
 // m_r, m_n, m_c: air_flow.h; capitals P absolute, small p gauge. No body has mass: each moves as fast as viscous
 // friction lets its force, once that leaves the Coulomb band. Friction that falls with speed has no such answer near
 // standstill: there the piston sticks until its force exceeds the breakaway level and slips at the highest speed in
 // balance.
 //
-// States: the spool's is X over its stroke, the piston's the opening at which a tight joint holds the shaft, phi(x)/(pi/2).
-// With effects at transmission.linkage two states follow: where the piston stands in the play [m], and the twist of the
-// joint [rad]. Inside the play the seal holds the valve and T_v is 0. Damping of the joint works where it is slower than
-// the integration step, else the twist is compliance T_v. Gas leaks: C A = coefficient sqrt(leakage_density/2). SI units.
+// States: the spool's is X over its stroke, the piston's the opening at which a tight joint holds the shaft,
+// phi(x)/(pi/2). With effects at transmission.linkage two states follow: where the piston stands in the play [m], and
+// the twist of the joint [rad]. Inside the play the seal holds the valve and T_v is 0. Damping of the joint works where
+// it is slower than the integration step, else the twist is compliance T_v. Gas leaks: C A = coefficient
+// sqrt(leakage_density/2). SI units.
 #pragma once
 
 #include "faultline/rig/rig.h"

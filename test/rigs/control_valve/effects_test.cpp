@@ -1,5 +1,5 @@
-// Every effect at every port of the control valve: it acts, stays finite over its whole range, and does to the equations
-// what the datasheet says, in numbers worked out by hand.
+// Every effect at every port of the control valve: it acts, stays finite over its whole range, and does to the
+// equations what the datasheet says, in numbers worked out by hand.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -92,8 +92,8 @@ TEST(ControlValve, WarmCoilPullsLess) {
 }
 
 TEST(ControlValve, FullStrokeTakesAsLongAsItsPortsLetIt) {
-  // With the spool at its stops. The datasheet's choice of the port area says 1.2 s to open, and 3.5 s to close where its
-  // equations take 4.3 s (also in test_equations.py).
+  // With the spool at its stops. The datasheet's choice of the port area says 1.2 s to open, and 3.5 s to close where
+  // its equations take 4.3 s.
   for (const bool opens : {true, false}) {
     ValveRig v;
     v.state()[ValveRig::kPiston] = opens ? 0 : 1;
