@@ -257,10 +257,9 @@ struct Shape {
 };
 
 constexpr Shape kShapes[] = {
-    {"constant", make<Constant>}, {"square", make<Square>},       {"triangle", make<Triangle>},
-    {"sines", make<Sines>},       {"multisine", make<Multisine>}, {"steps", make<Steps>},
-    {"prbs", make<RandomBinary>}, {"cycle", make<Cycle>},         {"table", make<Table>},
-    {"chirp", make<Chirp>},
+    {"constant", make<Constant>},   {"square", make<Square>}, {"triangle", make<Triangle>}, {"sines", make<Sines>},
+    {"multisine", make<Multisine>}, {"steps", make<Steps>},   {"prbs", make<RandomBinary>}, {"cycle", make<Cycle>},
+    {"table", make<Table>},         {"chirp", make<Chirp>},
 };
 
 }  // namespace

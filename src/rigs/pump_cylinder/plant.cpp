@@ -10,6 +10,7 @@ enum { kPosition, kVelocity, kPressureA, kPressureB };
 
 constexpr double kRodMass = 0.7;             // kg, of the moving mass; Table 1
 constexpr double kFrictionShare = 0.5;       // of rod and of plate, where they part
+constexpr double kStroke = 0.05;             // m, to either cover; given
 constexpr double kContactStiffness = 2.0e7;  // N/m: steel on steel
 constexpr double kContactDamping = 2.0e3;    // N s/m
 constexpr double kLineDamping = 50;          // 1/s
@@ -19,6 +20,20 @@ constexpr double kLowestPressure = -9e4;     // Pa, in beta
 constexpr double kDifference = 1e-6;         // of a state's size, for the Jacobian
 constexpr double kSizes[] = {1e-2, 1e-2, 1e6, 1e6};
 constexpr double kFlowSize = 1e-4;  // m^3/s
+
+// Of two bodies that are `apart` more than none, against that.
+double contact(double apart, double speed) {
+  if (apart > 0) return std::max(0.0, kContactStiffness * apart + kContactDamping * speed);
+  return std::min(0.0, kContactStiffness * apart + kContactDamping * speed);
+}
+
+// How far x is beyond -play..play.
+double beyond(double x, double play) { return x > play ? x - play : x < -play ? x + play : 0.0; }
+
+double contact_beyond(double x, double play, double speed) {
+  const double apart = beyond(x, play);
+  return apart == 0 ? 0.0 : contact(apart, speed);
+}
 
 }  // namespace
 
@@ -166,25 +181,28 @@ void PumpCylinder::derivative(double, const double* state, const double* channel
   rate[kPressureA] = modulus_a(a) / cylinder_a * (into_a - cap_area_ * velocity - past_seal);
   rate[kPressureB] = modulus_b(b) / cylinder_b * (rod_area_ * velocity - out_of_b + past_seal);
 
-  const double push = cap_area_ * a - rod_area_ * b, load = std::abs(a - b);
+  const double push = cap_area_ * a - rod_area_ * b - contact_beyond(position, kStroke, velocity),
+               load = std::abs(a - b);
   const double extra_mass = has_force_ ? force_.forces({position, velocity, load}).mass : 0.0;
   rate[kPosition] = state[kVelocity];
   if (rod_ > 0) {
-    const double plate_mass = mass_ - kRodMass, half = plate_.coupling().gap / 2;
-    const double apart = state[rod_] - state[kPosition], speed = state[rod_ + 1] - state[kVelocity];
-    double contact = 0;  // on the plate, up
-    if (apart > half) contact = std::max(0.0, kContactStiffness * (apart - half) + kContactDamping * speed);
-    if (apart < -half) contact = std::min(0.0, kContactStiffness * (apart + half) + kContactDamping * speed);
-    rate[kVelocity] = (contact - resistance(state[kPosition], state[kVelocity], load, 1 - kFrictionShare, true)) /
+    const double plate_mass = mass_ - kRodMass;
+    const double lift = contact_beyond(state[rod_] - state[kPosition], plate_.coupling().gap / 2,
+                                       state[rod_ + 1] - state[kVelocity]);  // on the plate, up
+    rate[kVelocity] = (lift - resistance(state[kPosition], state[kVelocity], load, 1 - kFrictionShare, true)) /
                           (plate_mass + extra_mass) -
                       gravity_ * plate_mass / (plate_mass + extra_mass);
     rate[rod_] = velocity;
-    rate[rod_ + 1] =
-        (push - contact - resistance(position, velocity, load, kFrictionShare, false)) / kRodMass - gravity_;
+    rate[rod_ + 1] = (push - lift - resistance(position, velocity, load, kFrictionShare, false)) / kRodMass - gravity_;
   } else {
     rate[kVelocity] = (push - mass_ * gravity_ - resistance(position, velocity, load, 1, true)) / (mass_ + extra_mass);
   }
   if (angle_ > 0) rate[angle_] = w2;
+}
+
+void PumpCylinder::after_step(double, double* state, const double*) {
+  for (const int pressure : {static_cast<int>(kPressureA), static_cast<int>(kPressureB), side_a_, side_b_})
+    if (pressure > 0) state[pressure] = std::max(state[pressure], kLowestPressure);
 }
 
 void PumpCylinder::jacobian(double time, const double* state, const double* channels, double* rate, double* time_rate,

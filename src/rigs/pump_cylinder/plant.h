@@ -14,8 +14,9 @@
 // with the pumps and their leaks, and I q' = P_pump - P - 50 I q; with backlash the rod (0.7 kg) and the plate part:
 // states position and velocity are the plate's, as the transducer shows them, and each bears half of the friction. SI
 // units throughout; states as in the datasheet, then [P, q of line a], [of line b], [x, v of the rod], [angle of pump
-// 2], where they exist. Stiff through friction near standstill; the Jacobian is taken by differences. No cavitation, no
-// end of stroke: V_B reaches 0 at x = 77 mm.
+// 2], where they exist. Stiff through friction near standstill; the Jacobian is taken by differences. Outside of what a
+// run of the datasheet reaches, covers stop the piston at +-50 mm (V_B would reach 0 at 77 mm) and no pressure falls
+// below -90 kPa; oil that comes out of solution on the way is not modelled.
 #pragma once
 
 #include "faultline/rig/rig.h"
@@ -37,6 +38,7 @@ class PumpCylinder : public Rig {
   void start(const double* channels, double* state) override;
   void start_at(const double* nominal_state, const double* channels, double* state) override;
   void derivative(double time, const double* state, const double* channels, double* rate) override;
+  void after_step(double time, double* state, const double* channels) override;
   void outputs(double time, const double* state, double* channels) const override;
   bool stiff() const override { return true; }
   const std::vector<std::pair<int, int>>& jacobian_entries() const override { return entries_; }
@@ -44,9 +46,6 @@ class PumpCylinder : public Rig {
                 double* entries) override;
 
  private:
-  struct Motion2 {
-    double position, velocity;
-  };
   // Friction and loads of force.piston on a body that bears `share` of the friction, against positive motion.
   double resistance(double position, double velocity, double load, double share, bool loaded) const;
   double modulus_a(double pressure) const;
