@@ -13,7 +13,7 @@
 // whatever the rig has; without it the measured speeds. A state whose channel is not measured starts from the offset
 // speeds' level.
 //
-// Quantities: per channel of y and per pressure not among them its reading; every state with `_estimate`; per row of y
+// Quantities: per measured channel its reading; every state with `_estimate`; per row of y
 // `CHANNEL_innovation` over its standard deviation; per pressure `CHANNEL_residual`, reading minus estimate.
 // Fails where the level is not what the speeds say: with the position alone only the difference gamma P_A - P_B shows.
 #include <algorithm>
@@ -63,10 +63,12 @@ class PressureModel : public ProcessModel {
     const std::string pressures = settings.word("pressures");
     if (pressures != "none" && pressures != "a" && pressures != "b" && pressures != "both")
       throw InputError(settings.where() + ": 'pressures' is '" + pressures + "'; it is none, a, b or both");
-    sensors_ = {sheet.channel("position"), sheet.channel("chamber_a_pressure"), sheet.channel("chamber_b_pressure")};
+    for (const char* name : {"position", "chamber_a_pressure", "chamber_b_pressure", "pump1_speed", "pump2_speed"}) {
+      sensors_.push_back(sheet.channel(name));
+      channels_.push_back(sheet.channels[static_cast<std::size_t>(sensors_.back())]);
+    }
     const bool used[3] = {true, pressures == "a" || pressures == "both", pressures == "b" || pressures == "both"};
     for (std::size_t i = 0; i < 3; ++i) {
-      channels_.push_back(sheet.channels[static_cast<std::size_t>(sensors_[i])]);
       if (!used[i]) continue;
       rows_.push_back(i);
       measured_.push_back(sensors_[i]);
@@ -130,20 +132,21 @@ class PressureModel : public ProcessModel {
       for (std::size_t i = 1; i < 3; ++i) result.push_back({channels_[i].name + "_residual", channels_[i].unit, 0, 0});
       for (const std::size_t row : rows_) result.push_back({channels_[row].name + "_innovation", "1", 0, 0});
     }
-    for (std::size_t i = 0; i < 3; ++i) result[i].value = channels[sensors_[i]];
+    const std::size_t state_at = channels_.size(), residual_at = state_at + kStates;
+    for (std::size_t i = 0; i < channels_.size(); ++i) result[i].value = channels[sensors_[i]];
     for (std::size_t i = 0; i < kStates; ++i) {
-      result[3 + i].value = state[i];
-      result[3 + i].std = std::sqrt(std::max(0.0, covariance[i * kStates + i]));
+      result[state_at + i].value = state[i];
+      result[state_at + i].std = std::sqrt(std::max(0.0, covariance[i * kStates + i]));
     }
     for (std::size_t i = 0; i < 2; ++i) {
-      result[7 + i].value = channels[sensors_[i + 1]] - state[i + 2];
-      result[7 + i].std = result[5 + i].std;
+      result[residual_at + i].value = channels[sensors_[i + 1]] - state[i + 2];
+      result[residual_at + i].std = result[state_at + i + 2].std;
     }
   }
   void innovation_quantities(const double* innovation, const double* innovation_std,
                              std::vector<Quantity>& result) const override {
     for (std::size_t i = 0; i < rows_.size(); ++i)
-      result[9 + i].value = innovation_std[i] > 0 ? innovation[i] / innovation_std[i] : 0;
+      result[channels_.size() + kStates + 2 + i].value = innovation_std[i] > 0 ? innovation[i] / innovation_std[i] : 0;
   }
 
  protected:
