@@ -14,7 +14,8 @@
 // speeds' level.
 //
 // Quantities: per measured channel its reading; every state with `_estimate`; per row of y
-// `CHANNEL_innovation` over its standard deviation; per pressure `CHANNEL_residual`, reading minus estimate.
+// `CHANNEL_innovation` over its standard deviation; per pressure `CHANNEL_residual`, reading minus estimate; per
+// pump `CHANNEL_residual`, measured speed minus command.
 // Fails where the level is not what the speeds say: with the position alone only the difference gamma P_A - P_B shows.
 #include <algorithm>
 #include <cmath>
@@ -75,10 +76,10 @@ class PressureModel : public ProcessModel {
       observed_.push_back(i == 0 ? kPosition : static_cast<int>(i) + 1);
       measurement_noise_.push_back(noise[i]);
     }
+    commands_ = {sheet.channel("pump1_speed_command"), sheet.channel("pump2_speed_command")};
     has_sum_ = settings.has("pressure_sum");
     if (has_sum_) sum_ = settings.number("pressure_sum", 0, 1e8);
-    driving_ = has_sum_ ? std::vector<int>{sheet.channel("pump1_speed_command"), sheet.channel("pump2_speed_command")}
-                        : std::vector<int>{sheet.channel("pump1_speed"), sheet.channel("pump2_speed")};
+    driving_ = has_sum_ ? commands_ : std::vector<int>{sensors_[3], sensors_[4]};
   }
 
   std::vector<State> states() const override {
@@ -129,7 +130,8 @@ class PressureModel : public ProcessModel {
     if (result.empty()) {
       for (const Channel& c : channels_) result.push_back({c.name, c.unit, 0, 0});
       for (const State& s : states()) result.push_back({s.name + "_estimate", s.unit, 0, 0});
-      for (std::size_t i = 1; i < 3; ++i) result.push_back({channels_[i].name + "_residual", channels_[i].unit, 0, 0});
+      for (std::size_t i = 1; i < channels_.size(); ++i)
+        result.push_back({channels_[i].name + "_residual", channels_[i].unit, 0, 0});
       for (const std::size_t row : rows_) result.push_back({channels_[row].name + "_innovation", "1", 0, 0});
     }
     const std::size_t state_at = channels_.size(), residual_at = state_at + kStates;
@@ -141,12 +143,13 @@ class PressureModel : public ProcessModel {
     for (std::size_t i = 0; i < 2; ++i) {
       result[residual_at + i].value = channels[sensors_[i + 1]] - state[i + 2];
       result[residual_at + i].std = result[state_at + i + 2].std;
+      result[residual_at + 2 + i].value = channels[sensors_[i + 3]] - channels[commands_[i]];
     }
   }
   void innovation_quantities(const double* innovation, const double* innovation_std,
                              std::vector<Quantity>& result) const override {
     for (std::size_t i = 0; i < rows_.size(); ++i)
-      result[channels_.size() + kStates + 2 + i].value = innovation_std[i] > 0 ? innovation[i] / innovation_std[i] : 0;
+      result[channels_.size() + kStates + 4 + i].value = innovation_std[i] > 0 ? innovation[i] / innovation_std[i] : 0;
   }
 
  protected:
@@ -163,7 +166,7 @@ class PressureModel : public ProcessModel {
   bool has_sum_ = false;
   double sum_ = 0;
   std::vector<double> process_noise_, measurement_noise_, initial_variance_;
-  std::vector<int> sensors_, measured_, driving_, observed_;
+  std::vector<int> sensors_, commands_, measured_, driving_, observed_;
   std::vector<std::size_t> rows_;  // of y: which of sensors_
   std::vector<Channel> channels_;  // of sensors_
 };
