@@ -1,7 +1,7 @@
 // The course of a diagnosis as a table of at most `rows` rows, for plots. Of a longer recording, rows/4 to rows/2
-// stretches of equal length give two rows each: per column its smallest and its largest value there, in the order in which they
-// came, so that no spike is lost. Stretches are joined in pairs as the recording goes on: it may last as long as it
-// likes.
+// stretches of equal length give two rows each: per column its smallest and its largest value there, in the order in
+// which they came, so that no spike is lost. Stretches are joined in pairs as the recording goes on: it may last as
+// long as it likes.
 // Columns: t; every channel; x.STATE and x.STATE.std in the model's units; q.QUANTITY and
 // q.QUANTITY.std; i.CHANNEL and i.CHANNEL.std (innovation, model's units); normalised_innovation, of stages that have
 // an innovation.

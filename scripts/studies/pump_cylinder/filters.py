@@ -61,7 +61,8 @@ def main():
                 for kind, settings in FILTERS.items():
                     row = {}
                     for pressures in SETS:
-                        config = write_datasheet(estimator(sheet, pressures, {**settings, **given}), folder / "one.yaml")
+                        one = estimator(sheet, pressures, {**settings, **given})
+                        config = write_datasheet(one, folder / "one.yaml")
                         _, course = diagnose(bag, "--config", config, "--series-rows", 100000, series=True)
                         row.update(columns(run, course, pressures))
                     table[name][f"{kind}; {inputs}"] = row

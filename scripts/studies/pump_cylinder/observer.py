@@ -86,9 +86,8 @@ def picture(runs, title, file):
         for (symbol, channel), colour in zip(PRESSURES.items(), (ORANGE, BLUE)):
             axis.plot(t[::5], run[channel][::5] / 1e6, color=GREY, linewidth=0.4, alpha=0.6)
             error = errors(run, estimate)[symbol]
-            axis.plot(
-                t[::5], estimate[channel][::5] / 1e6, color=colour, linewidth=0.6, label=f"{symbol}, {error:.2f} MPa off"
-            )
+            label_of = f"{symbol}, {error:.2f} MPa off"
+            axis.plot(t[::5], estimate[channel][::5] / 1e6, color=colour, linewidth=0.6, label=label_of)
         axis.set(ylabel="MPa", title=label)
     for axis in axes:
         axis.legend(loc="upper right", fontsize=7, ncol=2, framealpha=0.8)
@@ -143,9 +142,7 @@ def main():
     )
     shown = ["Table 2", "random search", "faultline fit"]
     picture((chirp[1], {n: on_chirp[n] for n in shown}), "Fig 6: the chirp", output / "cylinder_figure_6.png")
-    picture(
-        (other[1], {n: on_other[n] for n in shown[1:]}), "Fig 7: another run, the same parameters", output / "cylinder_figure_7.png"
-    )
+    picture((other[1], {n: on_other[n] for n in shown[1:]}), "Fig 7: another run", output / "cylinder_figure_7.png")
     nominal = values(sheet)
     print(
         json.dumps(

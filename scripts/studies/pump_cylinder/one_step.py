@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The floor of Table 3 of Kilic et al. (2014): pressures one sample ahead by linear regressors of the NARX models' lags.
+"""The floor of Table 3 of Kilic et al. (2014): pressures one sample ahead by linear regressors of the NARX lags.
 
 The paper's networks take w_1, w_2, x, v (first difference of the position after a 15 Hz low pass) and P_A, P_B of one
 to three samples. Here the same regressors enter linearly, by least squares, on the run that stands for the paper's

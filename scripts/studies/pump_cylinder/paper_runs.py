@@ -1,4 +1,5 @@
-"""The recordings that stand for those of Kilic et al. (2014): the preset paper_rig, 50 001 samples each, and errors in MPa."""
+"""The recordings that stand for those of Kilic et al. (2014): the preset paper_rig, 50 001 samples each; errors in
+MPa."""
 
 import pathlib
 import sys

@@ -10,8 +10,8 @@
 //   multisine   count, lowest, highest [Hz], amplitude [peak], mean [0], corner [1 Hz], fade [1 s]: random phases;
 //               amplitudes as sqrt(lowest/f)/(1 + f/corner), so that the speed stays within what the rig can do;
 //               repeats after 10/lowest s
-//   chirp       lowest, highest [Hz], sweep [s], amplitude, mean [0]: sin of a frequency that rises linearly from lowest
-//               to highest over sweep, amplitude growing from 0; starts over after sweep
+//   chirp       lowest, highest [Hz], sweep [s], amplitude, mean [0]: sine whose frequency rises linearly from lowest
+//               to highest over sweep, its amplitude from 0; starts over after sweep
 //   steps       low, high, shortest, longest: random levels held for random times
 //   prbs        low, high (magnitude), clock, longest: random sign and magnitude, held for 1..longest clocks
 //   cycle       low, high, move, dwell: machine cycle, ramps with rests between
