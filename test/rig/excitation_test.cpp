@@ -43,8 +43,8 @@ const std::vector<Case>& cases() {
       {"steps", {{"low", -0.05}, {"high", 0.05}, {"shortest", 0.5}, {"longest", 1.6}}, {}, -0.05, 0.05, 0, true},
       {"prbs", {{"low", 1}, {"high", 2.2}, {"clock", 0.05}, {"longest", 7}}, {}, -2.2, 2.2, 0, true},
       {"cycle", {{"low", -0.04}, {"high", 0.06}, {"move", 0.8}, {"dwell", 0.7}}, {}, -0.04, 0.06, 3, false},
-      {"chirp", {{"lowest", 0.5}, {"highest", 5}, {"sweep", 10}, {"amplitude", 2}, {"mean", 1}}, {}, -1, 3, 10, false},
       {"table", {}, {{"time", {1, 2, 4}}, {"value", {0, 1, -1}}}, -1, 1, 0, false},
+      {"chirp", {{"lowest", 0.5}, {"highest", 5}, {"sweep", 10}, {"amplitude", 2}, {"mean", 1}}, {}, -1, 3, 10, false},
   };
   return all;
 }
