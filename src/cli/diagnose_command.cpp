@@ -24,6 +24,7 @@ constexpr double kWorthSaying = 1;  // s
 
 struct Options {
   std::string input, rig, config, json, series, reference, keep_reference;
+  std::size_t series_rows = 4000;
 };
 
 // One judgement of a stage that ranks causes.
@@ -204,7 +205,7 @@ class Course : public SampleTaker {
     diagnosis = std::make_unique<Diagnosis>(sheet_);
     if (!options_.reference.empty()) diagnosis->restore(read_references(options_.reference, sheet.rig));
     judgements = options_.json.empty() ? nullptr : std::make_unique<Judgements>(*diagnosis);
-    series = options_.series.empty() ? nullptr : std::make_unique<Series>(sheet, *diagnosis);
+    series = options_.series.empty() ? nullptr : std::make_unique<Series>(sheet, *diagnosis, options_.series_rows);
   }
 
   void take(const Sample& sample) override {
@@ -247,7 +248,10 @@ std::function<void()> add(CLI::App& app) {
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
   add_text_output(app, "--json", options->json, "write the report as JSON to this file; - is standard output");
   add_text_output(app, "--series", options->series,
-                  "write signals, estimates and innovations as CSV, at most 4000 rows; - is standard output");
+                  "write signals, estimates and innovations as CSV, at most --series-rows rows; - is standard output");
+  app.add_option("--series-rows", options->series_rows,
+                 "default 4000; a recording of no more samples is written sample by sample")
+      ->check(whole_number(8, 100000000));
   add_output(app, "--keep-reference", options->keep_reference,
              "write what detectors and isolators learnt of this healthy run to this file");
   add_input(app, "--reference", options->reference,

@@ -10,13 +10,13 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kRows = 4000;
-
 double root(double variance) { return std::sqrt(std::max(0.0, variance)); }
 
 }  // namespace
 
-Series::Series(const Datasheet& sheet, const Diagnosis& diagnosis) : diagnosis_(diagnosis) {
+Series::Series(const Datasheet& sheet, const Diagnosis& diagnosis, std::size_t rows)
+    : diagnosis_(diagnosis), most_((rows + 7) / 8 * 8) {  // so that stretches are always in pairs
+
   for (const Channel& channel : sheet.channels) channels_.push_back(channel.name);
 }
 
@@ -55,7 +55,7 @@ void Series::add(double time, const Sample& sample) {
     if (!estimate.innovation.empty()) values_.push_back(estimate.normalised_innovation);
   }
   if (length_ == 1) {
-    if (times_.size() < kRows) {
+    if (times_.size() < most_) {
       times_.push_back(time);
       rows_.insert(rows_.end(), values_.begin(), values_.end());
       return;
@@ -63,7 +63,7 @@ void Series::add(double time, const Sample& sample) {
     start_stretches();
   }
   if (samples_ % length_ == 0) {
-    if (stretches_.size() == kRows / 2) join_pairs();
+    if (stretches_.size() == most_ / 2) join_pairs();
     if (samples_ % length_ == 0) start(time);
   }
   add_to_last(time);

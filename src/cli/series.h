@@ -1,7 +1,7 @@
-// The course of a diagnosis as a table of at most 4000 rows, for plots. Of a longer recording, 1000 to 2000 stretches
-// of equal length give two rows each: per column its smallest and its largest value there, in the order in which they
-// came, so that no spike is lost. Stretches are joined in pairs as the recording goes on: it may last as long as it
-// likes.
+// The course of a diagnosis as a table of at most `rows` rows, for plots. Of a longer recording, rows/4 to rows/2
+// stretches of equal length give two rows each: per column its smallest and its largest value there, in the order in
+// which they came, so that no spike is lost. Stretches are joined in pairs as the recording goes on: it may last as
+// long as it likes.
 // Columns: t; every channel; x.STATE and x.STATE.std in the model's units; q.QUANTITY and
 // q.QUANTITY.std; i.CHANNEL and i.CHANNEL.std (innovation, model's units); normalised_innovation, of stages that have
 // an innovation.
@@ -21,7 +21,7 @@ class Series {
  public:
   // Of all estimators of the diagnosis, which must outlive it; those after the first add their name to
   // normalised_innovation.
-  Series(const Datasheet& sheet, const Diagnosis& diagnosis);
+  Series(const Datasheet& sheet, const Diagnosis& diagnosis, std::size_t rows);
 
   void add(double time, const Sample& sample);
   std::string csv();  // ends the table
@@ -42,6 +42,7 @@ class Series {
   void row(double time, const double* values);
 
   const Diagnosis& diagnosis_;
+  std::size_t most_;
   std::vector<std::string> channels_;
   std::size_t length_ = 1;  // samples per stretch; 1: every sample as it is
   std::uint32_t samples_ = 0;

@@ -120,6 +120,19 @@ class Diagnose(ProgramTest):
         self.assertEqual([alarm["kind"] for alarm in report["alarms"]], ["data"])
         self.assertEqual(report["alarms"][0]["level"], "stale")
 
+    def test_series_of_every_sample(self):
+        bag = self.simulate("a.bag", duration=6)
+        self.run_program("diagnose", bag, "--series", "all.csv", "--series-rows", "6001")
+        self.run_program("export", bag, "-o", "a.csv")
+        rows = [line.split(",") for line in (self.folder / "all.csv").read_text().splitlines()]
+        full = [line.split(",") for line in (self.folder / "a.csv").read_text().splitlines()]
+        self.assertEqual(len(rows), 6002)
+        position, recorded = rows[0].index("position"), full[0].index("position")
+        off = [abs(float(r[position]) - float(f[recorded])) for r, f in zip(rows[1:], full[1:])]
+        self.assertLess(max(off), 1e-8)
+        self.run_program("diagnose", bag, "--series", "few.csv", "--series-rows", "10")
+        self.assertLessEqual(len((self.folder / "few.csv").read_text().splitlines()), 17)
+
     def test_series(self):
         bag = self.simulate("a.bag", "--effect", "offset@sensor.velocity:value=0.05,from=3.0", duration=10)
         self.run_program("diagnose", bag, "--series", "series.csv")

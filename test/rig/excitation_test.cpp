@@ -51,6 +51,7 @@ const std::vector<Case>& cases() {
        0.05,
        0,
        true},
+      {"chirp", {{"lowest", 0.5}, {"highest", 5}, {"sweep", 10}, {"amplitude", 2}, {"mean", 1}}, {}, -1, 3, 10, false},
   };
   return all;
 }

@@ -195,10 +195,12 @@ void check_datasheet(const Datasheet& sheet) {
   const RigType* type = find_rig_type(sheet.rig);
   if (!type) return;
   check_controllers(sheet);
-  const Asked by_equations = what_it_asks(sheet, [&](const Datasheet& watched) {
+  Asked by_equations = what_it_asks(sheet, [&](const Datasheet& watched) {
     const EffectSet none(watched, {}, watched.sample_period, 0);
     type->make(watched, watched.nominal(), none);
   });
+  for (const Channel& channel : sheet.channels)  // the simulator asks for it
+    if (!channel.predicted_by.empty()) by_equations.insert("channels." + channel.predicted_by);
   const Asked by_controllers = what_it_asks(sheet, [&](const Datasheet& watched) {
     for (const Profile& profile : watched.profiles) make_controller(watched, profile, 1);
   });

@@ -126,6 +126,24 @@ class Multisine : public Excitation {
   std::vector<Sine> sines_;
 };
 
+class Chirp : public Excitation {
+ public:
+  Chirp(const Settings& s, std::uint64_t)
+      : lowest_(s.number("lowest", 1e-6, kHuge)),
+        highest_(s.number("highest", lowest_, kHuge)),
+        sweep_(s.number("sweep", 1e-6, kHuge)),
+        amplitude_(s.number("amplitude", 0, kHuge)),
+        mean_(s.number_or("mean", 0, -kHuge, kHuge)) {}
+  double value(double time) override {
+    const double t = std::fmod(time, sweep_), share = t / sweep_;
+    const double cycles = lowest_ * t + 0.5 * (highest_ - lowest_) * share * t;
+    return mean_ + amplitude_ * share * std::sin(2 * kPi * cycles);
+  }
+
+ private:
+  double lowest_, highest_, sweep_, amplitude_, mean_;
+};
+
 // Levels that hold for a while: the next level and its end are drawn when the last one ends.
 class Held : public Excitation {
  public:
@@ -250,9 +268,9 @@ struct Shape {
 };
 
 constexpr Shape kShapes[] = {
-    {"constant", make<Constant>}, {"square", make<Square>},       {"triangle", make<Triangle>},
-    {"sines", make<Sines>},       {"multisine", make<Multisine>}, {"steps", make<Steps>},
-    {"prbs", make<RandomBinary>}, {"cycle", make<Cycle>},         {"table", make<Table>},
+    {"constant", make<Constant>},   {"square", make<Square>}, {"triangle", make<Triangle>}, {"sines", make<Sines>},
+    {"multisine", make<Multisine>}, {"steps", make<Steps>},   {"prbs", make<RandomBinary>}, {"cycle", make<Cycle>},
+    {"table", make<Table>},         {"chirp", make<Chirp>},
 };
 
 }  // namespace

@@ -10,6 +10,8 @@
 //   multisine   count, lowest, highest [Hz], amplitude [peak], mean [0], corner [1 Hz], fade [1 s]: random phases;
 //               amplitudes as sqrt(lowest/f)/(1 + f/corner), so that the speed stays within what the rig can do;
 //               repeats after 10/lowest s
+//   chirp       lowest, highest [Hz], sweep [s], amplitude, mean [0]: sine whose frequency rises linearly from lowest
+//               to highest over sweep, its amplitude from 0; starts over after sweep
 //   steps       low, high, shortest, longest: random levels held for random times; with smallest, largest each is
 //               that far from the last, up or down
 //   prbs        low, high (magnitude), clock, longest: random sign and magnitude, held for 1..longest clocks

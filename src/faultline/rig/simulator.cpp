@@ -52,6 +52,7 @@ class Plant {
   // A sample period may be run in as many `parts`.
   Plant(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1)
       : sheet_(sheet),
+        use_(use),
         period_(period_of(sheet, setup)),
         parts_(parts),
         substeps_(substeps_of(sheet, setup, use, parts)),
@@ -66,11 +67,23 @@ class Plant {
                                    setup.parameters.size(), sheet.parameters.size()));
     rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
     integrator_ = make_integrator(*rig_);
+    for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+      if (sheet.channels[c].predicted_by.empty()) continue;
+      const auto command = static_cast<std::size_t>(sheet.channel(sheet.channels[c].predicted_by));
+      followers_.push_back({c, command, nullptr, nullptr, std::vector<double>(static_cast<std::size_t>(substeps_))});
+    }
     for (const Port& port : sheet.ports) {
       const EffectChain& chain = effects_.at(port.name);
       if (chain.empty() || port.channel.empty()) continue;
       const auto channel = static_cast<std::size_t>(sheet.channel(port.channel));
-      if (port.kind == PortKind::command) commands_.push_back({channel, &chain});
+      bool followed = false;
+      for (Follower& f : followers_) {
+        if (port.kind == PortKind::sensor && f.input == channel) f.sensor = &chain;
+        if (port.kind != PortKind::command || f.command != channel) continue;
+        f.drive = &chain;
+        followed = true;
+      }
+      if (port.kind == PortKind::command && !followed) commands_.push_back({channel, &chain});
       if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::output)
         sensors_.push_back({channel, &chain});
       if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::input)
@@ -97,6 +110,8 @@ class Plant {
     effects_.set_time(time);
     std::copy_n(channels, true_.size(), true_.begin());
     for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], time);
+    if (use_ == Use::simulator)
+      for (const Follower& f : followers_) true_[f.input] = channels[f.command];
     std::fill_n(integrator_->state(), rig_->states(), 0.0);
     rig_->start(true_.data(), integrator_->state());
     effects_.reset();
@@ -134,7 +149,24 @@ class Plant {
     move_to(state.data(), channels);
   }
 
-  // One sample period from `time`, or one part of it: commands held, inputs run linearly from `now` to `next`.
+  // What inputs that follow a command do over the period from `time` on: seen() shows their mean, as their sensors do.
+  // To be called once per period, before advance().
+  void follow(double time, const double* channels) {
+    effects_.set_time(time);
+    for (Follower& f : followers_) {
+      double sum = 0;
+      for (int i = 0; i < substeps_; ++i) {
+        double& value = f.values[static_cast<std::size_t>(i)];
+        value = f.drive ? f.drive->signal(channels[f.command], time + i * substep_) : channels[f.command];
+        sum += value;
+      }
+      const double mean = sum / substeps_;
+      shown_[f.input] = f.sensor ? f.sensor->signal(mean, time) : mean;
+    }
+  }
+
+  // One sample period from `time`, or one part of it: commands held, inputs run linearly from `now` to `next`; one that
+  // follows a command has its mean over the period in the period's first row, and is held where a recording gives it.
   void advance(double time, const double* now, const double* next, int part = 0) {
     const int count = substeps_ / parts_;
     effects_.set_time(time + part * count * substep_);
@@ -144,6 +176,8 @@ class Plant {
       for (const std::size_t c : run_) true_[c] = now[c] + share * (next[c] - now[c]);
       for (const std::size_t c : held_) true_[c] = now[c];
       for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(now[channel], t);
+      for (const Follower& f : followers_)
+        true_[f.input] = use_ == Use::simulator ? f.values[static_cast<std::size_t>(i)] : now[f.input];
       integrator_->step(t, substep_, true_.data());
       if (i + 1 == substeps_ || !sensors_.empty()) observe(t + substep_);
     }
@@ -178,7 +212,14 @@ class Plant {
     for (const auto& [channel, chain] : sensors_) shown_[channel] = chain->signal(shown_[channel], time);
   }
 
+  struct Follower {  // an input that the model predicts from a command
+    std::size_t input, command;
+    const EffectChain *drive, *sensor;  // null: nothing sits there
+    std::vector<double> values;         // of the input, per substep of the period
+  };
+
   const Datasheet& sheet_;
+  Use use_;
   double period_;  // s
   int parts_, substeps_;
   double substep_;
@@ -188,6 +229,7 @@ class Plant {
   std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;
   std::vector<std::pair<std::size_t, const EffectChain*>> shown_states_;
   std::vector<std::size_t> run_, held_;  // channels: inputs, commands
+  std::vector<Follower> followers_;
   std::vector<double> true_, shown_, start_, rest_, moved_;
   std::vector<double> resumed_;  // per channel: what its sensor shows at a start; NaN: what its effects make of it
 };
@@ -347,6 +389,9 @@ struct Simulator::Parts {
           source.value(time, source.droops() ? plant.drawn(static_cast<int>(channel), time - sheet.sample_period) : 0);
   }
 
+  // A controller sees of such an input what the row before it says.
+  bool follows(std::size_t channel) const { return !sheet.channels[channel].predicted_by.empty(); }
+
   double measured(std::size_t channel, double value) {
     return setup.noise ? measured_value(sheet.channels[channel], value, noise) : value;
   }
@@ -376,20 +421,23 @@ struct Simulator::Parts {
     for (std::size_t c = 0; c < sample.values.size(); ++c) {
       const Role role = sheet.channels[c].role;
       if (role == Role::output) sample.values[c] = measured(c, plant.seen()[c]);
-      if (role == Role::input) sample.values[c] = driving[c];
+      if (role == Role::input && !follows(c)) sample.values[c] = driving[c];
       if (role == Role::setpoint) sample.values[c] = 0;
       if (role == Role::command) sample.values[c] = driving[c];
     }
     for (const auto& [channel, chain] : plant.input_sensors())
-      sample.values[channel] = chain->signal(sample.values[channel], time);
+      if (!follows(channel)) sample.values[channel] = chain->signal(sample.values[channel], time);
     for (std::size_t c = 0; c < sample.values.size(); ++c)
-      if (sheet.channels[c].role == Role::input) sample.values[c] = measured(c, sample.values[c]);
+      if (sheet.channels[c].role == Role::input && !follows(c)) sample.values[c] = measured(c, sample.values[c]);
     controller->step(time, sample.values.data());
     apply_commands(time, sample.values.data());
     for (std::size_t c = 0; c < sample.values.size(); ++c)
       if (sheet.channels[c].role == Role::setpoint) driving[c] = sample.values[c];
     if (!has_inner)
       for (const std::size_t c : commands) sample.values[c] = recorded(c, driving[c]);
+    plant.follow(time, driving.data());
+    for (std::size_t c = 0; c < sample.values.size(); ++c)
+      if (follows(c)) sample.values[c] = measured(c, plant.seen()[c]);
     ++row;
   }
 
@@ -491,6 +539,7 @@ DrivenModel::~DrivenModel() = default;
 void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {
   parts_->take(recording, row, parts_->now);
   parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, parts_->around(recording, row));
+  parts_->plant.follow(Parts::time(recording, row), parts_->now.data());
 }
 
 bool DrivenModel::remembers() const { return parts_->plant.remembers(); }
@@ -502,6 +551,7 @@ void DrivenModel::advance(const Recording& recording, std::size_t to_row, const 
   const double time = Parts::time(recording, to_row - 1);
   parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
   parts_->now.swap(parts_->next);
+  parts_->plant.follow(time + parts_->plant.period(), parts_->now.data());
   if (state)
     parts_->plant.restart(time + parts_->plant.period(), parts_->now.data(), state, parts_->around(recording, to_row),
                           true);

@@ -79,7 +79,8 @@ void StepModel::advance(const double* state, const double* from, const double* t
   for (int i = 0; i < steps; ++i) {
     const double share = (i + 0.5) / steps;
     for (std::size_t c = 0; c < p.held.size(); ++c)
-      if (p.sheet.channels[c].role == Role::input) p.held[c] = from[c] + share * (to[c] - from[c]);
+      if (p.sheet.channels[c].role == Role::input && p.sheet.channels[c].predicted_by.empty())
+        p.held[c] = from[c] + share * (to[c] - from[c]);
     p.integrator->step(i * dt / steps, dt / steps, p.held.data());
   }
   std::copy_n(p.integrator->state(), p.sheet.states.size(), next);

@@ -2,7 +2,8 @@
 // it (the same parameters, nominal effects, substeps and integrator), with every call by itself.
 //
 //   state    the datasheet's; states that effects add begin at rest with every step
-//   inputs   commands as they reach the plant at the beginning, held; measured inputs run linearly to the end
+//   inputs   commands as they reach the plant at the beginning, held; measured inputs run linearly to the end,
+//            but one that follows a command is held too: its sample is the mean over the period
 //
 // Effects on signals that have memory (lag, delay, hysteresis) are followed by prepare(), once per sample in the order
 // of time; those of output sensors are undone where they are static (rig/effect.h). A probe that lies outside what the

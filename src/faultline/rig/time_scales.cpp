@@ -106,6 +106,9 @@ class Tester {
       channels_[c] = channel.ground_truth ? std::clamp(0.0, channel.minimum, channel.maximum)
                                           : channel.minimum + fraction * (channel.maximum - channel.minimum);
     }
+    for (std::size_t c = 0; c < channels_.size(); ++c)
+      if (!sheet_.channels[c].predicted_by.empty())
+        channels_[c] = channels_[static_cast<std::size_t>(sheet_.channel(sheet_.channels[c].predicted_by))];
   }
 
   // False where the rig cannot be held there: no state of rest, no finite state, or an output beyond its range.

@@ -1,0 +1,238 @@
+#include "rigs/pump_cylinder/plant.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace faultline {
+namespace {
+
+enum { kPosition, kVelocity, kPressureA, kPressureB };
+
+constexpr double kRodMass = 0.7;             // kg, of the moving mass; Table 1
+constexpr double kFrictionShare = 0.5;       // of rod and of plate, where they part
+constexpr double kStroke = 0.05;             // m, to either cover; given
+constexpr double kContactStiffness = 2.0e7;  // N/m: steel on steel
+constexpr double kContactDamping = 2.0e3;    // N s/m
+constexpr double kLineDamping = 50;          // 1/s
+constexpr double kSmallestInertance = 1e4;   // Pa s^2/m^3
+constexpr double kAtmosphere = 101325;       // Pa, between gauge and absolute
+constexpr double kLowestPressure = -9e4;     // Pa, in beta
+constexpr double kDifference = 1e-6;         // of a state's size, for the Jacobian
+constexpr double kSizes[] = {1e-2, 1e-2, 1e6, 1e6};
+constexpr double kFlowSize = 1e-4;  // m^3/s
+
+// Of two bodies that are `apart` more than none, against that.
+double contact(double apart, double speed) {
+  if (apart > 0) return std::max(0.0, kContactStiffness * apart + kContactDamping * speed);
+  return std::min(0.0, kContactStiffness * apart + kContactDamping * speed);
+}
+
+// How far x is beyond -play..play.
+double beyond(double x, double play) { return x > play ? x - play : x < -play ? x + play : 0.0; }
+
+double contact_beyond(double x, double play, double speed) {
+  const double apart = beyond(x, play);
+  return apart == 0 ? 0.0 : contact(apart, speed);
+}
+
+}  // namespace
+
+double BulkModulus::value(double pressure) const {
+  const double p = std::max(pressure, kLowestPressure);
+  return (c1 + p) * (1 / c2 - std::log1p(p / c1));
+}
+
+double BulkModulus::slope(double pressure) const {
+  return pressure < kLowestPressure ? 0.0 : 1 / c2 - 1 - std::log1p(pressure / c1);
+}
+
+PumpCylinder::PumpCylinder(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects)
+    : force_(effects.at("force.piston")),
+      leak_2ab_(effects.at("flow.pump2_a_b")),
+      leak_2a_(effects.at("flow.pump2_a_tank")),
+      leak_2b_(effects.at("flow.pump2_b_tank")),
+      leak_1a_(effects.at("flow.pump1_a_tank")),
+      seal_(effects.at("flow.chamber_a_chamber_b")),
+      compliance_a_(effects.at("compliance.chamber_a")),
+      compliance_b_(effects.at("compliance.chamber_b")),
+      line_a_(effects.at("line.a")),
+      line_b_(effects.at("line.b")),
+      plate_(effects.at("transmission.plate")),
+      pump2_(effects.at("source.pump2")),
+      oil_port_(effects.at("source.oil")),
+      has_force_(!force_.empty()) {
+  check_state_names(sheet, {"position", "velocity", "chamber_a_pressure", "chamber_b_pressure"});
+  const auto value = [&](const char* name) { return parameters[static_cast<std::size_t>(sheet.parameter(name))]; };
+  mass_ = value("mass");
+  cap_area_ = value("cap_area");
+  rod_area_ = value("rod_area");
+  volume_a_ = value("chamber_a_volume");
+  volume_b_ = value("chamber_b_volume");
+  displacement_ = value("pump_displacement");
+  internal_ = value("internal_leakage");
+  external_a_ = value("external_leakage_a");
+  external_b_ = value("external_leakage_b");
+  viscous_ = value("viscous_friction");
+  coulomb_ = value("coulomb_friction");
+  gravity_ = value("gravity");
+  width_ = value("friction_width");
+  line_volume_a_ = value("line_volume_a");
+  line_volume_b_ = value("line_volume_b");
+  oil_ = {value("bulk_c1"), value("bulk_c2")};
+
+  reference_ = sheet.channel("position_reference");
+  pressure_sum_ = sheet.channel("pressure_sum_reference");
+  speed1_ = sheet.channel("pump1_speed");
+  speed2_ = sheet.channel("pump2_speed");
+  out_position_ = sheet.channel("position");
+  out_pressure_a_ = sheet.channel("chamber_a_pressure");
+  out_pressure_b_ = sheet.channel("chamber_b_pressure");
+
+  const auto add = [&](const EffectChain& chain, int states) {
+    if (chain.empty()) return 0;
+    count_ += states;
+    return count_ - states;
+  };
+  side_a_ = add(line_a_, 2);
+  side_b_ = add(line_b_, 2);
+  rod_ = add(plate_, 2);
+  angle_ = add(pump2_, 1);
+  for (int column = 0; column < count_; ++column)
+    for (int row = 0; row < count_; ++row) entries_.emplace_back(row, column);
+  probe_.resize(static_cast<std::size_t>(count_));
+  moved_.resize(static_cast<std::size_t>(count_));
+}
+
+void PumpCylinder::start(const double* channels, double* state) {
+  const double sum = channels[pressure_sum_], area_ratio = cap_area_ / rod_area_;
+  const double a = (sum + mass_ * gravity_ / rod_area_) / (1 + area_ratio);
+  const double nominal[4] = {channels[reference_], 0, a, sum - a};
+  start_at(nominal, channels, state);
+}
+
+void PumpCylinder::start_at(const double* nominal_state, const double*, double* state) {
+  std::copy_n(nominal_state, 4, state);
+  if (side_a_ > 0) {
+    state[side_a_] = state[kPressureA];
+    state[side_a_ + 1] = cap_area_ * state[kVelocity];
+  }
+  if (side_b_ > 0) {
+    state[side_b_] = state[kPressureB];
+    state[side_b_ + 1] = rod_area_ * state[kVelocity];
+  }
+  if (rod_ > 0) {  // the plate rests on the rod
+    state[rod_] = state[kPosition] + plate_.coupling().gap / 2 + (mass_ - kRodMass) * gravity_ / kContactStiffness;
+    state[rod_ + 1] = state[kVelocity];
+  }
+  if (angle_ > 0) state[angle_] = 0;
+}
+
+double PumpCylinder::modulus_a(double pressure) const {
+  return compliance_a_.bulk_modulus(oil_.value(pressure), pressure + kAtmosphere);
+}
+
+double PumpCylinder::modulus_b(double pressure) const {
+  return compliance_b_.bulk_modulus(oil_.value(pressure), pressure + kAtmosphere);
+}
+
+double PumpCylinder::resistance(double position, double velocity, double load, double share, bool loaded) const {
+  const double viscosity = oil_port_.viscosity().factor;
+  const double direction = std::tanh(velocity / width_);
+  if (!has_force_) return share * (viscosity * viscous_ * velocity + coulomb_ * direction);
+  const BodyForces extra = force_.forces({position, velocity, load});
+  const double level = coulomb_ + (velocity > 0 ? extra.sliding_plus : extra.sliding_minus);
+  return share * (viscosity * viscous_ * velocity + extra.viscous + std::max(0.0, level) * direction) +
+         (loaded ? extra.applied : 0.0);
+}
+
+void PumpCylinder::derivative(double, const double* state, const double* channels, double* rate) {
+  const double a = state[kPressureA], b = state[kPressureB];
+  const double pump_a = side_a_ > 0 ? state[side_a_] : a, pump_b = side_b_ > 0 ? state[side_b_] : b;
+  const double thin = 1 / oil_port_.viscosity().factor;
+  const double w1 = channels[speed1_], w2 = channels[speed2_];
+
+  const double delivered = pump2_.delivery(displacement_ * w2, angle_ > 0 ? state[angle_] : 0.0);
+  const double across = thin * internal_ * (pump_a - pump_b) + leak_2ab_.flow({pump_a - pump_b, pump_a, w2});
+  const double case_a = thin * external_a_ * pump_a;
+  const double q_2a = delivered - across - case_a - leak_2a_.flow({pump_a, pump_a, w2});
+  const double q_b = delivered - across + thin * external_b_ * pump_b + leak_2b_.flow({pump_b, pump_b, w2});
+  const double q_1a = displacement_ * w1 - thin * internal_ * pump_a - case_a - leak_1a_.flow({pump_a, pump_a, w1});
+  const double q_a = q_1a + q_2a;
+
+  const double position = rod_ > 0 ? state[rod_] : state[kPosition];
+  const double velocity = rod_ > 0 ? state[rod_ + 1] : state[kVelocity];
+  const double past_seal = seal_.flow({a - b, a, 0});
+  double into_a = q_a, out_of_b = q_b, cylinder_a = volume_a_ + cap_area_ * position,
+         cylinder_b = volume_b_ - rod_area_ * position;
+  if (side_a_ > 0) {
+    const double inertance = std::max(line_a_.line().inertance, kSmallestInertance);
+    into_a = state[side_a_ + 1];
+    cylinder_a -= line_volume_a_;
+    rate[side_a_] = modulus_a(pump_a) / line_volume_a_ * (q_a - into_a);
+    rate[side_a_ + 1] = (pump_a - a) / inertance - kLineDamping * into_a;
+  }
+  if (side_b_ > 0) {
+    const double inertance = std::max(line_b_.line().inertance, kSmallestInertance);
+    out_of_b = state[side_b_ + 1];
+    cylinder_b -= line_volume_b_;
+    rate[side_b_] = modulus_b(pump_b) / line_volume_b_ * (out_of_b - q_b);
+    rate[side_b_ + 1] = (b - pump_b) / inertance - kLineDamping * out_of_b;
+  }
+  rate[kPressureA] = modulus_a(a) / cylinder_a * (into_a - cap_area_ * velocity - past_seal);
+  rate[kPressureB] = modulus_b(b) / cylinder_b * (rod_area_ * velocity - out_of_b + past_seal);
+
+  const double push = cap_area_ * a - rod_area_ * b - contact_beyond(position, kStroke, velocity),
+               load = std::abs(a - b);
+  const double extra_mass = has_force_ ? force_.forces({position, velocity, load}).mass : 0.0;
+  rate[kPosition] = state[kVelocity];
+  if (rod_ > 0) {
+    const double plate_mass = mass_ - kRodMass;
+    const double lift = contact_beyond(state[rod_] - state[kPosition], plate_.coupling().gap / 2,
+                                       state[rod_ + 1] - state[kVelocity]);  // on the plate, up
+    rate[kVelocity] = (lift - resistance(state[kPosition], state[kVelocity], load, 1 - kFrictionShare, true)) /
+                          (plate_mass + extra_mass) -
+                      gravity_ * plate_mass / (plate_mass + extra_mass);
+    rate[rod_] = velocity;
+    rate[rod_ + 1] = (push - lift - resistance(position, velocity, load, kFrictionShare, false)) / kRodMass - gravity_;
+  } else {
+    rate[kVelocity] = (push - mass_ * gravity_ - resistance(position, velocity, load, 1, true)) / (mass_ + extra_mass);
+  }
+  if (angle_ > 0) rate[angle_] = w2;
+}
+
+void PumpCylinder::after_step(double, double* state, const double*) {
+  for (const int pressure : {static_cast<int>(kPressureA), static_cast<int>(kPressureB), side_a_, side_b_})
+    if (pressure > 0) state[pressure] = std::max(state[pressure], kLowestPressure);
+}
+
+void PumpCylinder::jacobian(double time, const double* state, const double* channels, double* rate, double* time_rate,
+                            double* entries) {
+  derivative(time, state, channels, rate);
+  std::copy_n(state, count_, probe_.begin());
+  for (int column = 0; column < count_; ++column) {
+    const auto place = static_cast<std::size_t>(column);
+    double size = column < 4 ? kSizes[column] : 1.0;
+    if (side_a_ > 0 && column == side_a_) size = kSizes[kPressureA];
+    if (side_b_ > 0 && column == side_b_) size = kSizes[kPressureB];
+    if ((side_a_ > 0 && column == side_a_ + 1) || (side_b_ > 0 && column == side_b_ + 1)) size = kFlowSize;
+    if (rod_ > 0 && (column == rod_ || column == rod_ + 1)) size = kSizes[kPosition];
+    const double step = kDifference * size;
+    probe_[place] = state[column] + step;
+    derivative(time, probe_.data(), channels, moved_.data());
+    probe_[place] = state[column];
+    for (int row = 0; row < count_; ++row) *entries++ = (moved_[static_cast<std::size_t>(row)] - rate[row]) / step;
+  }
+  std::fill_n(time_rate, count_, 0.0);
+}
+
+void PumpCylinder::outputs(double, const double* state, double* channels) const {
+  channels[out_position_] = state[kPosition];
+  channels[out_pressure_a_] = state[kPressureA];
+  channels[out_pressure_b_] = state[kPressureB];
+}
+
+namespace {
+FAULTLINE_RIG(pump_cylinder, {"pump_cylinder", 0.1e-3, make_rig<PumpCylinder>, 0.5e-3});
+}
+
+}  // namespace faultline

@@ -1,0 +1,306 @@
+// The pump-controlled cylinder as Kalman filters see it, to estimate chamber pressures from the position and at most
+// some of the pressures. Source: Kilic et al. 2014, equations (17)-(28); parameters nominal, SI units.
+//
+//   x = position, velocity, P_A, P_B;  u = w_1, w_2 held over a period;  y = position and, by `pressures`, P_A, P_B
+//   pump_cylinder_linear      x+ = Phi x + G u exactly, of (17): constant volumes and `bulk_modulus`, no gravity and no
+//                             dry friction
+//   pump_cylinder_nonlinear   (23) by Runge-Kutta steps of at most 0.25 ms, Phi = exp(f dt) with f of (25)
+// Dry friction in (23) by `friction`: signed, F_c tanh(v/friction_width), with its own term in f22; unsigned, F_c as it
+// is printed; none. Q is added per period as it stands: scaled by T, as (28) says, it leaves pressures unmeasured.
+//
+// Settings: pressures (none, a, b, both); process_noise, initial_variance (4), measurement_noise (position, P_A, P_B);
+// pressure_sum, where the inputs are to be as printed: w_dyn = n_2 from the commands, and the offset speeds of this sum
+// whatever the rig has; without it the measured speeds. A state whose channel is not measured starts from the offset
+// speeds' level.
+//
+// Quantities: per measured channel its reading; every state with `_estimate`; per row of y
+// `CHANNEL_innovation` over its standard deviation; per pressure `CHANNEL_residual`, reading minus estimate; per
+// pump `CHANNEL_residual`, measured speed minus command.
+// Fails where the level is not what the speeds say: with the position alone only the difference gamma P_A - P_B shows.
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Core>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include "faultline/estimators/process_model.h"
+#include "faultline/signal/error.h"
+#include "rigs/pump_cylinder/plant.h"
+
+namespace faultline {
+namespace {
+
+enum { kPosition, kVelocity, kPressureA, kPressureB, kStates };
+
+constexpr double kLongestStep = 0.25e-3;  // s, of Runge-Kutta: 1/5 of the fastest resonance, 2/3 of the friction's pole
+// Sizes that make the entries of f alike, so that its exponential takes few terms.
+const Eigen::Vector4d kSizes(1e-3, 1, 1e7, 1e7);
+
+using Square = Eigen::Matrix4d;
+using Rows = Eigen::Matrix<double, kStates, kStates, Eigen::RowMajor>;
+
+class PressureModel : public ProcessModel {
+ public:
+  PressureModel(const Datasheet& sheet, const Settings& settings) {
+    const std::vector<double> nominal = sheet.nominal();
+    const auto value = [&](const char* name) { return nominal[static_cast<std::size_t>(sheet.parameter(name))]; };
+    mass_ = value("mass");
+    cap_area_ = value("cap_area");
+    rod_area_ = value("rod_area");
+    volume_a_ = value("chamber_a_volume");
+    volume_b_ = value("chamber_b_volume");
+    displacement_ = value("pump_displacement");
+    internal_ = value("internal_leakage");
+    external_a_ = value("external_leakage_a");
+    external_b_ = value("external_leakage_b");
+    viscous_ = value("viscous_friction");
+    weight_ = mass_ * value("gravity");
+    area_ratio_ = cap_area_ / rod_area_;
+    offset_ratio_ = value("offset_ratio");
+    offset_gain_ = value("offset_gain");
+    process_noise_ = settings.list("process_noise", kStates, 0, 1e300);
+    initial_variance_ = settings.list("initial_variance", kStates, 0, 1e300);
+    const std::vector<double> noise = settings.list("measurement_noise", 3, 1e-300, 1e300);
+    const std::string pressures = settings.word("pressures");
+    if (pressures != "none" && pressures != "a" && pressures != "b" && pressures != "both")
+      throw InputError(settings.where() + ": 'pressures' is '" + pressures + "'; it is none, a, b or both");
+    for (const char* name : {"position", "chamber_a_pressure", "chamber_b_pressure", "pump1_speed", "pump2_speed"}) {
+      sensors_.push_back(sheet.channel(name));
+      channels_.push_back(sheet.channels[static_cast<std::size_t>(sensors_.back())]);
+    }
+    const bool used[3] = {true, pressures == "a" || pressures == "both", pressures == "b" || pressures == "both"};
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (!used[i]) continue;
+      rows_.push_back(i);
+      measured_.push_back(sensors_[i]);
+      observed_.push_back(i == 0 ? kPosition : static_cast<int>(i) + 1);
+      measurement_noise_.push_back(noise[i]);
+    }
+    commands_ = {sheet.channel("pump1_speed_command"), sheet.channel("pump2_speed_command")};
+    has_sum_ = settings.has("pressure_sum");
+    if (has_sum_) sum_ = settings.number("pressure_sum", 0, 1e8);
+    driving_ = has_sum_ ? commands_ : std::vector<int>{sensors_[3], sensors_[4]};
+  }
+
+  std::vector<State> states() const override {
+    return {{"position", "x", "m"},
+            {"velocity", "v", "m/s"},
+            {"chamber_a_pressure", "P_A", "Pa"},
+            {"chamber_b_pressure", "P_B", "Pa"}};
+  }
+  std::vector<int> measured_channels() const override { return measured_; }
+  std::vector<int> driving_channels() const override { return driving_; }
+  std::vector<double> process_noise() const override { return process_noise_; }
+  std::vector<double> measurement_noise() const override { return measurement_noise_; }
+  std::vector<int> observed_states() const override { return observed_; }
+
+  void initial(const double* channels, double* state, double* variance) const override {
+    const double sum = has_sum_ ? sum_ : offset_speed(channels) / offset_gain_;
+    state[kPosition] = channels[sensors_[0]];
+    state[kVelocity] = 0;
+    state[kPressureA] = (sum + weight_ / rod_area_) / (1 + area_ratio_);
+    state[kPressureB] = sum - state[kPressureA];
+    for (std::size_t i = 0; i < rows_.size(); ++i) state[observed_[i]] = channels[measured_[i]];
+    std::copy(initial_variance_.begin(), initial_variance_.end(), variance);
+  }
+
+  void take_inputs(const double* channels) override {
+    speed1_ = channels[driving_[0]];
+    speed2_ = channels[driving_[1]];
+    if (!has_sum_) return;
+    const double dynamic = speed2_ - offset_speed(channels);
+    speed2_ = dynamic + offset_gain_ * sum_;
+    speed1_ = (area_ratio_ - 1) * dynamic + offset_ratio_ * offset_gain_ * sum_;
+  }
+
+  // NaN at the ends of a transmitter's range.
+  void measurement(const double* channels, double* y) const override {
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      const Channel& c = channels_[rows_[i]];
+      y[i] = channels[measured_[i]];
+      if (y[i] <= c.minimum || y[i] >= c.maximum) y[i] = std::nan("");
+    }
+  }
+  void observe(const double* state, double* y) const override {
+    for (std::size_t i = 0; i < rows_.size(); ++i) y[i] = state[observed_[i]];
+  }
+
+  void quantities(const double* channels, const double* state, const double* covariance,
+                  std::vector<Quantity>& result) const override {
+    if (result.empty()) {
+      for (const Channel& c : channels_) result.push_back({c.name, c.unit, 0, 0});
+      for (const State& s : states()) result.push_back({s.name + "_estimate", s.unit, 0, 0});
+      for (std::size_t i = 1; i < channels_.size(); ++i)
+        result.push_back({channels_[i].name + "_residual", channels_[i].unit, 0, 0});
+      for (const std::size_t row : rows_) result.push_back({channels_[row].name + "_innovation", "1", 0, 0});
+    }
+    const std::size_t state_at = channels_.size(), residual_at = state_at + kStates;
+    for (std::size_t i = 0; i < channels_.size(); ++i) result[i].value = channels[sensors_[i]];
+    for (std::size_t i = 0; i < kStates; ++i) {
+      result[state_at + i].value = state[i];
+      result[state_at + i].std = std::sqrt(std::max(0.0, covariance[i * kStates + i]));
+    }
+    for (std::size_t i = 0; i < 2; ++i) {
+      result[residual_at + i].value = channels[sensors_[i + 1]] - state[i + 2];
+      result[residual_at + i].std = result[state_at + i + 2].std;
+      result[residual_at + 2 + i].value = channels[sensors_[i + 3]] - channels[commands_[i]];
+    }
+  }
+  void innovation_quantities(const double* innovation, const double* innovation_std,
+                             std::vector<Quantity>& result) const override {
+    for (std::size_t i = 0; i < rows_.size(); ++i)
+      result[channels_.size() + kStates + 4 + i].value = innovation_std[i] > 0 ? innovation[i] / innovation_std[i] : 0;
+  }
+
+ protected:
+  // psi p_sum of what the pumps do: w_1 = (gamma - 1) w_dyn + lambda psi p_sum, w_2 = w_dyn + psi p_sum.
+  double offset_speed(const double* channels) const {
+    return (channels[driving_[0]] - (area_ratio_ - 1) * channels[driving_[1]]) / (offset_ratio_ - area_ratio_ + 1);
+  }
+
+  double mass_, cap_area_, rod_area_, volume_a_, volume_b_, displacement_, internal_, external_a_, external_b_,
+      viscous_, weight_, area_ratio_, offset_ratio_, offset_gain_;
+  double speed1_ = 0, speed2_ = 0;
+
+ private:
+  bool has_sum_ = false;
+  double sum_ = 0;
+  std::vector<double> process_noise_, measurement_noise_, initial_variance_;
+  std::vector<int> sensors_, commands_, measured_, driving_, observed_;
+  std::vector<std::size_t> rows_;  // of y: which of sensors_
+  std::vector<Channel> channels_;  // of sensors_
+};
+
+class LinearModel : public PressureModel {
+ public:
+  LinearModel(const Datasheet& sheet, const Settings& settings) : PressureModel(sheet, settings) {
+    const double modulus = settings.number("bulk_modulus", 1e6, 1e11);
+    const double a = modulus / volume_a_, b = modulus / volume_b_;
+    system_.setZero();
+    system_(kPosition, kVelocity) = 1;
+    system_(kVelocity, kVelocity) = -viscous_ / mass_;
+    system_(kVelocity, kPressureA) = cap_area_ / mass_;
+    system_(kVelocity, kPressureB) = -rod_area_ / mass_;
+    system_(kPressureA, kVelocity) = -cap_area_ * a;
+    system_(kPressureA, kPressureA) = -2 * (internal_ + external_a_) * a;
+    system_(kPressureA, kPressureB) = internal_ * a;
+    system_(kPressureB, kVelocity) = rod_area_ * b;
+    system_(kPressureB, kPressureA) = internal_ * b;
+    system_(kPressureB, kPressureB) = -(internal_ + external_b_) * b;
+    system_(kPressureA, kStates) = system_(kPressureA, kStates + 1) = displacement_ * a;
+    system_(kPressureB, kStates + 1) = -displacement_ * b;
+    discretise(sheet.sample_period);
+  }
+
+  void predict(const double* state, double dt, double* next) const override {
+    discretise(dt);
+    Augmented x;
+    x << state[0], state[1], state[2], state[3], speed1_, speed2_;
+    const Eigen::Vector4d moved = transition_.topRows<kStates>() * x;
+    std::copy_n(moved.data(), kStates, next);
+  }
+  bool jacobian(const double*, double dt, double* a) const override {
+    discretise(dt);
+    Eigen::Map<Rows>{a} = transition_.topLeftCorner<kStates, kStates>();
+    return true;
+  }
+
+ private:
+  using Augmented = Eigen::Matrix<double, kStates + 2, 1>;
+  using Extended = Eigen::Matrix<double, kStates + 2, kStates + 2>;
+
+  // [Phi G; 0 I] = exp([A B; 0 0] dt).
+  void discretise(double dt) const {
+    if (dt == step_) return;
+    Augmented sizes;
+    sizes << kSizes, 1, 1;
+    const Extended scaled = dt * sizes.cwiseInverse().asDiagonal() * system_ * sizes.asDiagonal();
+    const Extended exponential = scaled.exp();
+    transition_ = sizes.asDiagonal() * exponential * sizes.cwiseInverse().asDiagonal();
+    step_ = dt;
+  }
+
+  Extended system_;
+  mutable Extended transition_;
+  mutable double step_ = -1;
+};
+
+class NonlinearModel : public PressureModel {
+ public:
+  NonlinearModel(const Datasheet& sheet, const Settings& settings) : PressureModel(sheet, settings) {
+    const std::vector<double> nominal = sheet.nominal();
+    const auto value = [&](const char* name) { return nominal[static_cast<std::size_t>(sheet.parameter(name))]; };
+    oil_ = {value("bulk_c1"), value("bulk_c2")};
+    const std::string friction = settings.word("friction");
+    if (friction != "signed" && friction != "unsigned" && friction != "none")
+      throw InputError(settings.where() + ": 'friction' is '" + friction + "'; it is signed, unsigned or none");
+    if (friction == "signed") signed_ = value("coulomb_friction");
+    if (friction == "unsigned") constant_ = value("coulomb_friction");
+    width_ = friction == "signed" ? settings.number("friction_width", 1e-3, 1) : 1.0;
+  }
+
+  void predict(const double* state, double dt, double* next) const override {
+    const int steps = std::max(1, static_cast<int>(std::ceil(dt / kLongestStep - 1e-6)));
+    const double h = dt / steps;
+    Eigen::Vector4d x = Eigen::Map<const Eigen::Vector4d>(state);
+    for (int i = 0; i < steps; ++i) {
+      const Eigen::Vector4d k1 = rate(x), k2 = rate(x + 0.5 * h * k1), k3 = rate(x + 0.5 * h * k2),
+                            k4 = rate(x + h * k3);
+      x += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+    }
+    std::copy_n(x.data(), kStates, next);
+  }
+
+  bool jacobian(const double* x, double dt, double* a) const override {
+    const double volume_a = volume_a_ + cap_area_ * x[kPosition], volume_b = volume_b_ - rod_area_ * x[kPosition];
+    const double beta_a = oil_.value(x[kPressureA]), beta_b = oil_.value(x[kPressureB]);
+    const double into_a = inflow_a(x), into_b = inflow_b(x), level = std::tanh(x[kVelocity] / width_);
+    Square f = Square::Zero();  // (25)
+    f(kPosition, kVelocity) = 1;
+    f(kVelocity, kVelocity) = -(viscous_ + signed_ * (1 - level * level) / width_) / mass_;
+    f(kVelocity, kPressureA) = cap_area_ / mass_;
+    f(kVelocity, kPressureB) = -rod_area_ / mass_;
+    f(kPressureA, kPosition) = -cap_area_ * beta_a * into_a / (volume_a * volume_a);
+    f(kPressureA, kVelocity) = -cap_area_ * beta_a / volume_a;
+    f(kPressureA, kPressureA) =
+        (oil_.slope(x[kPressureA]) * into_a - 2 * (internal_ + external_a_) * beta_a) / volume_a;
+    f(kPressureA, kPressureB) = internal_ * beta_a / volume_a;
+    f(kPressureB, kPosition) = rod_area_ * beta_b * into_b / (volume_b * volume_b);
+    f(kPressureB, kVelocity) = rod_area_ * beta_b / volume_b;
+    f(kPressureB, kPressureA) = internal_ * beta_b / volume_b;
+    f(kPressureB, kPressureB) = (oil_.slope(x[kPressureB]) * into_b - (internal_ + external_b_) * beta_b) / volume_b;
+    const Square scaled = dt * kSizes.cwiseInverse().asDiagonal() * f * kSizes.asDiagonal();
+    const Square exponential = scaled.exp();
+    Eigen::Map<Rows>{a} = kSizes.asDiagonal() * exponential * kSizes.cwiseInverse().asDiagonal();
+    return true;
+  }
+
+ private:
+  template <class Vector>
+  double inflow_a(const Vector& x) const {
+    return displacement_ * (speed1_ + speed2_) - 2 * (internal_ + external_a_) * x[kPressureA] +
+           internal_ * x[kPressureB] - cap_area_ * x[kVelocity];
+  }
+  template <class Vector>
+  double inflow_b(const Vector& x) const {
+    return rod_area_ * x[kVelocity] - displacement_ * speed2_ + internal_ * x[kPressureA] -
+           (internal_ + external_b_) * x[kPressureB];
+  }
+  // (23)
+  Eigen::Vector4d rate(const Eigen::Vector4d& x) const {
+    const double dry = constant_ + (signed_ > 0 ? signed_ * std::tanh(x[kVelocity] / width_) : 0.0);
+    return {x[kVelocity],
+            (cap_area_ * x[kPressureA] - rod_area_ * x[kPressureB] - viscous_ * x[kVelocity] - dry - weight_) / mass_,
+            oil_.value(x[kPressureA]) / (volume_a_ + cap_area_ * x[kPosition]) * inflow_a(x),
+            oil_.value(x[kPressureB]) / (volume_b_ - rod_area_ * x[kPosition]) * inflow_b(x)};
+  }
+
+  BulkModulus oil_;
+  double signed_ = 0, constant_ = 0, width_;
+};
+
+FAULTLINE_PROCESS_MODEL(pump_cylinder_linear, {"pump_cylinder_linear", make_process_model_of<LinearModel>});
+FAULTLINE_PROCESS_MODEL(pump_cylinder_nonlinear, {"pump_cylinder_nonlinear", make_process_model_of<NonlinearModel>});
+
+}  // namespace
+}  // namespace faultline
