@@ -14,20 +14,6 @@ std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
   return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
 }
 
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> words;
-  std::string word;
-  for (const char c : text + ",") {
-    if (c != ',') {
-      if (c != ' ') word += c;
-    } else if (!word.empty()) {
-      words.push_back(word);
-      word.clear();
-    }
-  }
-  return words;
-}
-
 bool yes_or_no(const StageSpec& spec, const std::string& key, bool fallback) {
   const std::string word = spec.settings.word_or(key, fallback ? "yes" : "no");
   if (word != "yes" && word != "no")
@@ -77,7 +63,7 @@ AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
       for (const Port& port : sheet_.ports)
         if (port.name == w.finding.port && port.kind == PortKind::sensor)
           w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(port.channel)));
-    for (const std::string& channel : split(spec.settings.word_or("doubts", "")))
+    for (const std::string& channel : spec.settings.names("doubts"))
       w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
     w.detector = make_detector(sheet_, spec);
     spec.settings.check_used();
@@ -127,6 +113,9 @@ References AlarmStage::references() const {
 
 void AlarmStage::restore(const References& references) {
   for (const auto& [stage, reference] : references.stages) {
+    if (std::any_of(sheet_.estimators.begin(), sheet_.estimators.end(),
+                    [&name = stage](const StageSpec& spec) { return spec.name == name; }))
+      continue;
     const auto of_this = [&name = stage](const Source& source) { return source.name == name; };
     const auto w = std::find_if(watched_.begin(), watched_.end(), of_this);
     const auto i = std::find_if(isolated_.begin(), isolated_.end(), of_this);

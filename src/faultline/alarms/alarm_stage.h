@@ -49,8 +49,8 @@ class AlarmStage {
 
   // What its detectors and isolators have learnt of the healthy rig so far.
   References references() const;
-  // Before the first sample: they judge by this at once instead of learning. reset() does not forget it. InputError,
-  // which names the stage, where a reference fits none of them.
+  // Before the first sample: they judge by this at once instead of learning. reset() does not forget it. Those of
+  // estimators are for others. InputError, which names the stage, where a reference fits none of them.
   void restore(const References& references);
 
  private:

@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
@@ -26,7 +27,7 @@ namespace fs = std::filesystem;
 constexpr int kForm = 1;  // of the file
 constexpr const char* kTitle = "faultline references";
 constexpr const char* kCheckSum = "crc32 ";
-constexpr std::size_t kLargestFile = 64 << 20;  // bytes; a reference has some thousand numbers at most
+constexpr std::size_t kLargestFile = 64 << 20;  // bytes; histograms have some ten thousand numbers
 
 std::string check_sum(const std::string& text) {
   boost::crc_32_type crc;
@@ -194,6 +195,17 @@ void check_replaceable(const std::string& file, const std::string& rig) {
   } catch (const InputError& refused) {
     throw InputError(fmt::format("{}; it is kept, choose another name or remove it", refused.what()));
   }
+}
+
+void update_references(const References& references, const std::string& file) {
+  References all = references;
+  std::error_code error;
+  if (fs::exists(file, error))
+    for (StageReference& old : read_references(file, references.rig).stages)
+      if (std::none_of(references.stages.begin(), references.stages.end(),
+                       [&](const StageReference& s) { return s.stage == old.stage; }))
+        all.stages.push_back(std::move(old));
+  write_references(all, file);
 }
 
 void write_references(const References& references, const std::string& file) {
