@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "faultline/numerics/random.h"
+
 namespace faultline {
 namespace {
 
@@ -22,14 +24,14 @@ std::vector<std::uint16_t> sections_of(const std::vector<double>& values, int co
   return sections;
 }
 
-// bit; of y within the bins of `a`, and of `b` shifted by `shift` rows (null: there is none).
+// bit; of y within the bins of `a` and `b` (null: there is none).
 double entropy(const std::vector<std::uint16_t>& y, int sections, const std::vector<std::uint16_t>* a,
-               const std::vector<std::uint16_t>* b, std::size_t shift, int bins) {
+               const std::vector<std::uint16_t>* b, int bins) {
   const std::size_t n = y.size();
   const auto width = static_cast<std::size_t>(sections), each = static_cast<std::size_t>(bins);
   std::vector<std::uint32_t> counts(each * each * width, 0);
   for (std::size_t k = 0; k < n; ++k) {
-    const std::size_t place = (a ? (*a)[k] : 0) * each + (b ? (*b)[k + shift < n ? k + shift : k + shift - n] : 0);
+    const std::size_t place = (a ? (*a)[k] : 0) * each + (b ? (*b)[k] : 0);
     ++counts[place * width + y[k]];
   }
   double sum = 0;
@@ -41,6 +43,21 @@ double entropy(const std::vector<std::uint16_t>& y, int sections, const std::vec
       if (c[i] > 0) sum -= c[i] * std::log2(c[i] / total);
   }
   return sum / static_cast<double>(n);
+}
+
+std::vector<std::uint16_t> reordered(const std::vector<std::uint16_t>& values, int blocks, Random& random) {
+  std::vector<std::size_t> order(static_cast<std::size_t>(blocks));
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  for (std::size_t i = order.size(); i-- > 1;)
+    std::swap(order[i], order[static_cast<std::size_t>(random.uniform() * static_cast<double>(i + 1))]);
+  std::vector<std::uint16_t> result;
+  for (const std::size_t block : order) {
+    const auto at = [&](std::size_t i) {
+      return values.begin() + static_cast<std::ptrdiff_t>(i * values.size() / order.size());
+    };
+    result.insert(result.end(), at(block), at(block + 1));
+  }
+  return result;
 }
 
 }  // namespace
@@ -68,25 +85,24 @@ std::vector<Explained> explain(const Recording& recording, const std::vector<std
     Explained e;
     e.observed = c;
     const std::vector<std::uint16_t> y = column(c, options.sections);
-    const auto left = [&](const std::vector<std::uint16_t>* a, const std::vector<std::uint16_t>* b, std::size_t shift) {
-      return entropy(y, options.sections, a, b, shift, options.bins);
+    const auto left = [&](const std::vector<std::uint16_t>* a, const std::vector<std::uint16_t>* b) {
+      return entropy(y, options.sections, a, b, options.bins);
     };
-    e.entropy = e.left = left(nullptr, nullptr, 0);
+    e.entropy = e.left = left(nullptr, nullptr);
     // What every candidate gains beside `first`, best first.
     const auto gains = [&](const std::vector<std::uint16_t>* first) {
-      const double before = left(first, nullptr, 0);
+      const double before = left(first, nullptr);
       std::vector<Gain> found;
       for (std::size_t i = 0; i < candidates.size(); ++i) {
         if (candidates[i] == c || &bins[i] == first) continue;
+        Random random(1);
         std::vector<double> chances;
-        for (int k = 1; k <= options.shifts; ++k) {
-          // Parts of the golden ratio: no period of the run falls on many of them.
-          const double part = std::fmod(0.6180339887 * k, 1);
-          chances.push_back(before -
-                            left(first, &bins[i], static_cast<std::size_t>(part * static_cast<double>(rows.size()))));
+        for (int k = 0; k < options.orders; ++k) {
+          const std::vector<std::uint16_t> broken = reordered(bins[i], options.blocks, random);
+          chances.push_back(before - left(first, &broken));
         }
         std::sort(chances.begin(), chances.end());
-        found.push_back({candidates[i], before - left(first, &bins[i], 0), chances[chances.size() / 2]});
+        found.push_back({candidates[i], before - left(first, &bins[i]), chances[chances.size() / 2]});
       }
       std::stable_sort(found.begin(), found.end(),
                        [](const Gain& a, const Gain& b) { return a.beyond_chance() > b.beyond_chance(); });

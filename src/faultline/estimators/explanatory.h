@@ -4,10 +4,10 @@
 //
 //   gain(y | e) = h(y) - sum_b p_b h(y in bin b of e)
 //
-// Finite runs gain something from any variable. How much is measured: the same gain with the explanatory variable
-// shifted in time, circularly, by several parts of the run, which breaks the relation and keeps both signals as they
-// are. `chance` is the median of those. A variable is chosen where gain - chance is at least `least` of h(y), greedily:
-// the best first, then the best beside it, at most two.
+// Finite runs gain something from any variable. How much is measured: the same gain with the explanatory variable cut
+// into blocks of time that are put in another order, which breaks the relation and leaves the signal as it is, periodic
+// or not. `chance` is the median of several orders. A variable is chosen where gain - chance is at least `least` of
+// h(y), greedily: the best first, then the best beside it, at most two.
 // Limits: ranges are those between the quantiles 0.001 and 0.999 of the run, sections and bins of one width; what never
 // moved in the run explains nothing; of two that move alike the better one hides the other.
 #pragma once
@@ -22,7 +22,7 @@ namespace faultline {
 struct ExplanatoryOptions {
   int bins = 8, sections = 32;
   double least = 0.05;  // of the entropy
-  int shifts = 9;
+  int blocks = 50, orders = 9;
   std::size_t most_rows = 100000;  // of longer runs every n-th
 };
 
