@@ -10,6 +10,7 @@ namespace faultline {
 namespace {
 
 constexpr std::uint64_t kSecondSeed = 15485863;  // so that a second set point does not move like the first
+constexpr std::uint64_t kOwnSeed = 32452843;     // nor what the controller draws
 
 // Commands that follow excitations by themselves, rounded to their resolution.
 class OpenLoop : public Controller {
@@ -49,6 +50,7 @@ std::unique_ptr<Controller> make_controller(const Datasheet& sheet, const Profil
   const ControllerType& type =
       registry<ControllerType>().require(sheet.rig + "/" + profile.controller, settings->second.where());
   RawSetPoints raw;
+  raw.seed = seed + kOwnSeed;
   raw.first = make_excitation(profile.shape, profile.settings, seed);
   if (!profile.second_shape.empty())
     raw.second = make_excitation(profile.second_shape, profile.second_settings, seed + kSecondSeed);

@@ -1,6 +1,7 @@
 // A controller runs once per sample on the measured channels and writes the set points and commands of the same row,
-// which are held until the next. Controllers register themselves as rig/name. A profile without one is run in an open
-// loop: each of its commands follows an excitation.
+// which are held until the next. A loop inside the rig that is faster than its recording has a period of its own.
+// Controllers register themselves as rig/name. A profile without one is run in an open loop: each of its commands
+// follows an excitation.
 #pragma once
 
 #include <memory>
@@ -22,11 +23,18 @@ class Controller {
   virtual void reset() = 0;
   // `channels`: one value per channel of the rig; measured ones are filled. Writes set points and commands. time in s.
   virtual void step(double time, double* channels) = 0;
+
+  // s, of a faster loop inside the rig, which a sample period must be a multiple of; 0: there is none.
+  virtual double inner_period() const { return 0; }
+  // That loop's step, once per inner period on channels measured at `time`, first at the sample itself after step().
+  // Writes commands; the row then holds their mean over the sample period.
+  virtual void inner_step(double /*time*/, double* /*channels*/) {}
 };
 
 // What a profile asks for, before any filter of the controller; most have one.
 struct RawSetPoints {
   std::unique_ptr<Excitation> first, second;
+  std::uint64_t seed = 0;  // of what the controller itself draws
 };
 
 struct ControllerType {

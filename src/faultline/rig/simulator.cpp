@@ -27,7 +27,8 @@ double period_of(const Datasheet& sheet, const SimulationSetup& setup) {
   return setup.sample_period > 0 ? setup.sample_period : sheet.sample_period;
 }
 
-int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
+// A multiple of `parts`.
+int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1) {
   const RigType* type = find_rig_type(sheet.rig);
   double wanted = type ? type->substep : sheet.sample_period;
   const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
@@ -37,16 +38,18 @@ int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use) {
   });
   if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
   if (setup.substep > 0) wanted = setup.substep;
-  return std::max(1, static_cast<int>(std::ceil(period_of(sheet, setup) / wanted - 1e-9)));
+  return parts * std::max(1, static_cast<int>(std::ceil(period_of(sheet, setup) / (wanted * parts) - 1e-9)));
 }
 
 // A rig with its effects, and the effects on its signals by channel: what driven and closed-loop simulation share.
 class Plant {
  public:
-  Plant(const Datasheet& sheet, const SimulationSetup& setup, Use use)
+  // A sample period may be run in as many `parts`.
+  Plant(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1)
       : sheet_(sheet),
         period_(period_of(sheet, setup)),
-        substeps_(substeps_of(sheet, setup, use)),
+        parts_(parts),
+        substeps_(substeps_of(sheet, setup, use, parts)),
         substep_(period_ / substeps_),
         effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
     const RigType* type = find_rig_type(sheet.rig);
@@ -108,10 +111,11 @@ class Plant {
     move_to(state.data(), channels);
   }
 
-  // One sample period: commands held, inputs run linearly from `now` to `next`.
-  void advance(double time, const double* now, const double* next) {
-    effects_.set_time(time);
-    for (int i = 0; i < substeps_; ++i) {
+  // One sample period from `time`, or one part of it: commands held, inputs run linearly from `now` to `next`.
+  void advance(double time, const double* now, const double* next, int part = 0) {
+    const int count = substeps_ / parts_;
+    effects_.set_time(time + part * count * substep_);
+    for (int i = part * count; i < (part + 1) * count; ++i) {
       const double t = time + i * substep_;
       const double share = (i + 0.5) / substeps_;
       for (std::size_t c = 0; c < true_.size(); ++c) {
@@ -153,7 +157,7 @@ class Plant {
 
   const Datasheet& sheet_;
   double period_;  // s
-  int substeps_;
+  int parts_, substeps_;
   double substep_;
   EffectSet effects_;
   std::unique_ptr<Rig> rig_;
@@ -218,11 +222,26 @@ double measured_value(const Channel& channel, double value, Random& noise) {
   return std::clamp(value, channel.minimum, channel.maximum) + 0.0;  // no negative zero
 }
 
+// How often a loop inside the rig runs in a sample period.
+int inner_steps(const Datasheet& sheet, const Controller& controller) {
+  const double period = controller.inner_period();
+  if (!(period > 0)) return 1;
+  const double ratio = sheet.sample_period / period;
+  if (ratio < 0.5 || std::abs(ratio - std::round(ratio)) > 1e-6)
+    throw InputError(fmt::format("{}: the sample period of {:g} s is no multiple of the inner loop's {:g} s", sheet.rig,
+                                 sheet.sample_period, period));
+  return static_cast<int>(std::llround(ratio));
+}
+
 struct Simulator::Parts {
   Parts(const Datasheet& datasheet, const SimulationSetup& given)
-      : sheet(datasheet), setup(given), plant(sheet, setup, Use::simulator) {
-    const Profile& profile = setup.profile.empty() ? sheet.profile(first_profile()) : sheet.profile(setup.profile);
-    controller = make_controller(sheet, profile, setup.seed);
+      : sheet(datasheet),
+        setup(given),
+        profile(sheet.profile(setup.profile.empty() ? first_profile() : setup.profile)),
+        controller(make_controller(sheet, profile, setup.seed)),
+        has_inner(controller->inner_period() > 0),
+        parts(inner_steps(sheet, *controller)),
+        plant(sheet, setup, Use::simulator, parts) {
     for (const CommandTable& table : setup.commands) {
       const auto channel = static_cast<std::size_t>(sheet.channel(table.channel));
       if (sheet.channels[channel].role != Role::command)
@@ -237,8 +256,12 @@ struct Simulator::Parts {
           {static_cast<std::size_t>(sheet.channel(input.channel)), InputSource(input, setup.seed * 7919 + i + 1)});
     }
     const std::size_t n = sheet.channels.size();
+    for (std::size_t c = 0; c < n; ++c)
+      if (sheet.channels[c].role == Role::command) commands.push_back(c);
     driving.resize(n);
     next.resize(n);
+    inside.resize(n);
+    mean.resize(n);
     sample.values.resize(n);
     reset();
   }
@@ -248,11 +271,12 @@ struct Simulator::Parts {
     return sheet.profiles.front().name;
   }
 
-  // The rig is at rest under the commands of the first row: they are asked for once, with all commands 0, and kept.
+  // The rig is at rest under the set points and commands of the first row: they are asked for once, with all 0, and
+  // kept.
   void reset() {
     std::fill(driving.begin(), driving.end(), 0);
     begin();
-    step();
+    take_row();
     begin();
   }
 
@@ -274,14 +298,25 @@ struct Simulator::Parts {
     return setup.noise ? measured_value(sheet.channels[channel], value, noise) : value;
   }
 
+  // What acts on the plant; a command's noise is of its recording.
+  void apply_commands(double time, double* channels) {
+    for (const auto& [channel, table] : tables) channels[channel] = table_value(table, time);
+    for (const std::size_t c : commands)
+      driving[c] = channels[c] = std::clamp(channels[c], sheet.channels[c].minimum, sheet.channels[c].maximum);
+  }
+  double recorded(std::size_t command, double value) {
+    return sheet.channels[command].noise_std > 0 ? measured(command, value) : value;
+  }
+
+  // A row's commands are known when its period is over where a loop inside the rig moves them.
   const Sample& step() {
-    if (row > 0) {
-      const double before = time_of(row - 1);
-      std::copy(driving.begin(), driving.end(), next.begin());
-      fill_inputs(time_of(row), next.data());
-      plant.advance(before, driving.data(), next.data());
-      driving.swap(next);
-    }
+    if (row > 0 && !has_inner) run_period();
+    take_row();
+    if (has_inner) run_period();
+    return sample;
+  }
+
+  void take_row() {
     const double time = time_of(row);
     sample.time = time;
     sample.sequence = row;
@@ -297,26 +332,50 @@ struct Simulator::Parts {
     for (std::size_t c = 0; c < sample.values.size(); ++c)
       if (sheet.channels[c].role == Role::input) sample.values[c] = measured(c, sample.values[c]);
     controller->step(time, sample.values.data());
-    for (const auto& [channel, table] : tables) sample.values[channel] = table_value(table, time);
+    apply_commands(time, sample.values.data());
     for (std::size_t c = 0; c < sample.values.size(); ++c)
-      if (sheet.channels[c].role == Role::command) {
-        const Channel& channel = sheet.channels[c];
-        sample.values[c] = std::clamp(sample.values[c], channel.minimum, channel.maximum);
-        driving[c] = sample.values[c];
-      }
+      if (sheet.channels[c].role == Role::setpoint) driving[c] = sample.values[c];
+    if (!has_inner)
+      for (const std::size_t c : commands) sample.values[c] = recorded(c, driving[c]);
     ++row;
-    return sample;
+  }
+
+  // From the last row that was taken to the next.
+  void run_period() {
+    const double before = time_of(row - 1);
+    std::copy(driving.begin(), driving.end(), next.begin());
+    fill_inputs(time_of(row), next.data());
+    std::copy(sample.values.begin(), sample.values.end(), inside.begin());
+    std::fill(mean.begin(), mean.end(), 0);
+    for (int part = 0; part < parts; ++part) {
+      if (has_inner) {
+        const double time = before + part * controller->inner_period();
+        for (std::size_t c = 0; part > 0 && c < inside.size(); ++c)
+          if (sheet.channels[c].role == Role::output) inside[c] = measured(c, plant.seen()[c]);
+        controller->inner_step(time, inside.data());
+        apply_commands(time, inside.data());
+        for (const std::size_t c : commands) mean[c] += driving[c] / parts;
+      }
+      plant.advance(before, driving.data(), next.data(), part);
+    }
+    if (has_inner)
+      for (const std::size_t c : commands) sample.values[c] = recorded(c, mean[c]);
+    fill_inputs(time_of(row), driving.data());
   }
 
   const Datasheet sheet;
   const SimulationSetup setup;
-  Plant plant;
+  const Profile profile;
   std::unique_ptr<Controller> controller;
+  const bool has_inner;
+  const int parts;
+  Plant plant;
+  std::vector<std::size_t> commands;
   std::vector<std::pair<std::size_t, CommandTable>> tables;
   std::vector<std::pair<std::size_t, InputSource>> sources;
   Random noise{0};
   std::uint64_t row = 0;
-  std::vector<double> driving, next;
+  std::vector<double> driving, next, inside, mean;
   Sample sample;
 };
 
