@@ -103,7 +103,7 @@ TEST_F(Chain, TheLastShiftedVariableNamesThePlace) {
   EXPECT_EQ(of("....b").port, "force.valve");
   EXPECT_EQ(of("...lb").port, "force.valve");
   EXPECT_EQ(of("hlhhb").port, "force.valve");
-  EXPECT_EQ(of("..llb").text, "Valve: shifted are spool low, pressure low, torque high and low in turn");
+  EXPECT_EQ(of("..llb").text, "Valve and actuator: shifted are spool low, pressure low, torque high and low in turn");
   EXPECT_EQ(of("...l.").text, "Actuator: shifted are pressure low");
   EXPECT_EQ(finding_.effect, "");  // no effect is listed for that
   EXPECT_EQ(finding_.kind, AlarmKind::fault);
@@ -126,8 +126,12 @@ TEST_F(Chain, PairsAreTwoFindings) {
   EXPECT_EQ(of(".h..b").port, "restriction.nozzle");
   EXPECT_EQ(of(".l.lb").port, "flow.pilot_ambient");
   EXPECT_EQ(of("h.h.b").port, "flow.cylinder_ambient");
-  EXPECT_FALSE(of("hlhhb").active);  // one fault moves all before it
-  EXPECT_FALSE(of("h..lb").active);  // the first has no place of its own
+  EXPECT_EQ(of("hlhbb").port, "flow.cylinder_ambient");
+  EXPECT_EQ(
+      of("hlhhb").text,
+      "Actuator and valve: shifted are demand high, pilot low, spool high, pressure high, torque high and low in turn");
+  EXPECT_FALSE(of("h..lb").active);  // the first has no place of its own, the fourth drives the fifth
+  EXPECT_FALSE(of("hllb.").active);  // the same place
   EXPECT_FALSE(of("hl...").active);
 }
 
@@ -136,10 +140,15 @@ TEST_F(Chain, ACommonCauseExplainsShifts) {
   pattern(".....");
   hear();
   pattern("hl...");
-  set("supply.average", 1.2);
+  set("supply.average", 1.6);
   EXPECT_FALSE(hear().active);
-  set("supply.average", 0.9);
+  set("supply.average", 1.4);
   EXPECT_TRUE(hear().active);
+  // What was named stays, and becomes nothing else.
+  set("supply.average", -0.6);
+  pattern("hlh..");
+  EXPECT_TRUE(hear().active);
+  EXPECT_EQ(finding_.port, "flow.pilot_ambient");
 }
 
 TEST_F(Chain, AShiftMustLastAndEndsBelowHalf) {

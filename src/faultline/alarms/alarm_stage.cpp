@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "faultline/signal/error.h"
+#include "faultline/signal/text.h"
 
 namespace faultline {
 namespace {
@@ -63,7 +64,7 @@ AlarmStage::AlarmStage(const Datasheet& sheet, const AlarmOptions& options)
       for (const Port& port : sheet_.ports)
         if (port.name == w.finding.port && port.kind == PortKind::sensor)
           w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(port.channel)));
-    for (const std::string& channel : spec.settings.names("doubts"))
+    for (const std::string& channel : split_list(spec.settings.word_or("doubts", "")))
       w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
     w.detector = make_detector(sheet_, spec);
     spec.settings.check_used();

@@ -25,6 +25,7 @@
 #include "faultline/estimators/estimator.h"
 #include "faultline/estimators/histogram.h"
 #include "faultline/signal/error.h"
+#include "faultline/signal/text.h"
 
 namespace faultline {
 namespace {
@@ -105,7 +106,7 @@ HistogramSettings read_settings(const Datasheet& sheet, const Settings& s) {
     o.name = channel.name;
     o.unit = channel.unit;
     if (s.word(key) != "none")
-      for (const std::string& name : s.names(key)) o.by.push_back(explanatory_place(sheet, s, name, result));
+      for (const std::string& name : split_list(s.word(key))) o.by.push_back(explanatory_place(sheet, s, name, result));
     if (o.by.size() > 2)
       throw InputError(
           fmt::format("{}: '{}' names {} channels; allowed are one, two or none", s.where(), key, o.by.size()));

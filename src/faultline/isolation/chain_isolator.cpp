@@ -9,12 +9,13 @@
 //
 // What is named, by the signs over the chain:
 //   no variable both ways    the place of the last shifted variable that has one
-//   some both ways           of the run of shifted variables around the last of them, the last that has a place; and,
-//                            if variables before or behind that run shifted too, the last of them that has another
-//                            place as the second fault (place: 2)
+//   some both ways           the place of the last of them that has one. Friction and play move no mean, so what shifted
+//                            one way is another fault: the place of the last such variable is the second, if it is not
+//                            the same. Where just one variable goes both ways, the one before it in the chain is what
+//                            drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
-// While a common cause (a supply, a temperature) is itself outside of what was learnt, shifts are laid to it and nothing
-// is named.
+// While a common cause (a supply, a temperature) is itself outside of what was learnt, by half its width between the
+// limits, shifts are laid to it: what was named before stays, nothing else is named.
 //
 // Settings: stage; chain, its observed channels in the order of cause, from the controller on; common; share, both,
 // sigmas, learn [0 s], settle (s from the first shift until it is named, and after a start); place [1] or 2; per channel
@@ -28,12 +29,14 @@
 #include <fmt/ranges.h>
 
 #include "faultline/isolation/isolator.h"
+#include "faultline/signal/text.h"
 
 namespace faultline {
 namespace {
 
 constexpr const char* kType = "chain";
-constexpr int kVersion = 1;  // of the reference
+constexpr int kVersion = 1;         // of the reference
+constexpr double kFarBeyond = 0.5;  // of a common cause's scaled average
 
 enum class Shift { none, high, low, both };
 constexpr std::array<const char*, 4> kWords = {"", "high", "low", "both"};
@@ -64,20 +67,20 @@ class ChainIsolator : public Isolator {
     sigmas_ = s.number_or("sigmas", 0, 0, 1000);
     learn_ = s.number_or("learn", 0, 0, 1e9);
     settle_ = s.number("settle", 0, 1e9);
-    for (const std::string& name : s.names("chain")) {
+    for (const std::string& name : split_list(s.word_or("chain", ""))) {
       sheet.channel(name);
       Link link;
       link.name = name;
       link.place = s.word_or(name + "_place", "");
       for (std::size_t k = 1; k < kWords.size(); ++k) {
-        link.causes[k] = s.names(name + "_" + kWords[k]);
+        link.causes[k] = split_list(s.word_or(name + "_" + kWords[k], ""));
         for (const std::string& cause : link.causes[k]) check_cause(sheet, s, cause);
       }
       chain_.push_back(std::move(link));
     }
     if (chain_.empty())
       throw InputError(s.where() + ": 'chain' is missing; list observed channels in the order of cause");
-    for (const std::string& name : s.names("common")) {
+    for (const std::string& name : split_list(s.word_or("common", ""))) {
       sheet.channel(name);
       common_.push_back({name, 0});
     }
@@ -101,9 +104,11 @@ class ChainIsolator : public Isolator {
     }
     const double dt = estimate.time - last_;
     last_ = estimate.time;
-    finding.active = false;
     if (estimate.quantities[judging_].value < 1) begun_ = estimate.time;
-    if (estimate.time - begun_ < settle_) return;
+    if (estimate.time - begun_ < settle_) {
+      finding.active = false;
+      return;
+    }
     if (learnt_ < learn_) {
       learn(estimate, dt);
       return;
@@ -115,9 +120,9 @@ class ChainIsolator : public Isolator {
     }
     if (!shifted) since_ = estimate.time;
     for (const auto& [name, average] : common_)
-      if (estimate.quantities[average].value > 1 || estimate.quantities[average].value < 0) return;
-    if (!shifted || estimate.time - since_ < settle_) return;
-    tell(finding);
+      if (std::abs(estimate.quantities[average].value - 0.5) > 0.5 + kFarBeyond) return;
+    finding.active = false;
+    if (shifted && estimate.time - since_ >= settle_) tell(finding);
   }
 
   std::optional<Reference> reference() const override {
@@ -197,32 +202,23 @@ class ChainIsolator : public Isolator {
     return link.high.beyond ? Shift::high : link.low.beyond ? Shift::low : Shift::none;
   }
 
-  // The last shifted link with a place within [begin, end) outside of [skip, stop), of another place than `but`; -1:
-  // there is none.
-  int last_place(int begin, int end, int skip, int stop, const std::string& but) const {
-    for (int i = end - 1; i >= begin; --i) {
-      const Link& link = chain_[static_cast<std::size_t>(i)];
-      if ((i < skip || i >= stop) && link.shift != Shift::none && !link.place.empty() && link.place != but) return i;
-    }
-    return -1;
-  }
+  bool placed(int i) const { return !chain_[static_cast<std::size_t>(i)].place.empty(); }
+  Shift shift_at(int i) const { return i < 0 ? Shift::none : chain_[static_cast<std::size_t>(i)].shift; }
 
   void tell(Finding& finding) const {
-    const int all = static_cast<int>(chain_.size());
-    const auto shift_at = [&](int i) { return chain_[static_cast<std::size_t>(i)].shift; };
-    int turn = all - 1;
-    while (turn >= 0 && shift_at(turn) != Shift::both) --turn;
-    int first = -1, second = -1;
-    if (turn < 0) {
-      first = last_place(0, all, 0, 0, "");
-    } else {
-      int begin = turn, end = turn + 1;
-      while (begin > 0 && shift_at(begin - 1) != Shift::none) --begin;
-      while (end < all && shift_at(end) != Shift::none) ++end;
-      first = last_place(begin, end, 0, 0, "");
-      second = last_place(0, all, begin, end, first < 0 ? "" : chain_[static_cast<std::size_t>(first)].place);
-      if (first < 0) std::swap(first, second);
+    int turn = static_cast<int>(chain_.size()) - 1, first = -1, second = -1;
+    const int last = turn;
+    while (turn >= 0 && !(shift_at(turn) == Shift::both && placed(turn))) --turn;
+    const bool alone = turn >= 0 && shift_at(turn - 1) != Shift::both;
+    for (int i = last; i >= 0 && second < 0; --i) {
+      if (shift_at(i) == Shift::none || shift_at(i) == Shift::both || !placed(i)) continue;
+      const bool same =
+          turn >= 0 && chain_[static_cast<std::size_t>(i)].place == chain_[static_cast<std::size_t>(turn)].place;
+      if (same) break;
+      if (!(alone && i == turn - 1)) second = i;
     }
+    first = turn;
+    if (first < 0) std::swap(first, second);
     if (second_ && second < 0) return;
     finding = Finding();
     finding.active = true;
@@ -239,7 +235,10 @@ class ChainIsolator : public Isolator {
     }
     const Link& link = chain_[static_cast<std::size_t>(at)];
     finding.kind = AlarmKind::fault;
-    finding.text = fmt::format("{}: {}", link.place, pattern);
+    const int other = second_ ? first : second;
+    const std::string place =
+        other < 0 ? link.place : link.place + " and " + chain_[static_cast<std::size_t>(other)].place;
+    finding.text = fmt::format("{}: {}", place, pattern);
     finding.text[0] = static_cast<char>(std::toupper(finding.text[0]));
     const std::vector<std::string>& causes = link.causes[static_cast<std::size_t>(link.shift)];
     finding.confidence = causes.empty() ? 0 : 1.0 / static_cast<double>(causes.size());

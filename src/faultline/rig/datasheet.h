@@ -48,7 +48,6 @@ class Settings {
                            double maximum) const;  // size 0: any
   std::string word(const std::string& key) const;
   std::string word_or(const std::string& key, const std::string& fallback) const;
-  std::vector<std::string> names(const std::string& key) const;  // "a, b"; none where the key is missing
   bool has(const std::string& key) const;
   void check_used() const;                             // InputError if a key was never asked for
   const std::string& where() const { return where_; }  // file and key path, for messages

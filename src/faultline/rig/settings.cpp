@@ -75,20 +75,6 @@ std::string Settings::word_or(const std::string& key, const std::string& fallbac
   return has(key) ? word(key) : fallback;
 }
 
-std::vector<std::string> Settings::names(const std::string& key) const {
-  std::vector<std::string> names;
-  std::string name;
-  for (const char c : word_or(key, "") + ",") {
-    if (c != ',') {
-      if (c != ' ') name += c;
-    } else if (!name.empty()) {
-      names.push_back(std::move(name));
-      name.clear();
-    }
-  }
-  return names;
-}
-
 bool Settings::has(const std::string& key) const {
   return numbers_.count(key) > 0 || lists_.count(key) > 0 || words_.count(key) > 0;
 }

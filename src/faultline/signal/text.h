@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 namespace faultline {
 
@@ -12,5 +13,8 @@ std::size_t invalid_utf8(const std::string& text);
 // What a message can show: valid UTF-8 in one line. Every byte that is no text, and every control character, becomes
 // '?'.
 std::string printable(const std::string& text);
+
+// "a, b" as a and b; blanks do not count.
+std::vector<std::string> split_list(const std::string& text);
 
 }  // namespace faultline
