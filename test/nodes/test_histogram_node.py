@@ -59,8 +59,8 @@ class HistogramNode(unittest.TestCase):
             last = {entry["variable"]: entry for entry in heard}
             self.assertEqual(len(last), 11)
             spool = last["spool_position"]
-            self.assertEqual((spool["axes"], spool["axis_bins"], spool["sections"]), (["valve_setpoint"], [8], 32))
-            self.assertEqual(len(spool["counts"]), 8 * 32)
+            self.assertEqual((spool["axes"], spool["axis_bins"], spool["sections"]), (["valve_setpoint"], [32], 32))
+            self.assertEqual(len(spool["counts"]), 32 * 32)
             self.assertEqual(sum(spool["population"]), sum(spool["counts"]))
             self.assertGreater(sum(spool["population"]), 400)
             judged = [i for i, mean in enumerate(spool["mean"]) if mean is not None]

@@ -7,7 +7,8 @@
 // Settings, times in s:
 //   CHANNEL_by     one per observed channel: its explanatory channels ("a", "a, b"), or none
 //   CHANNEL_range  low and high end of the bins of an explanatory channel [the channel's range]
-//   bins [8] per explanatory channel, sections [32] of a bin's histogram, coverage [0.9] of the limits
+//   bins [8]       of each of two explanatory channels; single_bins [bins] of one by itself
+//   sections [32]  of a bin's histogram; coverage [0.9] of its limits
 //   every          time between the samples that are used [the rig's sample period]
 //   minimum        time in a bin before it may judge
 //   memory         time in a bin after which its counts are halved
@@ -51,7 +52,7 @@ struct HistogramSettings {
   std::vector<Observed> observed;
   std::vector<Scale> explanatory;
   std::vector<std::string> explanatory_names, explanatory_units;
-  int bins = 8;
+  int bins = 8, single_bins = 8;
   HistogramShape shape;  // without its bins
   double every = 0, learn = 0, freeze = 1;
 };
@@ -85,7 +86,8 @@ std::size_t explanatory_place(const Datasheet& sheet, const Settings& s, const s
 HistogramSettings read_settings(const Datasheet& sheet, const Settings& s) {
   HistogramSettings result;
   result.every = s.number_or("every", sheet.sample_period, sheet.sample_period, 1e6);
-  result.bins = static_cast<int>(s.number_or("bins", 8, 1, kMostBins));
+  result.bins = static_cast<int>(s.number_or("bins", 8, 2, kMostBins));
+  result.single_bins = static_cast<int>(s.number_or("single_bins", result.bins, 2, kMostBins * kMostBins));
   result.shape.sections = 2 * static_cast<int>(s.number_or("sections", 32, 4, kMostSections) / 2);
   result.shape.coverage = s.number_or("coverage", 0.9, 0.01, 0.999);
   result.shape.minimum = samples(s, "minimum", result.every, 8, kMostMemory / 2);
@@ -123,7 +125,7 @@ class HistogramStage : public Estimator {
   explicit HistogramStage(HistogramSettings settings) : settings_(std::move(settings)) {
     for (const Observed& o : settings_.observed) {
       HistogramShape shape = settings_.shape;
-      for (std::size_t i = 0; i < o.by.size(); ++i) shape.bins[i] = settings_.bins;
+      for (std::size_t i = 0; i < o.by.size(); ++i) shape.bins[i] = bins_of(o);
       histograms_.emplace_back(shape);
     }
     explanatory_.resize(settings_.explanatory.size());
@@ -243,6 +245,8 @@ class HistogramStage : public Estimator {
       return quanta;
   }
 
+  int bins_of(const Observed& o) const { return o.by.size() > 1 ? settings_.bins : settings_.single_bins; }
+
   bool frozen() const {
     return std::any_of(histograms_.begin(), histograms_.end(),
                        [this](const Histogram<A>& h) { return std::max(h.above(), h.below()) > settings_.freeze; });
@@ -250,13 +254,13 @@ class HistogramStage : public Estimator {
 
   // What the numbers of a reference mean, beside them, so that they are not taken for others.
   std::vector<double> head() const {
-    std::vector<double> head = {static_cast<double>(settings_.bins), static_cast<double>(settings_.shape.sections),
-                                settings_.every};
+    std::vector<double> head = {static_cast<double>(settings_.bins), static_cast<double>(settings_.single_bins),
+                                static_cast<double>(settings_.shape.sections), settings_.every};
     for (const Scale& e : settings_.explanatory) head.insert(head.end(), {e.low, e.quantum});
     return head;
   }
   std::vector<std::string> names() const {
-    std::vector<std::string> names = {"bins", "sections", "every"};
+    std::vector<std::string> names = {"bins", "single_bins", "sections", "every"};
     for (const std::string& name : settings_.explanatory_names)
       names.insert(names.end(), {name + ".low", name + ".quantum"});
     names.push_back("learnt");
@@ -279,7 +283,7 @@ class HistogramStage : public Estimator {
     for (const std::size_t k : o.by) {
       const Scale& e = settings_.explanatory[k];
       v.axes.push_back({settings_.explanatory_names[k], settings_.explanatory_units[k], e.low,
-                        e.low + e.quantum * kExplanatoryQuanta, settings_.bins});
+                        e.low + e.quantum * kExplanatoryQuanta, bins_of(o)});
     }
     v.sections = settings_.shape.sections;
     const double none = std::numeric_limits<double>::quiet_NaN();
