@@ -1,5 +1,7 @@
 #include "faultline/rig/reference.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -112,6 +114,22 @@ class Part {
   int descriptor_;
 };
 
+// Of a folder, among those who ask for it. Where the system has none there, they go on without.
+class Lock {
+ public:
+  explicit Lock(const std::string& folder) : descriptor_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    if (descriptor_ >= 0) ::flock(descriptor_, LOCK_EX);
+  }
+  ~Lock() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  Lock(const Lock&) = delete;
+  Lock& operator=(const Lock&) = delete;
+
+ private:
+  int descriptor_;
+};
+
 }  // namespace
 
 void check_reference(const Reference& given, const std::string& type, int version,
@@ -199,6 +217,7 @@ void check_replaceable(const std::string& file, const std::string& rig) {
 
 void update_references(const References& references, const std::string& file) {
   References all = references;
+  const Lock lock(fs::absolute(file).parent_path().string());
   std::error_code error;
   if (fs::exists(file, error))
     for (StageReference& old : read_references(file, references.rig).stages)

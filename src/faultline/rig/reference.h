@@ -43,7 +43,7 @@ References read_references(const std::string& file, const std::string& rig);
 // Whole or not at all. A file that is already there is replaced if it holds references of the same rig; InputError
 // where it does not, or cannot be written, and it stays as it is.
 void write_references(const References& references, const std::string& file);
-// Likewise, but what the file holds of other stages stays.
+// Likewise, but what the file holds of other stages stays, whoever writes them at the same time.
 void update_references(const References& references, const std::string& file);
 // The same refusal, before the work is done.
 void check_replaceable(const std::string& file, const std::string& rig);
