@@ -1,4 +1,5 @@
 // `faultline explain`: by which channels the others are explained, as entropy says, for the stage of type histogram.
+#include <algorithm>
 #include <memory>
 
 #include <fmt/format.h>
@@ -27,10 +28,14 @@ std::vector<std::size_t> channels(const Datasheet& sheet, const std::vector<std:
   std::vector<std::size_t> found;
   for (const std::string& name : names) found.push_back(static_cast<std::size_t>(sheet.channel(name)));
   if (!names.empty()) return found;
+  // Commands are what a rig without set points is asked for.
+  const bool asked = std::any_of(sheet.channels.begin(), sheet.channels.end(),
+                                 [](const Channel& c) { return c.role == Role::setpoint && !c.ground_truth; });
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     const Role role = sheet.channels[c].role;
     if (sheet.channels[c].ground_truth) continue;
-    if (explanatory ? role == Role::setpoint || role == Role::input : role != Role::input) found.push_back(c);
+    const bool given = role == Role::setpoint || role == Role::input || (role == Role::command && !asked);
+    if (explanatory ? given : role != Role::input) found.push_back(c);
   }
   return found;
 }
@@ -65,7 +70,8 @@ void run(const Options& options) {
   for (const Explained& e : all) {
     const auto gains = [&](const std::vector<Gain>& list) {
       Json entries = Json::array();
-      for (const Gain& g : list) entries.push_back({{"by", name(g.by)}, {"gain", g.gain}, {"chance", g.chance}});
+      for (const Gain& g : list)
+        entries.push_back({{"by", name(g.by)}, {"gain", g.gain}, {"chance", g.chance}, {"chance_most", g.most}});
       return entries;
     };
     json["variables"].push_back({{"name", name(e.observed)},
@@ -96,11 +102,12 @@ std::function<void()> add(CLI::App& app) {
       ->required();
   app.add_option("--rig", options->rig, "the rig; needed for a .csv, and where a bag holds several");
   app.add_option("--of", options->of, "channels to explain, with commas between [all but inputs]")->delimiter(',');
-  app.add_option("--by", options->by, "channels that may explain them [set points and inputs]")->delimiter(',');
+  app.add_option("--by", options->by, "channels that may explain them [set points, else commands, and inputs]")
+      ->delimiter(',');
   app.add_option("--bins", options->entropy.bins, "of an explanatory channel's range [8]")->check(whole_number(2, 64));
   app.add_option("--sections", options->entropy.sections, "of an explained channel's range [32]")
       ->check(whole_number(4, 1024));
-  app.add_option("--least", options->entropy.least, "share of the entropy that a channel must explain [0.05]")
+  app.add_option("--least", options->entropy.least, "share of the entropy that a channel must explain [0.01]")
       ->check(number_between(0, 1));
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
   add_text_output(app, "--json", options->json, "write all gains as JSON to this file; - is standard output");

@@ -2,7 +2,7 @@
 """Table 12 of the rig's source cell by cell, on valves whose parameters are drawn within their tolerances: each learns
 four hours and more of its own healthy run, then meets every fault of the datasheet.
 
-table_12.py [--valves 3] [--first 101] [--hours 7] [--healthy HOURS] [--json FILE]
+table_12.py [--valves 3] [--first 101] [--hours 7] [--healthy HOURS] [--jobs 1] [--json FILE]
 
 Per fault and variable: 1 high, -1 low, ±1 both in turn at the end of the run, valve by valve, and in brackets what the
 source has. Per fault: the modules named at the end, and the share of its size at which it was told first. On stderr how
@@ -11,6 +11,7 @@ far position and flow are from their set points then, against the healthy part o
 numbers in stages.yaml were chosen on valve 1, seeds 1, 2 and 11."""
 
 import argparse
+import concurrent.futures
 import json
 import pathlib
 import re
@@ -97,6 +98,26 @@ def judge(folder, valve, seed, fault, learnt):
     }
 
 
+def one_valve(valve, faults, arguments):
+    """Its answer to every fault, and its false alarms."""
+    with tempfile.TemporaryDirectory() as folder:
+        learnt = pathlib.Path(folder) / "learnt.reference"
+        file = run(folder, valve, 10 * valve, 3600 * arguments.hours)
+        rig_runs.faultline("diagnose", file, "--keep-reference", learnt)
+        alarms = []
+        if arguments.healthy:
+            file = run(folder, valve, 10 * valve + 1, 3600 * arguments.healthy)
+            report = rig_runs.diagnose(file, "--reference", learnt)
+            alarms = [(valve, alarm["raised"], alarm["text"]) for alarm in report["alarms"]]
+            print(valve, "healthy", alarms, file=sys.stderr, flush=True)
+        answers = {}
+        for fault in faults:
+            answers[fault] = judge(folder, valve, 10 * valve + 2, fault, learnt)
+            answer = answers[fault]
+            print(valve, fault, answer["modules"], answer["raised"], answer["signs"], file=sys.stderr, flush=True)
+        return answers, alarms
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--valves", type=int, default=3)
@@ -104,29 +125,21 @@ def main():
     parser.add_argument("--hours", type=float, default=7, help="of learning; histograms and shares take six")
     parser.add_argument("--healthy", type=float, default=0, help="hours per valve that nothing may be told in")
     parser.add_argument("--faults", help="of the datasheet, with commas between (default: all)")
+    parser.add_argument("--jobs", type=int, default=1, help="valves at a time")
     parser.add_argument("--json")
     arguments = parser.parse_args()
     sheet = rig_runs.datasheet(RIG)
     faults = arguments.faults.split(",") if arguments.faults else [fault["name"] for fault in sheet["faults"]]
     variables = [name.strip() for name in sheet["isolators"][0]["chain"].split(",")]
     published = yaml.safe_load((pathlib.Path(__file__).parent / "published.yaml").read_text())["table_12"]
-    results, false_alarms, healthy_hours = {fault: [] for fault in faults}, [], 0.0
-    with tempfile.TemporaryDirectory() as folder:
-        for valve in range(arguments.first, arguments.first + arguments.valves):
-            learnt = pathlib.Path(folder) / f"{valve}.reference"
-            file = run(folder, valve, 10 * valve, 3600 * arguments.hours)
-            rig_runs.faultline("diagnose", file, "--keep-reference", learnt)
-            if arguments.healthy:
-                file = run(folder, valve, 10 * valve + 1, 3600 * arguments.healthy)
-                healthy_hours += arguments.healthy
-                false_alarms += [
-                    (valve, alarm["raised"], alarm["text"])
-                    for alarm in rig_runs.diagnose(file, "--reference", learnt)["alarms"]
-                ]
-            for fault in faults:
-                answer = judge(folder, valve, 10 * valve + 2, fault, learnt)
+    results, false_alarms = {fault: [] for fault in faults}, []
+    valves = range(arguments.first, arguments.first + arguments.valves)
+    with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
+        for answers, alarms in pool.map(lambda valve: one_valve(valve, faults, arguments), valves):
+            false_alarms += alarms
+            for fault, answer in answers.items():
                 results[fault].append(answer)
-                print(valve, fault, answer["modules"], answer["raised"], answer["signs"], file=sys.stderr, flush=True)
+    healthy_hours = arguments.healthy * arguments.valves
 
     print(f"| fault | {' | '.join(variables)} | modules named | right | named at, share of its size |")
     print("|" + "---|" * (len(variables) + 4))

@@ -102,14 +102,16 @@ std::vector<Explained> explain(const Recording& recording, const std::vector<std
           chances.push_back(before - left(first, &broken));
         }
         std::sort(chances.begin(), chances.end());
-        found.push_back({candidates[i], before - left(first, &bins[i]), chances[chances.size() / 2]});
+        found.push_back({candidates[i], before - left(first, &bins[i]), chances[chances.size() / 2], chances.back()});
       }
       std::stable_sort(found.begin(), found.end(),
                        [](const Gain& a, const Gain& b) { return a.beyond_chance() > b.beyond_chance(); });
       return found;
     };
     const auto choose = [&](const std::vector<Gain>& found) {
-      if (found.empty() || e.entropy <= 0 || found[0].beyond_chance() < options.least * e.entropy) return false;
+      if (found.empty() || e.entropy <= 0 || found[0].gain <= found[0].most ||
+          found[0].beyond_chance() < options.least * e.entropy)
+        return false;
       e.chosen.push_back(found[0].by);
       e.left -= found[0].beyond_chance();
       return true;

@@ -1,10 +1,10 @@
 // Multi-variable histogram: how one observed variable is distributed at each operating point, learnt from samples.
 //
 // One or two explanatory variables (or none) cut the operating range into bins; every bin holds a histogram of the
-// observed variable, made of `sections` of one width. From a bin's histogram follow its mean m and its limits l < m < h:
-// the share `coverage` of the samples below m lies above l, and that of the samples above m lies below h. A sample y is
-// scaled to z = 1/2 + (y - m)/(2 (h - m)) above m, with (m - l) below: 0 at the low limit, 1 at the high one. The moving
-// average of z crosses all operating points and leaves 0..1 where the variable shifts. Source: Manninen, "Fault
+// observed variable, made of `sections` of one width. From a bin's histogram follow its mean m and its limits l < m <
+// h: the share `coverage` of the samples below m lies above l, and that of the samples above m lies below h. A sample
+// y is scaled to z = 1/2 + (y - m)/(2 (h - m)) above m, with (m - l) below: 0 at the low limit, 1 at the high one. The
+// moving average of z crosses all operating points and leaves 0..1 where the variable shifts. Source: Manninen, "Fault
 // Simulator and Detection for a Process Control Valve", Aalto University 2012, section 4.1 (after Friman).
 //
 // Fixed memory. A step costs a few operations; every 8th of a bin's population its limits are computed anew, which is
@@ -12,9 +12,9 @@
 // finds its own range: it begins one quantum wide a section and moves, or pairs its sections, where samples fall
 // outside; single outliers (fewer than one in 32) count in the section at the end instead.
 //
-// Values are in quanta of the variable's range, sections hold those that are whole when rounded; counts have 16 bits. Floating arithmetic: values are real numbers.
-// Integer: whole quanta, shifts, one division a step, nothing wider than 64 bits; for a positioner's processor. Both run
-// the same steps; their limits differ by less than one section.
+// Values are in quanta of the variable's range, sections hold those that are whole when rounded; counts have 16 bits.
+// Floating arithmetic: values are real numbers. Integer: whole quanta, shifts, one division a step, nothing wider than
+// 64 bits; for a positioner's processor. Both run the same steps; their limits differ by less than one section.
 #pragma once
 
 #include <algorithm>

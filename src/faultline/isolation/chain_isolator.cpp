@@ -1,25 +1,25 @@
 // Isolation by a chain of variables under feedback: the controllers move everything before a fault so that what lies
 // behind it stays right, so the last variable of the chain that shifted names the place (Manninen, Aalto University
-// 2012, section 4). It knows what shifted from a stage of type histogram: the shares of time in which a variable's scaled
-// average was above or below its limits.
+// 2012, section 4). It knows what shifted from a stage of type histogram: the shares of time in which a variable's
+// scaled average was above or below its limits.
 //
-// A variable has shifted (high or low) while such a share is above its limit, until it is below half of it; both ways in
-// turn where both are above theirs, as friction and play do it. The limits are `share` (`both` for both ways), or, where
-// that is more, what the healthy rig does by itself: mean + sigmas std of the share over `learn` s.
+// A variable has shifted (high or low) while such a share is above its limit, until it is below half of it; both ways
+// in turn where both are above theirs, as friction and play do it. The limits are `share` (`both` for both ways), or,
+// where that is more, what the healthy rig does by itself: mean + sigmas std of the share over `learn` s.
 //
 // What is named, by the signs over the chain:
 //   no variable both ways    the place of the last shifted variable that has one
-//   some both ways           the place of the last of them that has one. Friction and play move no mean, so what shifted
-//                            one way is another fault: the place of the last such variable is the second, if it is not
-//                            the same. Where just one variable goes both ways, the one before it in the chain is what
-//                            drives it and names nothing of its own.
+//   some both ways           the place of the last of them that has one. Friction and play move no mean, so what
+//                            shifted one way is another fault: the place of the last such variable is the second, if it
+//                            is not the same. Where just one variable goes both ways, the one before it in the chain is
+//                            what drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
 // While a common cause (a supply, a temperature) is itself outside of what was learnt, by half its width between the
 // limits, shifts are laid to it: what was named before stays, nothing else is named.
 //
 // Settings: stage; chain, its observed channels in the order of cause, from the controller on; common; share, both,
-// sigmas, learn [0 s], settle (s from the first shift until it is named, and after a start); place [1] or 2; per channel
-// CHANNEL_place, the module in words (none: it names none), and CHANNEL_high, CHANNEL_low, CHANNEL_both: the
+// sigmas, learn [0 s], settle (s from the first shift until it is named, and after a start); place [1] or 2; per
+// channel CHANNEL_place, the module in words (none: it names none), and CHANNEL_high, CHANNEL_low, CHANNEL_both: the
 // effect@port, with commas between, that shift it so; the first is told, the others as what it cannot be told from.
 #include <algorithm>
 #include <array>
