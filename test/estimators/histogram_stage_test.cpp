@@ -201,9 +201,16 @@ TEST(HistogramStage, IsKeptAndRestored) {
   std::filesystem::remove(file);
   Plant plant_;
   EstimatorStage stage(plant(), spec());
-  plant_.run(stage, 100);
-  EXPECT_FALSE(stage.reference());  // not learnt yet
-  plant_.run(stage, 300);
+  EXPECT_FALSE(stage.reference());
+  plant_.run(stage, 200);
+  EstimatorStage halfway(plant(), spec());  // goes on learning
+  halfway.restore(*stage.reference());
+  Plant on(0.01, 8);
+  on.run(halfway, 99);
+  EXPECT_EQ(on.quantity("judging"), 0);
+  on.run(halfway, 2);
+  EXPECT_EQ(on.quantity("judging"), 1);
+  plant_.run(stage, 200);
   References kept{"plant", "", {{"other", {"band", 1, {"level"}, {3}}}, {stage.name(), *stage.reference()}}};
   write_references(kept, file);
 

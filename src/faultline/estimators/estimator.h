@@ -33,7 +33,7 @@ class Estimator {
   // Fills all but time, sequence, restarted and channel_status, which are there already. `begun`: this sample only
   // began it.
   virtual void write(const double* channels, bool begun, Estimate& estimate) const = 0;
-  // As a detector has them (rig/reference.h): what it learnt of the healthy rig, none if that is too little yet; and,
+  // As a detector has them (rig/reference.h): what it learnt of the healthy rig so far, none if that is nothing; and,
   // before the first sample, to go on from there. InputError where it does not fit.
   virtual std::optional<Reference> reference() const { return {}; }
   virtual void restore(const Reference&) { throw InputError("this type of estimator keeps no reference"); }

@@ -196,7 +196,7 @@ class HistogramStage : public Estimator {
   }
 
   std::optional<Reference> reference() const override {
-    if (learnt_ < settings_.learn || learnt_ == 0) return {};
+    if (learnt_ == 0) return {};  // a restart while it learns goes on learning
     Reference r;
     r.type = kType;
     r.version = kVersion;
