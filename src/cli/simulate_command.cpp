@@ -24,6 +24,7 @@ namespace faultline {
 namespace {
 
 constexpr double kLongest = 1e6;        // s
+constexpr double kAnyInternal = 1e12;   // range of an internal variable, which no sensor bounds
 constexpr std::uint64_t kEvery = 1000;  // samples between looks at Ctrl-C and the progress line
 
 struct Options {
@@ -32,7 +33,7 @@ struct Options {
   std::uint64_t seed = 1, rig_seed = 1;
   bool rig_seed_given = false;
   std::vector<std::string> effects, commands;
-  bool off_nominal = false, nuisance = false, no_noise = false, quiet = false;
+  bool off_nominal = false, nuisance = false, no_noise = false, internals = false, quiet = false;
 };
 
 double read_number(const std::string& text, const std::string& whole) {
@@ -89,8 +90,22 @@ std::string made_by(const Options& options, const std::string& run) {
   if (options.rig_seed_given) text += fmt::format(" --rig-seed {}", options.rig_seed);
   if (options.nuisance) text += " --nuisance";
   if (options.no_noise) text += " --no-noise";
+  if (options.internals) text += " --internals";
   if (options.substep > 0) text += fmt::format(" --substep {}", options.substep);
   return text;
+}
+
+// The equations show an internal variable where a channel bears its name.
+void record_internals(Datasheet& sheet) {
+  if (sheet.not_recorded.empty())
+    throw InputError(fmt::format("--internals: {} has no internal variables; {} lists none under 'not_recorded'",
+                                 sheet.rig, sheet.file));
+  for (Channel channel : sheet.not_recorded) {
+    channel.role = Role::output;
+    channel.minimum = -kAnyInternal;
+    channel.maximum = kAnyInternal;
+    sheet.channels.push_back(channel);
+  }
 }
 
 SimulationSetup setup_of(const Datasheet& sheet, const Options& options) {
@@ -222,8 +237,11 @@ void run_driven(const Options& options) {
 }
 
 void run(const Options& options) {
+  if (options.internals && ends_with(options.output, ".bag"))
+    throw InputError("--internals: a bag holds what the rig measures; write a CSV file");
   if (!options.drive.empty()) return run_driven(options);
-  const Datasheet sheet = load_datasheet(options.rig, options.config);
+  Datasheet sheet = load_datasheet(options.rig, options.config);
+  if (options.internals) record_internals(sheet);
   const SimulationSetup setup = setup_of(sheet, options);
   if (setup.profile.empty() && sheet.profiles.empty())
     throw InputError(
@@ -279,10 +297,14 @@ std::function<void()> add(CLI::App& app) {
   app.add_flag("--off-nominal", options->off_nominal, "draw the rig's parameters within their tolerances");
   app.add_flag("--nuisance", options->nuisance, "add the small effects that every recording of the rig carries");
   app.add_flag("--no-noise", options->no_noise, "outputs as they are, without sensor noise and rounding");
-  add_input(app, "--drive", options->drive, "a recording whose commands and inputs drive the model, from its first row")
-      ->excludes(profile)
-      ->excludes(duration)
-      ->excludes(command);
+  CLI::Option* drive = add_input(app, "--drive", options->drive,
+                                 "a recording whose commands and inputs drive the model, from its first row")
+                           ->excludes(profile)
+                           ->excludes(duration)
+                           ->excludes(command);
+  app.add_flag("--internals", options->internals,
+               "add the variables that the rig does not measure (a CSV file holds them)")
+      ->excludes(drive);
   app.add_option("--substep", options->substep, "s, largest step of the integration; default: the rig's own")
       ->check(number_between(1e-7, 1.0));
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");

@@ -18,11 +18,12 @@ def quicker_config(folder):
     """The rig's datasheet, with histograms that are learnt within the test."""
     shutil.copytree(ROOT / "config" / RIG, folder / RIG)
     stages = folder / RIG / "stages.yaml"
-    estimators, isolators = stages.read_text().split("isolators:")
+    before, name, text = stages.read_text().partition("  - name: operating_points\n")
+    text, detectors, after = text.partition("detectors:")
     for key, value in QUICKER.items():
-        estimators, found = re.subn(rf"^    {key}: \S+", f"    {key}: {value}", estimators, flags=re.M)
+        text, found = re.subn(rf"^    {key}: \S+", f"    {key}: {value}", text, flags=re.M)
         assert found == 1, key
-    stages.write_text(estimators + "isolators:" + isolators)
+    stages.write_text(before + name + text + detectors + after)
     return str(folder)
 
 

@@ -242,7 +242,7 @@ void AlarmStage::tell_findings(double time) {
     i.claim.holds = i.finding.active;
     i.claim.raised = i.alarm >= 0;
     i.claim.told_by_another = w && w->alarm >= 0;
-    i.claim.model_fits = model_fits_;
+    i.claim.model_fits = model_fits_ || !i.isolator->rests_on_model();
     i.reason = reason_of(i.claim);
     if (!w) {
       i.told_for = -1;

@@ -86,6 +86,8 @@ class ChainIsolator : public Isolator {
     }
   }
 
+  bool rests_on_model() const override { return false; }
+
   void reset() override {
     for (Link& link : chain_) {
       link.shift = Shift::none;

@@ -147,12 +147,12 @@ void ControlValve::start(const double* channels, double* state) {
   }
   double nominal[kNominalStates] = {};
   nominal[kFlapper] = flapper_rest_ / 2;
-  nominal[kSpool] = spool_stroke_ / 2;
-  nominal[kPrestage] = (supply_area_ * channels[supply_] + spool_spring_ * (nominal[kSpool] + spool_pretension_) +
-                        diaphragm_ * nominal[kSpool]) /
+  nominal[kSpool] = 0.5;
+  nominal[kPrestage] = (supply_area_ * channels[supply_] + spool_spring_ * (spool_stroke_ / 2 + spool_pretension_) +
+                        diaphragm_ * spool_stroke_ / 2) /
                        prestage_area_;
-  nominal[kPiston] = stroke_ / 2 + crank_ * std::sin(opening * kHalfTurn - kPi / 4);
-  nominal[kCylinder] = spring_rate_ * (nominal[kPiston] + spring_pretension_) / cylinder_area_;
+  nominal[kPiston] = opening;
+  nominal[kCylinder] = spring_rate_ * (travel(opening) + spring_pretension_) / cylinder_area_;
   start_at(nominal, channels, state);
   slip_ = 0;
   set_modes(state);
@@ -169,6 +169,10 @@ void ControlValve::set_modes(const double* state) {
   const double half = linkage_port_.coupling().gap / 2;
   contact_ = 0;
   if (state[kTorque] != 0 && std::abs(state[kPlay]) >= half - kNearFlank) contact_ = state[kTorque] > 0 ? 1 : -1;
+}
+
+double ControlValve::travel(double opening) const {
+  return stroke_ / 2 + crank_ * std::sin(opening * kHalfTurn - kPi / 4);
 }
 
 double ControlValve::angle(double travel) const {
@@ -229,7 +233,7 @@ double ControlValve::spool_flow(double spool, double cylinder, double supply, do
 ControlValve::MassFlows ControlValve::mass_flows(double time, const double* state, const double* channels) const {
   const double root = std::sqrt(2 / (gas_constant_ * channels[temperature_]));
   const double prestage = state[kPrestage] + ambient_, cylinder = state[kCylinder] + ambient_;
-  const double spool = state[kSpool] / spool_stroke_;
+  const double spool = state[kSpool];
   MassFlows flows;
   flows.supply = channels[supply_];
   if (!supply_port_.empty()) {
@@ -265,7 +269,7 @@ ControlValve::MassFlows ControlValve::mass_flows(double time, const double* stat
 }
 
 double ControlValve::spool_speed(const double* state, double supply) const {
-  const double position = state[kSpool];
+  const double position = state[kSpool] * spool_stroke_;
   double force = prestage_area_ * state[kPrestage] - supply_area_ * supply -
                  spool_spring_ * (position + spool_pretension_) - diaphragm_ * position;
   double plus = spool_coulomb_, minus = spool_coulomb_;
@@ -280,16 +284,16 @@ double ControlValve::spool_speed(const double* state, double supply) const {
 
 ControlValve::Shaft ControlValve::shaft(const double* state) const {
   Shaft shaft;
-  shaft.travel = state[kPiston];
+  shaft.piston = travel(state[kPiston]);
   shaft.torque = state[kTorque];
-  double twisted = 0;
+  shaft.opening = state[kPiston];
+  double driven = shaft.piston;
   if (linked_) {
-    shaft.travel -= state[kPlay];
+    driven -= state[kPlay];
     if (contact_ == 0) shaft.torque = 0;
-    twisted = twist(state, shaft.torque);
+    shaft.opening = (angle(driven) - twist(state, shaft.torque)) / kHalfTurn;
   }
-  shaft.ratio = ratio(shaft.travel);
-  shaft.opening = (angle(shaft.travel) - twisted) / kHalfTurn;
+  shaft.ratio = ratio(driven);
   shaft.plus = shaft.minus = seal_torque_ * seal_mu_(shaft.opening);
   if (!seal_port_.empty()) {
     const BodyForces extra = seal_port_.forces({shaft.opening * kHalfTurn, 0, pressure_drop(shaft.opening)});
@@ -300,7 +304,7 @@ ControlValve::Shaft ControlValve::shaft(const double* state) const {
 }
 
 double ControlValve::piston_force(const double* state, const Shaft& shaft) const {
-  const double position = state[kPiston];
+  const double position = shaft.piston;
   double force =
       cylinder_area_ * state[kCylinder] - spring_rate_ * (position + spring_pretension_) - shaft.torque * shaft.ratio;
   if (!actuator_port_.empty()) force -= actuator_port_.forces({position - stroke_ / 2, 0, 0}).applied;
@@ -308,7 +312,7 @@ double ControlValve::piston_force(const double* state, const Shaft& shaft) const
 }
 
 double ControlValve::piston_speed(const double* state, const Shaft& shaft) const {
-  const double position = state[kPiston], force = piston_force(state, shaft);
+  const double position = shaft.piston, force = piston_force(state, shaft);
   Band band;
   band.plus = plus_factor_ * coulomb_plus_(position);
   band.minus = minus_factor_ * coulomb_minus_(position);
@@ -354,24 +358,26 @@ void ControlValve::derivative(double time, const double* state, const double* ch
   rate[kFlapper] =
       within((pressed - coil - flapper_spring_ * (gap - flapper_rest_)) / flapper_damping_, gap, 0, flapper_limit_);
 
-  rate[kSpool] = spool_speed(state, flows.supply);
+  const double spooling = spool_speed(state, flows.supply);
+  rate[kSpool] = spooling / spool_stroke_;
   rate[kPrestage] =
-      gamma_ / (prestage_volume_ + prestage_area_ * state[kSpool]) *
-      ((flows.prestage - flows.prestage_leak) * heat - (state[kPrestage] + ambient_) * prestage_area_ * rate[kSpool]);
+      gamma_ / (prestage_volume_ + prestage_area_ * state[kSpool] * spool_stroke_) *
+      ((flows.prestage - flows.prestage_leak) * heat - (state[kPrestage] + ambient_) * prestage_area_ * spooling);
 
   const Shaft now = shaft(state);
-  rate[kPiston] = piston_speed(state, now);
+  const double speed = piston_speed(state, now);
+  rate[kPiston] = speed * ratio(now.piston) / kHalfTurn;
   rate[kCylinder] =
-      gamma_ / (dead_volume_ + cylinder_area_ * state[kPiston]) *
-      ((flows.cylinder - flows.cylinder_leak) * heat - (state[kCylinder] + ambient_) * cylinder_area_ * rate[kPiston]);
+      gamma_ / (dead_volume_ + cylinder_area_ * now.piston) *
+      ((flows.cylinder - flows.cylinder_leak) * heat - (state[kCylinder] + ambient_) * cylinder_area_ * speed);
   if (!cylinder_port_.empty()) rate[kCylinder] *= cylinder_port_.bulk_modulus(1, state[kCylinder] + ambient_);
 
-  double turning = now.ratio * rate[kPiston];  // rad/s, of the joint's driven side
+  double turning = now.ratio * speed;  // rad/s, of the joint's driven side
   if (linked_) {
     const Coupling joint = linkage_port_.coupling();
     const bool slow = joint.damping >= kSmallestJointDamping && joint.compliance * joint.damping >= kSlowestJoint;
     rate[kTwist] = slow ? (joint.compliance * now.torque - state[kTwist]) / (joint.compliance * joint.damping) : 0;
-    rate[kPlay] = contact_ == 0 ? rate[kPiston] - rate[kTwist] / now.ratio : 0;
+    rate[kPlay] = contact_ == 0 ? speed - rate[kTwist] / now.ratio : 0;
     if (contact_ == 0)
       turning = 0;
     else if (slow)
@@ -410,15 +416,15 @@ void ControlValve::follow_play(double* state) {
 
 void ControlValve::after_step(double time, double* state, const double* channels) {
   state[kFlapper] = std::clamp(state[kFlapper], 0.0, flapper_limit_);
-  state[kSpool] = std::clamp(state[kSpool], 0.0, spool_stroke_);
-  state[kPiston] = std::clamp(state[kPiston], 0.0, stroke_);
+  state[kSpool] = std::clamp(state[kSpool], 0.0, 1.0);
+  state[kPiston] = std::clamp(state[kPiston], 0.0, 1.0);
   state[kPrestage] = std::max(state[kPrestage], kGaugeFloor);
   state[kCylinder] = std::max(state[kCylinder], kGaugeFloor);
   if (linked_) follow_play(state);
   if (!actuator_port_.empty()) {
     const Shaft now = shaft(state);
     if (slip_ != 0 && piston_speed(state, now) == 0) slip_ = 0;
-    const double position = state[kPiston], force = piston_force(state, now);
+    const double position = now.piston, force = piston_force(state, now);
     const BodyForces extra = actuator_port_.forces({position - stroke_ / 2, 0, 0});
     if (slip_ == 0 && force > plus_factor_ * coulomb_plus_(position) + extra.breakaway_plus) slip_ = 1;
     if (slip_ == 0 && force < -minus_factor_ * coulomb_minus_(position) - extra.breakaway_minus) slip_ = -1;
@@ -430,7 +436,7 @@ void ControlValve::outputs(double, const double* state, double* channels) const 
   const Shaft now = shaft(state);
   channels[out_flapper_] = state[kFlapper];
   channels[out_prestage_] = state[kPrestage];
-  channels[out_spool_] = state[kSpool] / spool_stroke_;
+  channels[out_spool_] = state[kSpool];
   channels[out_cylinder_] = state[kCylinder];
   channels[out_torque_] = now.torque;
   channels[out_position_] = now.opening;

@@ -15,6 +15,7 @@
 // standstill: there the piston sticks until its force exceeds the breakaway level and slips at the highest speed in
 // balance.
 //
+// States: the spool's is X over its stroke, the piston's the opening at which a tight joint holds the shaft, phi(x)/(pi/2).
 // With effects at transmission.linkage two states follow: where the piston stands in the play [m], and the twist of the
 // joint [rad]. Inside the play the seal holds the valve and T_v is 0. Damping of the joint works where it is slower than
 // the integration step, else the twist is compliance T_v. Gas leaks: C A = coefficient sqrt(leakage_density/2). SI units.
@@ -47,8 +48,8 @@ class ControlValve : public Rig {
     double plus = 0, minus = 0, viscous = 1;
   };
   struct Shaft {
-    double travel = 0;           // of the joint's driven side, m
-    double ratio = 0;            // phi'(travel), rad/m
+    double piston = 0;           // x, m
+    double ratio = 0;            // phi' of the joint's driven side, rad/m
     double opening = 0;          // h
     double torque = 0;           // T_v
     double plus = 0, minus = 0;  // T_c in both directions, N m
@@ -58,6 +59,7 @@ class ControlValve : public Rig {
   double spool_flow(double spool, double cylinder, double supply, double root) const;
   double leak(const EffectChain& port, double pressure, double root) const;
   Shaft shaft(const double* state) const;
+  double travel(double opening) const;
   double angle(double travel) const;
   double ratio(double travel) const;  // phi'
   double twist(const double* state, double torque) const;
