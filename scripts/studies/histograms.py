@@ -37,8 +37,10 @@ def main():
         learnt = pathlib.Path(folder) / "learnt.reference"
         for text in study["learn"]:
             before = ["--reference", learnt] if learnt.exists() else []
+            more = learnt.with_suffix(".more")
             run = recording(rig, text, folder)
-            rig_runs.faultline("diagnose", run, "--config", sheet, *before, "--keep-reference", learnt)
+            rig_runs.faultline("diagnose", run, "--config", sheet, *before, "--keep-reference", more)
+            more.replace(learnt)
         for name, text in study["judge"].items():
             run = recording(rig, text, folder)
             target = pathlib.Path(folder) / "judged.bag"
