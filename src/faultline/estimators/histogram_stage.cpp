@@ -14,7 +14,7 @@
 //   memory         time in a bin after which its counts are halved
 //   learn          time over which it learns before anything is judged; then it goes on learning
 //   average, window   times of the moving average and of the shares; rounded to a power of two of `every`
-//   freeze [1]     share above which nothing is learnt, lest a fault become normal
+//   freeze [1]     share of an explained channel above which nothing is learnt, lest a fault become normal
 //   arithmetic     floating or integer [floating]
 #include <algorithm>
 #include <array>
@@ -34,6 +34,7 @@ namespace {
 constexpr const char* kType = "histogram";
 constexpr int kVersion = 1;  // of the reference
 constexpr double kMostBins = 64;
+constexpr double kFarQuanta = 1e9;  // an explanatory channel far beyond its bins still fits an integer
 
 // A channel in quanta.
 struct Scale {
@@ -240,16 +241,20 @@ class HistogramStage : public Estimator {
  private:
   static typename A::Value value(double quanta) {
     if constexpr (std::is_integral_v<typename A::Value>)
-      return static_cast<typename A::Value>(std::floor(quanta + 0.5));
+      return static_cast<typename A::Value>(std::clamp(std::floor(quanta + 0.5), -kFarQuanta, kFarQuanta));
     else
       return quanta;
   }
 
   int bins_of(const Observed& o) const { return o.by.size() > 1 ? settings_.bins : settings_.single_bins; }
 
+  // What nothing explains may move without a fault.
   bool frozen() const {
-    return std::any_of(histograms_.begin(), histograms_.end(),
-                       [this](const Histogram<A>& h) { return std::max(h.above(), h.below()) > settings_.freeze; });
+    for (std::size_t i = 0; i < histograms_.size(); ++i)
+      if (!settings_.observed[i].by.empty() &&
+          std::max(histograms_[i].above(), histograms_[i].below()) > settings_.freeze)
+        return true;
+    return false;
   }
 
   // What the numbers of a reference mean, beside them, so that they are not taken for others.
