@@ -128,7 +128,8 @@ def numerics_table(found):
 
 
 def histogram_table(found):
-    print(f'\n{"monitored variables":40s} {"time":>10s} {"per variable":>13s} {"bytes each":>11s} {"of a core, 10 Hz":>17s}')
+    head = f'{"monitored variables":40s} {"time":>10s} {"per variable":>13s} {"bytes each":>11s}'
+    print(f'\n{head} {"of a core, 10 Hz":>17s}')
     for name, title, rate in HISTOGRAMS:
         run = found[name]
         variables = 9 * int(name.rsplit('/', 1)[1] if name.startswith('fleet/') else 1)

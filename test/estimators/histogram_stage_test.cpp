@@ -1,5 +1,5 @@
-// The estimator `histogram` on a plant of three lines: what it tells of shifts and of what explains them, what it leaves
-// out, how it is kept and restored.
+// The estimator `histogram` on a plant of three lines: what it tells of shifts and of what explains them, what it
+// leaves out, how it is kept and restored.
 #include <gtest/gtest.h>
 
 #include <filesystem>

@@ -12,8 +12,8 @@
 //
 // Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell
 // silent (stale: from the last sample plus a while; alarm_options.h has both). While the model does not fit (a
-// detection of kind unknown), faults are withheld unless their isolator does without that model. While the data are bad, faults already
-// raised stay as they are.
+// detection of kind unknown), faults are withheld unless their isolator does without that model. While the data are
+// bad, faults already raised stay as they are.
 #pragma once
 
 #include <memory>

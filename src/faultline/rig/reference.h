@@ -1,6 +1,6 @@
 // What a stage has learnt of the healthy rig, to be kept from one run to the next: a detector's steady value, mean
-// features of an isolator, an estimator's histograms. Dumb data; the stage that made it says what the numbers mean, and raises
-// `version` when that changes.
+// features of an isolator, an estimator's histograms. Dumb data; the stage that made it says what the numbers mean, and
+// raises `version` when that changes.
 //
 // As a file it is text: a line `faultline references 1`, the rig, per stage a line with its name, type, version and
 // count followed by one `name value` each, and a CRC-32 of all that in the last line. A file that is damaged, cut off,
