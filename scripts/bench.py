@@ -46,6 +46,14 @@ ROWS = [  # benchmark, what it is, aim
     ('peer_filter_and_least_squares', 'peer: filter and least squares with Eigen', ''),
 ]
 
+HISTOGRAMS = [  # benchmark, what one pass of it is, samples a second of that; nine variables a valve
+    ('valve/limits', 'a valve, plain limit check', 10),
+    ('valve/histograms_floating', 'a valve, histograms', 10),
+    ('valve/histograms_integer', 'a valve, histograms in integers', 10),
+    ('fleet/histograms_floating/10000', '10 000 valves, histograms', 10),
+    ('fleet/histograms_integer/10000', '10 000 valves, histograms in integers', 10),
+]
+
 NUMERICS = [  # group of benchmarks, what it is, what it is done with
     ('sparse_lu/nominal', 'LU of 23 states: factors, 4 solutions', 'KLU'),
     ('sparse_lu/lines', 'LU of 29 states: factors, 4 solutions', 'KLU'),
@@ -128,6 +136,18 @@ def numerics_table(found):
         print('without SUNDIALS: install libsundials-dev (6 or later) and build anew to have it compared')
 
 
+def histogram_table(found):
+    head = f'{"monitored variables":40s} {"time":>10s} {"per variable":>13s} {"bytes each":>11s}'
+    print(f'\n{head} {"of a core, 10 Hz":>17s}')
+    for name, title, rate in HISTOGRAMS:
+        run = found[name]
+        variables = 9 * int(name.rsplit('/', 1)[1] if name.startswith('fleet/') else 1)
+        print(
+            f'{title:40s} {run["cpu_time"] / 1e3:7.3f} us {run["cpu_time"] / variables:10.1f} ns '
+            f'{run["bytes"]:11.0f} {100 * rate * run["cpu_time"] / 1e9:15.5f} %'
+        )
+
+
 def whole_recordings(programs, seconds):
     """Processor time (user and system) of the whole program: others on the machine count little."""
     print(f'\n{f"faultline diagnose, {seconds:g} s":40s} {"processor":>10s} {"x real time":>12s} {"memory":>8s}   aim')
@@ -207,6 +227,7 @@ def main():
     found = measured(program, arguments.quick)
     core_table(found)
     numerics_table(found)
+    histogram_table(found)
     whole_recordings(programs, 5 if arguments.quick else 600)
     duration = arguments.duration if arguments.duration is not None else 0 if arguments.quick else 30
     return latency(root, programs, duration) if duration > 0 else 0

@@ -184,10 +184,10 @@ void print_report(const RecordingFacts& facts, const Diagnosis& diagnosis, const
 void keep_reference(const Diagnosis& diagnosis, const std::string& file, std::vector<std::string>& remarks) {
   const References learnt = diagnosis.references();
   if (learnt.stages.empty())
-    throw InputError(fmt::format(
-        "{}: nothing is written, for nothing was learnt: no detector or isolator of the rig {} learns what is "
-        "normal, or the recording is too short for it",
-        file, learnt.rig));
+    throw InputError(
+        fmt::format("{}: nothing is written, for nothing was learnt: no stage of the rig {} learns what is "
+                    "normal, or the recording is too short for it",
+                    file, learnt.rig));
   write_references(learnt, file);
   if (!diagnosis.report().alarms.empty())
     remarks.push_back(file + ": learnt from a recording with alarms; take a healthy run to learn what is normal");
@@ -253,7 +253,7 @@ std::function<void()> add(CLI::App& app) {
                  "default 4000; a recording of no more samples is written sample by sample")
       ->check(whole_number(8, 100000000));
   add_output(app, "--keep-reference", options->keep_reference,
-             "write what detectors and isolators learnt of this healthy run to this file");
+             "write what the stages learnt of this healthy run to this file");
   add_input(app, "--reference", options->reference,
             "judge by what was learnt before instead of learning from this run");
   return [options] { run(*options); };

@@ -88,7 +88,11 @@ AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience, const st
   if (!reference_.empty() && std::filesystem::exists(reference_)) {
     const References references = read_references(reference_, sheet.rig);
     stage_.restore(references);
-    kept_ = references.stages.size();
+    kept_ = static_cast<std::size_t>(
+        std::count_if(references.stages.begin(), references.stages.end(), [&](const StageReference& kept) {
+          return std::none_of(sheet.estimators.begin(), sheet.estimators.end(),
+                              [&](const StageSpec& spec) { return spec.name == kept.stage; });
+        }));
   }
   alarms_ = node_.advertise<faultline_msgs::AlarmArray>(topic(sheet.rig, "alarms"), 100, true);
   diagnostics_ = node_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 100);
@@ -159,7 +163,7 @@ void AlarmPublisher::keep_reference() {
   const References learnt = stage_.references();
   if (learnt.stages.size() <= kept_) return;
   try {
-    write_references(learnt, reference_);
+    update_references(learnt, reference_);
     kept_ = learnt.stages.size();
     reference_trouble_.clear();
   } catch (const InputError& error) {

@@ -49,7 +49,7 @@ class AlarmPublisher {
   ros::Subscriber estimates_;
   ros::WallTimer watch_timer_, second_timer_;
   std::string reference_, reference_trouble_;
-  std::size_t kept_ = 0;  // stages in that file
+  std::size_t kept_ = 0;  // detectors and isolators in that file
   std::uint64_t published_changes_ = 0, bad_ = 0, other_stage_ = 0;
   SequenceCounts told_;
   RateMeter rate_;

@@ -238,6 +238,36 @@ Estimate from_message(const faultline_msgs::Estimate& message) {
   return estimate;
 }
 
+faultline_msgs::Histogram to_message(const HistogramView& view, const EstimateNames& names, double time) {
+  faultline_msgs::Histogram message;
+  message.header.stamp = to_stamp(time);
+  message.header.frame_id = message.rig = names.rig;
+  message.stage = names.stage;
+  message.variable = view.variable;
+  message.unit = view.unit;
+  for (const HistogramAxis& axis : view.axes) {
+    message.axes.push_back(axis.variable);
+    message.axis_units.push_back(axis.unit);
+    message.axis_low.push_back(axis.low);
+    message.axis_high.push_back(axis.high);
+    message.axis_bins.push_back(static_cast<std::uint32_t>(axis.bins));
+  }
+  message.sections = static_cast<std::uint32_t>(view.sections);
+  message.population = view.population;
+  message.start = view.start;
+  message.width = view.width;
+  message.mean = view.mean;
+  message.low = view.low;
+  message.high = view.high;
+  for (const double count : view.counts) message.counts.push_back(static_cast<float>(count));
+  message.bin = view.bin;
+  message.value = view.value;
+  message.average = view.average;
+  message.above = view.above;
+  message.below = view.below;
+  return message;
+}
+
 faultline_msgs::AlarmArray to_message(const AlarmReport& report) {
   faultline_msgs::AlarmArray message;
   message.header.stamp = to_stamp(report.time);

@@ -10,6 +10,7 @@
 
 #include "faultline/alarms/alarm.h"
 #include "faultline/estimators/estimate.h"
+#include "faultline/estimators/histogram_view.h"
 #include "faultline/rig/datasheet.h"
 #include "faultline/signal/sample.h"
 #include "nodes/description.h"
@@ -37,6 +38,7 @@ class EstimatorStage;
 EstimateNames names_of(const Datasheet& sheet, const EstimatorStage& stage);
 faultline_msgs::Estimate to_message(const Estimate& estimate, const EstimateNames& names);
 Estimate from_message(const faultline_msgs::Estimate& message);
+faultline_msgs::Histogram to_message(const HistogramView& view, const EstimateNames& names, double time);
 
 faultline_msgs::AlarmArray to_message(const AlarmReport& report);
 AlarmReport from_message(const faultline_msgs::AlarmArray& message);
@@ -44,7 +46,7 @@ AlarmReport from_message(const faultline_msgs::AlarmArray& message);
 // match_channels for a message: where each channel of the datasheet stands in Sample.values. Throws InputError.
 std::vector<std::size_t> check_description(const Datasheet& sheet, const faultline_msgs::RigDescription& message);
 
-// /RIG/sample, /RIG/description, /RIG/estimate, /RIG/alarms
+// /RIG/sample, /RIG/description, /RIG/estimate, /RIG/histogram, /RIG/alarms
 std::string topic(const std::string& rig, const std::string& name);
 
 }  // namespace faultline

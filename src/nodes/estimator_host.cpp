@@ -1,6 +1,7 @@
 #include "nodes/estimator_host.h"
 
 #include <algorithm>
+#include <filesystem>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,6 +13,9 @@
 
 namespace faultline {
 namespace {
+
+constexpr double kHistogramPeriod = 1;   // s
+constexpr double kReferencePeriod = 60;  // s; what a crash may lose
 
 // Places among the datasheet's estimators.
 std::vector<std::size_t> find_stages(const Datasheet& sheet, const std::vector<std::string>& families,
@@ -44,9 +48,10 @@ std::string title(const Datasheet& sheet, const std::vector<std::size_t>& stages
 }  // namespace
 
 EstimatorHost::EstimatorHost(const Datasheet& sheet, const std::vector<std::string>& families, const std::string& stage,
-                             Listeners listeners)
+                             const std::string& reference, Listeners listeners)
     : sheet_(sheet),
       private_node_("~"),
+      reference_(reference),
       input_(sheet, [this](const Sample& sample) { take(sample); }),
       health_(sheet.rig, title(sheet, find_stages(sheet, families, stage)),
               [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }) {
@@ -58,8 +63,51 @@ EstimatorHost::EstimatorHost(const Datasheet& sheet, const std::vector<std::stri
   }
   estimates_ = node_.advertise<faultline_msgs::Estimate>(topic(sheet.rig, "estimate"), kQueue, listeners.heard());
   service_ = private_node_.advertiseService("reset", &EstimatorHost::reset, this);
+  if (!reference_.empty()) {
+    if (std::filesystem::exists(reference_)) {
+      const References references = read_references(reference_, sheet.rig);
+      for (Hosted& h : hosted_) restore_stage(references, h.stage);
+    }
+    reference_timer_ = node_.createWallTimer(ros::WallDuration(kReferencePeriod),
+                                             [this](const ros::WallTimerEvent&) { keep_reference(); });
+  }
+  if (std::any_of(hosted_.begin(), hosted_.end(), [](const Hosted& h) { return !h.stage.histograms().empty(); })) {
+    histograms_ = node_.advertise<faultline_msgs::Histogram>(topic(sheet.rig, "histogram"), 100);
+    histogram_timer_ = node_.createWallTimer(ros::WallDuration(kHistogramPeriod),
+                                             [this](const ros::WallTimerEvent&) { publish_histograms(); });
+  }
   listeners.wait();
   input_.start();
+}
+
+EstimatorHost::~EstimatorHost() {
+  keep_reference();
+  if (!reference_trouble_.empty()) ROS_ERROR("%s", reference_trouble_.c_str());
+}
+
+void EstimatorHost::publish_histograms() {
+  if (histograms_.getNumSubscribers() == 0) return;
+  for (const Hosted& h : hosted_) {
+    if (h.estimate.channel_status.empty()) continue;  // no sample yet
+    for (const HistogramView& view : h.stage.histograms())
+      histograms_.publish(to_message(view, h.names, h.estimate.time));
+  }
+}
+
+void EstimatorHost::keep_reference() {
+  if (reference_.empty()) return;
+  References learnt;
+  learnt.rig = sheet_.rig;
+  for (const Hosted& h : hosted_)
+    if (std::optional<Reference> reference = h.stage.reference())
+      learnt.stages.push_back({h.stage.name(), std::move(*reference)});
+  if (learnt.stages.empty()) return;
+  try {
+    update_references(learnt, reference_);
+    reference_trouble_.clear();
+  } catch (const InputError& error) {
+    reference_trouble_ = error.what();
+  }
 }
 
 void EstimatorHost::take(const Sample& sample) {
@@ -91,15 +139,17 @@ void EstimatorHost::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("restarts of the estimator", counts.restarts);
   status.add("values missing", counts.missing);
   status.add("values out of range", counts.out_of_range);
+  if (!reference_trouble_.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, reference_trouble_);
 }
 
 int run_estimator_node(int argc, char** argv, const std::string& name, const std::vector<std::string>& families) {
   return run_node(argc, argv, name, [&](Parameters& parameters) {
     const Datasheet sheet = read_rig(parameters);
     const std::string stage = parameters.word("stage", "");
+    const std::string reference = parameters.word("reference", "");
     Listeners listeners(parameters);
     parameters.check_used();
-    const EstimatorHost node(sheet, families, stage, std::move(listeners));
+    const EstimatorHost node(sheet, families, stage, reference, std::move(listeners));
     ros::spin();
     return 0;
   });

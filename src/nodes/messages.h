@@ -23,6 +23,7 @@
 #include <faultline/ChannelDescription.h>
 #include <faultline/Estimate.h>
 #include <faultline/Gap.h>
+#include <faultline/Histogram.h>
 #include <faultline/Quantity.h>
 #include <faultline/RankedHypothesis.h>
 #include <faultline/Ranking.h>

@@ -12,7 +12,7 @@ import time
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
-from faultline.msg import AlarmArray, Estimate, Gap, Sample
+from faultline.msg import AlarmArray, Estimate, Gap, Histogram, Sample
 
 rig, quiet, file_name, topics = sys.argv[1], float(sys.argv[2]), sys.argv[3], sys.argv[4:]
 file = open(file_name, "w")
@@ -96,6 +96,27 @@ def gap(message):
     )
 
 
+def histogram(message):
+    def numbers(values):
+        return [None if value != value else value for value in values]
+
+    write(
+        {
+            "topic": "histogram",
+            "time": message.header.stamp.to_nsec(),
+            "variable": message.variable,
+            "axes": list(message.axes),
+            "axis_bins": list(message.axis_bins),
+            "sections": message.sections,
+            "population": list(message.population),
+            "counts": list(message.counts),
+            "mean": numbers(message.mean),
+            "low": numbers(message.low),
+            "high": numbers(message.high),
+        }
+    )
+
+
 def diagnostics(message):
     entry = {
         "topic": "diagnostics",
@@ -121,6 +142,7 @@ kinds = {
     "estimate": (Estimate, estimate),
     "alarms": (AlarmArray, alarms),
     "gap": (Gap, gap),
+    "histogram": (Histogram, histogram),
 }
 for topic in topics:
     if topic == "diagnostics":

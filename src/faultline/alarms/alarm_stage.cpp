@@ -114,6 +114,9 @@ References AlarmStage::references() const {
 
 void AlarmStage::restore(const References& references) {
   for (const auto& [stage, reference] : references.stages) {
+    if (std::any_of(sheet_.estimators.begin(), sheet_.estimators.end(),
+                    [&name = stage](const StageSpec& spec) { return spec.name == name; }))
+      continue;
     const auto of_this = [&name = stage](const Source& source) { return source.name == name; };
     const auto w = std::find_if(watched_.begin(), watched_.end(), of_this);
     const auto i = std::find_if(isolated_.begin(), isolated_.end(), of_this);
@@ -239,7 +242,7 @@ void AlarmStage::tell_findings(double time) {
     i.claim.holds = i.finding.active;
     i.claim.raised = i.alarm >= 0;
     i.claim.told_by_another = (w && w->alarm >= 0) || told_by_another(i);
-    i.claim.model_fits = model_fits_;
+    i.claim.model_fits = model_fits_ || !i.isolator->rests_on_model();
     i.reason = reason_of(i.claim);
     if (!w) {
       i.told_for = -1;

@@ -12,8 +12,8 @@
 //
 // Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell
 // silent (stale: from the last sample plus a while; alarm_options.h has both). While the model does not fit (a
-// detection of kind unknown), faults are withheld: they rest on that model. While the data are bad, faults already
-// raised stay as they are.
+// detection of kind unknown), faults are withheld unless their isolator does without that model. While the data are
+// bad, faults already raised stay as they are.
 #pragma once
 
 #include <memory>
@@ -49,8 +49,8 @@ class AlarmStage {
 
   // What its detectors and isolators have learnt of the healthy rig so far.
   References references() const;
-  // Before the first sample: they judge by this at once instead of learning. reset() does not forget it. InputError,
-  // which names the stage, where a reference fits none of them.
+  // Before the first sample: they judge by this at once instead of learning. reset() does not forget it. Those of
+  // estimators are for others. InputError, which names the stage, where a reference fits none of them.
   void restore(const References& references);
 
  private:

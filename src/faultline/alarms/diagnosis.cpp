@@ -53,6 +53,19 @@ Diagnosis::Diagnosis(const Datasheet& sheet) : estimators_(stages_of(sheet)), al
   estimates_.resize(estimators_.size());
 }
 
+References Diagnosis::references() const {
+  References references = alarms_.references();
+  for (const EstimatorStage& stage : estimators_)
+    if (std::optional<Reference> reference = stage.reference())
+      references.stages.push_back({stage.name(), std::move(*reference)});
+  return references;
+}
+
+void Diagnosis::restore(const References& references) {
+  for (EstimatorStage& stage : estimators_) restore_stage(references, stage);
+  alarms_.restore(references);
+}
+
 bool Diagnosis::process(const Sample& sample) {
   // All are set alike for gaps and jumps, so all take a sample or none does.
   bool taken = true;

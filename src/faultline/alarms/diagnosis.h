@@ -28,9 +28,9 @@ class Diagnosis {
   // InputError where the datasheet names no estimator.
   explicit Diagnosis(const Datasheet& sheet);
 
-  // What the rig's detectors and isolators have learnt; and, before the first sample, to judge by that (AlarmStage).
-  References references() const { return alarms_.references(); }
-  void restore(const References& references) { alarms_.restore(references); }
+  // What the rig's stages have learnt; and, before the first sample, to judge by that (AlarmStage).
+  References references() const;
+  void restore(const References& references);
 
   // False if the sample was not used (it is not newer than the last); estimate() then is still that of the last.
   bool process(const Sample& sample);

@@ -5,11 +5,15 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "faultline/estimators/estimate.h"
+#include "faultline/estimators/histogram_view.h"
 #include "faultline/rig/datasheet.h"
+#include "faultline/rig/reference.h"
+#include "faultline/signal/error.h"
 #include "faultline/signal/registry.h"
 
 namespace faultline {
@@ -29,6 +33,11 @@ class Estimator {
   // Fills all but time, sequence, restarted and channel_status, which are there already. `begun`: this sample only
   // began it.
   virtual void write(const double* channels, bool begun, Estimate& estimate) const = 0;
+  // As a detector has them (rig/reference.h): what it learnt of the healthy rig so far, none if that is nothing; and,
+  // before the first sample, to go on from there. InputError where it does not fit.
+  virtual std::optional<Reference> reference() const { return {}; }
+  virtual void restore(const Reference&) { throw InputError("this type of estimator keeps no reference"); }
+  virtual std::vector<HistogramView> histograms() const { return {}; }  // one per variable that it observes so
 };
 
 struct EstimatorType {

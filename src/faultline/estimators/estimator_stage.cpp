@@ -96,4 +96,16 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
   return true;
 }
 
+void restore_stage(const References& references, EstimatorStage& stage) {
+  for (const auto& [name, reference] : references.stages) {
+    if (name != stage.name()) continue;
+    try {
+      stage.restore(reference);
+    } catch (const InputError& error) {
+      throw InputError(
+          fmt::format("{}{}{}: {}", references.file, references.file.empty() ? "" : ": ", name, error.what()));
+    }
+  }
+}
+
 }  // namespace faultline

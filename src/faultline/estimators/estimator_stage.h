@@ -36,6 +36,9 @@ class EstimatorStage {
   std::vector<State> states() const { return estimator_->states(); }
   // What the innovation runs over.
   std::vector<std::string> innovation_names() const { return estimator_->innovation_names(); }
+  std::optional<Reference> reference() const { return estimator_->reference(); }
+  void restore(const Reference& reference) { estimator_->restore(reference); }
+  std::vector<HistogramView> histograms() const { return estimator_->histograms(); }
 
  private:
   void begin(const Sample& sample);
@@ -50,5 +53,8 @@ class EstimatorStage {
   double last_time_ = 0;
   EstimatorCounts counts_;
 };
+
+// What `references` hold of this stage, if anything. InputError, which names file and stage, where it does not fit.
+void restore_stage(const References& references, EstimatorStage& stage);
 
 }  // namespace faultline

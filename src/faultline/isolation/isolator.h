@@ -41,6 +41,8 @@ class Isolator {
   // measured. What a detector takes for something else is then not told, and what a detector found waits until the
   // isolator has judged that time.
   virtual bool overrules() const { return false; }
+  // Whether its findings are worth nothing where the rig's model does not explain the measurements.
+  virtual bool rests_on_model() const { return true; }
   virtual double judged_until() const { return std::numeric_limits<double>::infinity(); }  // s
   // As Detector has them: what it learnt of the healthy rig, and to judge by that instead of learning.
   virtual std::optional<Reference> reference() const { return {}; }

@@ -1,8 +1,11 @@
 #include "faultline/rig/reference.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
@@ -26,7 +29,7 @@ namespace fs = std::filesystem;
 constexpr int kForm = 1;  // of the file
 constexpr const char* kTitle = "faultline references";
 constexpr const char* kCheckSum = "crc32 ";
-constexpr std::size_t kLargestFile = 64 << 20;  // bytes; a reference has some thousand numbers at most
+constexpr std::size_t kLargestFile = 64 << 20;  // bytes; histograms have some ten thousand numbers
 
 std::string check_sum(const std::string& text) {
   boost::crc_32_type crc;
@@ -108,6 +111,22 @@ class Part {
         fmt::format("{}: the references cannot be written ({}); what was there is kept", file_, std::strerror(errno)));
   }
   std::string file_, name_;
+  int descriptor_;
+};
+
+// Of a folder, among those who ask for it. Where the system has none there, they go on without.
+class Lock {
+ public:
+  explicit Lock(const std::string& folder) : descriptor_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    if (descriptor_ >= 0) ::flock(descriptor_, LOCK_EX);
+  }
+  ~Lock() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  Lock(const Lock&) = delete;
+  Lock& operator=(const Lock&) = delete;
+
+ private:
   int descriptor_;
 };
 
@@ -194,6 +213,18 @@ void check_replaceable(const std::string& file, const std::string& rig) {
   } catch (const InputError& refused) {
     throw InputError(fmt::format("{}; it is kept, choose another name or remove it", refused.what()));
   }
+}
+
+void update_references(const References& references, const std::string& file) {
+  References all = references;
+  const Lock lock(fs::absolute(file).parent_path().string());
+  std::error_code error;
+  if (fs::exists(file, error))
+    for (StageReference& old : read_references(file, references.rig).stages)
+      if (std::none_of(references.stages.begin(), references.stages.end(),
+                       [&](const StageReference& s) { return s.stage == old.stage; }))
+        all.stages.push_back(std::move(old));
+  write_references(all, file);
 }
 
 void write_references(const References& references, const std::string& file) {

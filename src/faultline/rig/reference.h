@@ -1,6 +1,6 @@
 // What a stage has learnt of the healthy rig, to be kept from one run to the next: a detector's steady value, mean
-// features of an isolator, later histograms. Dumb data; the stage that made it says what the numbers mean, and raises
-// `version` when that changes.
+// features of an isolator, an estimator's histograms. Dumb data; the stage that made it says what the numbers mean, and
+// raises `version` when that changes.
 //
 // As a file it is text: a line `faultline references 1`, the rig, per stage a line with its name, type, version and
 // count followed by one `name value` each, and a CRC-32 of all that in the last line. A file that is damaged, cut off,
@@ -43,6 +43,8 @@ References read_references(const std::string& file, const std::string& rig);
 // Whole or not at all. A file that is already there is replaced if it holds references of the same rig; InputError
 // where it does not, or cannot be written, and it stays as it is.
 void write_references(const References& references, const std::string& file);
+// Likewise, but what the file holds of other stages stays, whoever writes them at the same time.
+void update_references(const References& references, const std::string& file);
 // The same refusal, before the work is done.
 void check_replaceable(const std::string& file, const std::string& rig);
 

@@ -1,0 +1,265 @@
+// Isolation by a chain of variables under feedback: the controllers move everything before a fault so that what lies
+// behind it stays right, so the last variable of the chain that shifted names the place (Manninen, Aalto University
+// 2012, section 4). It knows what shifted from a stage of type histogram: the shares of time in which a variable's
+// scaled average was above or below its limits.
+//
+// A variable has shifted (high or low) while such a share is above its limit, until it is below half of it; both ways
+// in turn where both are above theirs, as friction and play do it. The limits are `share` (`both` for both ways), or,
+// where that is more, what the healthy rig does by itself: mean + sigmas std of the share over `learn` s.
+//
+// What is named, by the signs over the chain:
+//   no variable both ways    the place of the last shifted variable that has one
+//   some both ways           the place of the last of them that has one. Friction and play move no mean, so what
+//                            shifted one way is another fault: the place of the last such variable is the second, if it
+//                            is not the same. Where just one variable goes both ways, the one before it in the chain is
+//                            what drives it and names nothing of its own.
+//   only variables without a place   unknown: the pattern fits no place
+// While a common cause (a supply, a temperature) is itself outside of what was learnt, by half its width between the
+// limits, shifts are laid to it: what was named before stays, nothing else is named.
+//
+// Settings: stage; chain, its observed channels in the order of cause, from the controller on; common; share, both,
+// sigmas, learn [0 s], settle (s from the first shift until it is named, and after a start); place [1] or 2; per
+// channel CHANNEL_place, the module in words (none: it names none), and CHANNEL_high, CHANNEL_low, CHANNEL_both: the
+// effect@port, with commas between, that shift it so; the first is told, the others as what it cannot be told from.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "faultline/isolation/isolator.h"
+#include "faultline/signal/text.h"
+
+namespace faultline {
+namespace {
+
+constexpr const char* kType = "chain";
+constexpr int kVersion = 1;         // of the reference
+constexpr double kFarBeyond = 0.5;  // of a common cause's scaled average
+
+enum class Shift { none, high, low, both };
+constexpr std::array<const char*, 4> kWords = {"", "high", "low", "both"};
+constexpr std::array<const char*, 4> kPhrases = {"", "high", "low", "high and low in turn"};
+
+struct Side {  // of a variable's limits
+  double mean = 0, square = 0;
+  bool beyond = false;
+  double std() const { return std::sqrt(std::max(0.0, square - mean * mean)); }
+};
+
+struct Link {
+  std::string name, place;
+  std::array<std::vector<std::string>, 4> causes;  // by Shift
+  std::size_t above = 0, below = 0;                // quantities of the estimate
+  Side high, low;
+  Shift shift = Shift::none;
+};
+
+class ChainIsolator : public Isolator {
+ public:
+  ChainIsolator(const Datasheet& sheet, const StageSpec& spec) {
+    const Settings& s = spec.settings;
+    s.word_or("stage", "");
+    second_ = s.number_or("place", 1, 1, 2) > 1.5;
+    share_ = s.number("share", 0.001, 1);
+    both_ = s.number("both", 0.001, 1);
+    sigmas_ = s.number_or("sigmas", 0, 0, 1000);
+    learn_ = s.number_or("learn", 0, 0, 1e9);
+    settle_ = s.number("settle", 0, 1e9);
+    for (const std::string& name : split_words(s.word_or("chain", ""))) {
+      sheet.channel(name);
+      Link link;
+      link.name = name;
+      link.place = s.word_or(name + "_place", "");
+      for (std::size_t k = 1; k < kWords.size(); ++k) {
+        link.causes[k] = split_words(s.word_or(name + "_" + kWords[k], ""));
+        for (const std::string& cause : link.causes[k]) check_cause(sheet, s, cause);
+      }
+      chain_.push_back(std::move(link));
+    }
+    if (chain_.empty())
+      throw InputError(s.where() + ": 'chain' is missing; list observed channels in the order of cause");
+    for (const std::string& name : split_words(s.word_or("common", ""))) {
+      sheet.channel(name);
+      common_.push_back({name, 0});
+    }
+  }
+
+  bool rests_on_model() const override { return false; }
+
+  void reset() override {
+    for (Link& link : chain_) {
+      link.shift = Shift::none;
+      link.high.beyond = link.low.beyond = false;
+    }
+    running_ = false;
+  }
+
+  void process(const Estimate& estimate, const std::vector<bool>&, Finding& finding) override {
+    if (estimate.quantities.empty()) return;
+    if (!found_) find(estimate);
+    if (!running_ || estimate.restarted) {
+      reset();
+      running_ = true;
+      last_ = begun_ = estimate.time;
+    }
+    const double dt = estimate.time - last_;
+    last_ = estimate.time;
+    if (estimate.quantities[judging_].value < 1) begun_ = estimate.time;
+    if (estimate.time - begun_ < settle_) {
+      finding.active = false;
+      return;
+    }
+    if (learnt_ < learn_) {
+      learn(estimate, dt);
+      return;
+    }
+    bool shifted = false;
+    for (Link& link : chain_) {
+      link.shift = shift(link, estimate);
+      shifted = shifted || link.shift != Shift::none;
+    }
+    if (!shifted) since_ = estimate.time;
+    for (const auto& [name, average] : common_)
+      if (std::abs(estimate.quantities[average].value - 0.5) > 0.5 + kFarBeyond) return;
+    finding.active = false;
+    if (shifted && estimate.time - since_ >= settle_) tell(finding);
+  }
+
+  std::optional<Reference> reference() const override {
+    if (learn_ == 0 || learnt_ < learn_) return {};
+    Reference r{kType, kVersion, names(), {}};
+    for (const Link& link : chain_)
+      for (const Side* side : {&link.high, &link.low}) r.numbers.insert(r.numbers.end(), {side->mean, side->square});
+    return r;
+  }
+
+  void restore(const Reference& given) override {
+    check_reference(given, kType, kVersion, names());
+    const double* next = given.numbers.data();
+    for (Link& link : chain_)
+      for (Side* side : {&link.high, &link.low}) {
+        side->mean = *next++;
+        side->square = *next++;
+      }
+    learnt_ = learn_;
+  }
+
+ private:
+  static void check_cause(const Datasheet& sheet, const Settings& s, const std::string& cause) {
+    const std::size_t at = cause.find('@');
+    const std::string effect = cause.substr(0, at);
+    if (at != std::string::npos)
+      for (const FittingEffect& fitting : sheet.port(cause.substr(at + 1)).effects)
+        if (fitting.effect == effect) return;
+    throw InputError(fmt::format("{}: '{}' is no effect@port of the rig {}", s.where(), cause, sheet.rig));
+  }
+
+  std::vector<std::string> names() const {
+    std::vector<std::string> names;
+    for (const Link& link : chain_)
+      for (const char* what : {"high", "high_square", "low", "low_square"}) names.push_back(link.name + "." + what);
+    return names;
+  }
+
+  void find(const Estimate& estimate) {
+    const auto place = [&](const std::string& name) {
+      for (std::size_t i = 0; i < estimate.quantities.size(); ++i)
+        if (estimate.quantities[i].name == name) return i;
+      throw InputError(fmt::format(
+          "a chain asks for the quantity '{}', which its stage does not give; name a stage that observes that channel",
+          name));
+    };
+    judging_ = place("judging");
+    for (Link& link : chain_) {
+      link.above = place(link.name + ".above");
+      link.below = place(link.name + ".below");
+    }
+    for (auto& [name, average] : common_) average = place(name + ".average");
+    found_ = true;
+  }
+
+  void learn(const Estimate& estimate, double dt) {
+    learnt_ += dt;
+    const double part = learnt_ > 0 ? dt / learnt_ : 1;
+    for (Link& link : chain_)
+      for (const auto& [side, quantity] : {std::pair(&link.high, link.above), std::pair(&link.low, link.below)}) {
+        const double value = estimate.quantities[quantity].value;
+        side->mean += part * (value - side->mean);
+        side->square += part * (value * value - side->square);
+      }
+  }
+
+  Shift shift(Link& link, const Estimate& estimate) const {
+    const double above = estimate.quantities[link.above].value, below = estimate.quantities[link.below].value;
+    const auto beyond = [&](Side& side, double value, double least) {
+      const double limit = std::max(least, side.mean + sigmas_ * side.std());
+      return value > (side.beyond ? 0.5 * limit : limit);
+    };
+    const bool both = beyond(link.high, above, both_) && beyond(link.low, below, both_);
+    link.high.beyond = both || beyond(link.high, above, share_);
+    link.low.beyond = both || beyond(link.low, below, share_);
+    if (link.high.beyond && link.low.beyond) return Shift::both;
+    return link.high.beyond ? Shift::high : link.low.beyond ? Shift::low : Shift::none;
+  }
+
+  bool placed(int i) const { return !chain_[static_cast<std::size_t>(i)].place.empty(); }
+  Shift shift_at(int i) const { return i < 0 ? Shift::none : chain_[static_cast<std::size_t>(i)].shift; }
+
+  void tell(Finding& finding) const {
+    int turn = static_cast<int>(chain_.size()) - 1, first = -1, second = -1;
+    const int last = turn;
+    while (turn >= 0 && !(shift_at(turn) == Shift::both && placed(turn))) --turn;
+    const bool alone = turn >= 0 && shift_at(turn - 1) != Shift::both;
+    for (int i = last; i >= 0 && second < 0; --i) {
+      if (shift_at(i) == Shift::none || shift_at(i) == Shift::both || !placed(i)) continue;
+      const bool same =
+          turn >= 0 && chain_[static_cast<std::size_t>(i)].place == chain_[static_cast<std::size_t>(turn)].place;
+      if (same) break;
+      if (!(alone && i == turn - 1)) second = i;
+    }
+    first = turn;
+    if (first < 0) std::swap(first, second);
+    if (second_ && second < 0) return;
+    finding = Finding();
+    finding.active = true;
+    finding.since = since_;
+    std::vector<std::string> shifts;
+    for (const Link& link : chain_)
+      if (link.shift != Shift::none)
+        shifts.push_back(fmt::format("{} {}", link.name, kPhrases[static_cast<std::size_t>(link.shift)]));
+    const std::string pattern = fmt::format("shifted are {}", fmt::join(shifts, ", "));
+    const int at = second_ ? second : first;
+    if (at < 0) {
+      finding.text = "Something shifted that names no place: " + pattern;
+      return;
+    }
+    const Link& link = chain_[static_cast<std::size_t>(at)];
+    finding.kind = AlarmKind::fault;
+    const int other = second_ ? first : second;
+    const std::string place =
+        other < 0 ? link.place : link.place + " and " + chain_[static_cast<std::size_t>(other)].place;
+    finding.text = fmt::format("{}: {}", place, pattern);
+    finding.text[0] = static_cast<char>(std::toupper(finding.text[0]));
+    const std::vector<std::string>& causes = link.causes[static_cast<std::size_t>(link.shift)];
+    finding.confidence = causes.empty() ? 0 : 1.0 / static_cast<double>(causes.size());
+    if (causes.empty()) return;
+    const std::size_t split = causes[0].find('@');
+    finding.effect = causes[0].substr(0, split);
+    finding.port = causes[0].substr(split + 1);
+    finding.equivalent.assign(causes.begin() + 1, causes.end());
+  }
+
+  std::vector<Link> chain_;
+  std::vector<std::pair<std::string, std::size_t>> common_;  // and its average among the quantities
+  double share_, both_, sigmas_, learn_, settle_;
+  bool second_, found_ = false, running_ = false;
+  std::size_t judging_ = 0;
+  double learnt_ = 0, last_ = 0, begun_ = 0, since_ = 0;  // s
+};
+
+FAULTLINE_ISOLATOR(chain, {"chain", make_isolator_of<ChainIsolator>});
+
+}  // namespace
+}  // namespace faultline

@@ -1,0 +1,214 @@
+// The isolator `chain` on shares made by hand: each kind of pattern, what it names, and when it says nothing.
+#include <gtest/gtest.h>
+
+#include "faultline/isolation/isolator.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+// demand -> pilot -> spool -> pressure -> torque, with a place behind each but the first.
+Datasheet rig() {
+  Datasheet sheet;
+  sheet.rig = "chained";
+  for (const char* name : {"demand", "pilot", "spool", "pressure", "torque", "supply"}) {
+    Channel c;
+    c.name = name;
+    sheet.channels.push_back(c);
+  }
+  const auto port = [&](const char* name, std::vector<FittingEffect> effects) {
+    Port p;
+    p.name = name;
+    p.kind = port_kind(name);
+    p.effects = std::move(effects);
+    sheet.ports.push_back(p);
+  };
+  port("restriction.nozzle", {{"clogging", {}}});
+  port("flow.pilot_ambient", {{"orifice_leakage", {}}});
+  port("flow.cylinder_ambient", {{"orifice_leakage", {}}});
+  port("force.valve", {{"coulomb_friction", {}}});
+  return sheet;
+}
+
+std::map<std::string, std::string> words() {
+  return {{"chain", "demand, pilot, spool, pressure, torque"},
+          {"common", "supply"},
+          {"pilot_place", "pilot stage"},
+          {"pilot_high", "clogging@restriction.nozzle"},
+          {"pilot_low", "orifice_leakage@flow.pilot_ambient, clogging@restriction.nozzle"},
+          {"spool_place", "actuator"},
+          {"spool_high", "orifice_leakage@flow.cylinder_ambient"},
+          {"pressure_place", "actuator"},
+          {"torque_place", "valve"},
+          {"torque_both", "coulomb_friction@force.valve"}};
+}
+
+class Chain : public ::testing::Test {
+ protected:
+  void make(std::map<std::string, double> numbers, std::map<std::string, std::string> with = words()) {
+    numbers.insert({{"share", 0.4}, {"both", 0.2}, {"settle", 10}});
+    isolator_ = make_isolator(rig(), {"place", "chain", Settings("test", std::move(numbers), {}, std::move(with))});
+    estimate_ = Estimate();
+    finding_ = Finding();
+    estimate_.quantities.push_back({"judging", "1", 1, 0});
+    for (const Channel& c : rig().channels)
+      for (const char* what : {".average", ".above", ".below"})
+        estimate_.quantities.push_back({c.name + what, "1", 0, 0});
+    for (Quantity& q : estimate_.quantities)
+      if (q.name.find("average") != std::string::npos) q.value = 0.5;
+  }
+  void set(const std::string& name, double value) {
+    for (Quantity& q : estimate_.quantities)
+      if (q.name == name) q.value = value;
+  }
+  // One letter a link of the chain: . h l b
+  void pattern(const std::string& letters) {
+    for (std::size_t i = 0; i < letters.size(); ++i) {
+      const std::string name = rig().channels[i].name;
+      set(name + ".above", letters[i] == 'h' ? 0.6 : letters[i] == 'b' ? 0.25 : 0.05);
+      set(name + ".below", letters[i] == 'l' ? 0.6 : letters[i] == 'b' ? 0.25 : 0.05);
+    }
+  }
+  const Finding& hear(double seconds = 30) {
+    for (const double end = estimate_.time + seconds; estimate_.time < end; estimate_.time += 0.5)
+      isolator_->process(estimate_, {}, finding_);
+    return finding_;
+  }
+  const Finding& of(const std::string& letters) {
+    pattern(".....");
+    hear();
+    EXPECT_FALSE(finding_.active);
+    pattern(letters);
+    return hear();
+  }
+  std::unique_ptr<Isolator> isolator_;
+  Estimate estimate_;
+  Finding finding_;
+};
+
+TEST_F(Chain, TheLastShiftedVariableNamesThePlace) {
+  make({});
+  const Finding& f = of("hl...");
+  ASSERT_TRUE(f.active);
+  EXPECT_EQ(f.kind, AlarmKind::fault);
+  EXPECT_EQ(f.effect, "orifice_leakage");
+  EXPECT_EQ(f.port, "flow.pilot_ambient");
+  EXPECT_EQ(f.equivalent, std::vector<std::string>{"clogging@restriction.nozzle"});
+  EXPECT_EQ(f.confidence, 0.5);
+  EXPECT_EQ(f.text, "Pilot stage: shifted are demand high, pilot low");
+  EXPECT_NEAR(f.since, 30, 0.51);
+  EXPECT_EQ(of(".h...").effect, "clogging");  // by its sign
+  EXPECT_EQ(of("hlh..").port, "flow.cylinder_ambient");
+  EXPECT_EQ(of("h.h..").port, "flow.cylinder_ambient");  // one that does not show makes no difference
+  EXPECT_EQ(of("....b").port, "force.valve");
+  EXPECT_EQ(of("...lb").port, "force.valve");
+  EXPECT_EQ(of("hlhhb").port, "force.valve");
+  EXPECT_EQ(of("..llb").text, "Valve and actuator: shifted are spool low, pressure low, torque high and low in turn");
+  EXPECT_EQ(of("...l.").text, "Actuator: shifted are pressure low");
+  EXPECT_EQ(finding_.effect, "");  // no effect is listed for that
+  EXPECT_EQ(finding_.kind, AlarmKind::fault);
+}
+
+TEST_F(Chain, WhatNamesNoPlaceIsUnknown) {
+  make({});
+  const Finding& f = of("h....");
+  ASSERT_TRUE(f.active);
+  EXPECT_EQ(f.kind, AlarmKind::unknown);
+  EXPECT_EQ(f.effect + f.port, "");
+  EXPECT_NE(f.text.find("names no place: shifted are demand high"), std::string::npos);
+}
+
+TEST_F(Chain, PairsAreTwoFindings) {
+  make({});
+  EXPECT_EQ(of(".h..b").port, "force.valve");
+  EXPECT_EQ(of("h.h.b").port, "force.valve");
+  make({{"place", 2}});
+  EXPECT_EQ(of(".h..b").port, "restriction.nozzle");
+  EXPECT_EQ(of(".l.lb").port, "flow.pilot_ambient");
+  EXPECT_EQ(of("h.h.b").port, "flow.cylinder_ambient");
+  EXPECT_EQ(of("hlhbb").port, "flow.cylinder_ambient");
+  EXPECT_EQ(
+      of("hlhhb").text,
+      "Actuator and valve: shifted are demand high, pilot low, spool high, pressure high, torque high and low in turn");
+  EXPECT_FALSE(of("h..lb").active);  // the first has no place of its own, the fourth drives the fifth
+  EXPECT_FALSE(of("hllb.").active);  // the same place
+  EXPECT_FALSE(of("hl...").active);
+}
+
+TEST_F(Chain, ACommonCauseExplainsShifts) {
+  make({});
+  pattern(".....");
+  hear();
+  pattern("hl...");
+  set("supply.average", 1.6);
+  EXPECT_FALSE(hear().active);
+  set("supply.average", 1.4);
+  EXPECT_TRUE(hear().active);
+  // What was named stays, and becomes nothing else.
+  set("supply.average", -0.6);
+  pattern("hlh..");
+  EXPECT_TRUE(hear().active);
+  EXPECT_EQ(finding_.port, "flow.pilot_ambient");
+}
+
+TEST_F(Chain, AShiftMustLastAndEndsBelowHalf) {
+  make({});
+  pattern(".....");
+  hear();
+  pattern(".h...");
+  EXPECT_FALSE(hear(9).active);
+  EXPECT_TRUE(hear(2).active);
+  set("pilot.above", 0.25);
+  EXPECT_TRUE(hear().active);
+  set("pilot.above", 0.19);
+  EXPECT_FALSE(hear().active);
+  set("judging", 0);
+  pattern(".h...");
+  EXPECT_FALSE(hear().active);
+}
+
+TEST_F(Chain, WhatTheHealthyRigDoesIsNoShift) {
+  make({{"learn", 1000}, {"sigmas", 3}});
+  pattern(".....");
+  hear(20);
+  for (int k = 0; k < 100; ++k) {  // the torque is above its limits for 0.5 +- 0.1 of the time
+    set("torque.above", k % 2 ? 0.6 : 0.4);
+    hear(10);
+  }
+  EXPECT_FALSE(finding_.active);
+  const std::optional<Reference> learnt = isolator_->reference();
+  ASSERT_TRUE(learnt);
+  set("torque.above", 0.78);
+  EXPECT_FALSE(hear().active);
+  set("torque.above", 0.83);
+  EXPECT_TRUE(hear().active);
+  make({{"learn", 1000}, {"sigmas", 3}});
+  EXPECT_FALSE(isolator_->reference());
+  isolator_->restore(*learnt);
+  set("torque.above", 0.78);
+  EXPECT_FALSE(hear().active);
+  set("torque.above", 0.83);
+  EXPECT_TRUE(hear().active);
+}
+
+TEST_F(Chain, BadSettingsAreNamed) {
+  const auto said = [&](const char* key, const char* value) {
+    auto with = words();
+    with[key] = value;
+    try {
+      make({}, with);
+      hear();
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(said("chain", "demand, wind").find("wind"), std::string::npos);
+  EXPECT_NE(said("chain", "").find("'chain' is missing"), std::string::npos);
+  EXPECT_NE(said("pilot_high", "clogging@force.valve").find("clogging@force.valve"), std::string::npos);
+  EXPECT_NE(said("pilot_high", "clogging").find("'clogging' is no effect@port"), std::string::npos);
+  EXPECT_EQ(said("pilot_high", "clogging@restriction.nozzle"), "");
+}
+
+}  // namespace
+}  // namespace faultline
