@@ -81,7 +81,8 @@ TEST_P(EveryRig, EveryFaultSimulatesAndShows) {
       for (std::size_t c = 0; c < a.columns(); ++c) {
         ASSERT_TRUE(std::isfinite(a.at(k, c))) << fault.name;
         const double span = a.channels[c].maximum - a.channels[c].minimum;
-        if (a.channels[c].role == Role::output && span > 0)
+        const Role role = a.channels[c].role;  // a fault of a sensor that drives the model shows in an input
+        if ((role == Role::output || role == Role::input) && span > 0)
           apart = std::max(apart, std::abs(a.at(k, c) - b.at(k, c)) / span);
       }
     EXPECT_GT(apart, 1e-5) << fault.name;

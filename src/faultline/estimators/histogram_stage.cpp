@@ -109,7 +109,8 @@ HistogramSettings read_settings(const Datasheet& sheet, const Settings& s) {
     o.name = channel.name;
     o.unit = channel.unit;
     if (s.word(key) != "none")
-      for (const std::string& name : split_words(s.word(key))) o.by.push_back(explanatory_place(sheet, s, name, result));
+      for (const std::string& name : split_words(s.word(key)))
+        o.by.push_back(explanatory_place(sheet, s, name, result));
     if (o.by.size() > 2)
       throw InputError(
           fmt::format("{}: '{}' names {} channels; allowed are one, two or none", s.where(), key, o.by.size()));

@@ -179,7 +179,7 @@ class Plant {
       for (const Follower& f : followers_)
         true_[f.input] = use_ == Use::simulator ? f.values[static_cast<std::size_t>(i)] : now[f.input];
       integrator_->step(t, substep_, true_.data());
-      if (i + 1 == substeps_ || !sensors_.empty()) observe(t + substep_);
+      if (i + 1 == (part + 1) * count || !sensors_.empty()) observe(t + substep_);
     }
   }
 
