@@ -115,7 +115,7 @@ std::function<void()> add(CLI::App& app) {
 }
 
 FAULTLINE_SUBCOMMAND(explain, {"explain", "say which channels explain which others in a run, by information entropy",
-                               "faultline explain healthy.bag --by position_reference,supply_pressure", add});
+                               "faultline explain healthy.bag --by CHANNEL,CHANNEL", add});
 
 }  // namespace
 }  // namespace faultline

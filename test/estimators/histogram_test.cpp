@@ -147,7 +147,6 @@ TEST(Histogram, IntegersAnswerAsFloatingNumbersWithinASection) {
   EXPECT_LT(worst_limit, 0.1);
   EXPECT_LT(worst_average, 0.02);
   EXPECT_LT(worst_share, 0.01);
-  std::printf("limits differ by %.3f sections, averages by %.4f, shares by %.4f\n", worst_limit,
 }
 
 TEST(Histogram, ForgetsWithItsMemory) {
