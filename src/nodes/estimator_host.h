@@ -1,7 +1,7 @@
 // Hosts the estimator stages of some families of a rig: /RIG/sample in, /RIG/estimate out (one message a stage and
 // sample), the service ~reset. Of stages that learn histograms, /RIG/histogram (one message a variable and second).
-// Only header stamps matter: the same stages fed offline with the same samples give the same estimates. Which types there
-// are, and of which family, the types themselves say (estimators/estimator.h).
+// Only header stamps matter: the same stages fed offline with the same samples give the same estimates.
+// Which types there are, and of which family, the types themselves say (estimators/estimator.h).
 #pragma once
 
 #include <functional>

@@ -8,8 +8,8 @@
 // Deterministic for a given seed. One seed s starts a generator for each purpose, so that none moves with another: the
 // first set point s, the second s + 15485863 (command i, from 0, of an open loop s + 15485863 i), measured input i
 // (from 0) 7919 s + i + 1 and what moves it 15485863 more, what the controller draws s + 32452843, sensor noise
-// 104729 s + 17, effect i a hash of s and i. The rig's own parameters are no part of a run: draw_parameters() has a seed
-// of its own.
+// 104729 s + 17, effect i a hash of s and i. The rig's own parameters are no part of a run: draw_parameters() has a
+// seed of its own.
 #pragma once
 
 #include <cstdint>
