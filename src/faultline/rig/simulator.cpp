@@ -7,15 +7,13 @@
 
 #include "faultline/numerics/integrator.h"
 #include "faultline/numerics/random.h"
+#include "faultline/rig/input_source.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr int kWanderTones = 12;                 // sines that make up the wander of a measured input
-constexpr std::uint64_t kSecondSeed = 15485863;  // of what moves a measured input, beside its wander
-constexpr int kSettlings = 4;                    // rounds in which a supply that droops and the flow from it agree
+constexpr int kSettlings = 4;  // rounds in which a supply that droops and the flow from it agree
 
 std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<EffectSpec>& extra) {
   std::vector<EffectSpec> specs = nominal_effects(sheet);
@@ -232,47 +230,6 @@ class Plant {
   std::vector<Follower> followers_;
   std::vector<double> true_, shown_, start_, rest_, moved_;
   std::vector<double> resumed_;  // per channel: what its sensor shows at a start; NaN: what its effects make of it
-};
-
-// The level through its lags plus band-limited wander, a sum of sines with random phases, less the droop of the flow
-// that is drawn. Called once per sample, with rising times.
-class InputSource {
- public:
-  InputSource(const InputSignal& signal, const InputLevel& level, std::uint64_t seed, double period)
-      : value_(level.value),
-        droop_(signal.droop),
-        lag_share_(signal.lag > 0 ? 1 - std::exp(-period / signal.lag) : 1.0),
-        droop_share_(signal.droop_lag > 0 ? 1 - std::exp(-period / signal.droop_lag) : 1.0),
-        lags_(static_cast<std::size_t>(signal.lags)) {
-    if (!level.shape.empty()) moves_ = make_excitation(level.shape, level.settings, seed + kSecondSeed);
-    Random random(seed);
-    if (signal.wander_std <= 0) return;
-    for (int k = 0; k < kWanderTones; ++k) {
-      const double share = (k + random.uniform()) / kWanderTones;
-      tones_.push_back(
-          {signal.wander_low * std::pow(signal.wander_high / signal.wander_low, share), random.uniform(0, 2 * kPi)});
-    }
-    amplitude_ = signal.wander_std * std::sqrt(2.0 / kWanderTones);
-  }
-  bool droops() const { return droop_ > 0; }
-  void settle(double drawn) { drawn_ = drawn; }  // at the start: as if it had been drawn for long
-
-  // One sample period after the last call, unless at the start; `drawn`: m^3/s over that period.
-  double value(double time, double drawn) {
-    double level = moves_ ? moves_->value(time) : 0.0;
-    if (time <= 0) std::fill(lags_.begin(), lags_.end(), level);
-    for (double& lag : lags_) level = lag += lag_share_ * (level - lag);
-    if (time > 0) drawn_ += droop_share_ * (drawn - drawn_);
-    double sum = 0;
-    for (const auto& [frequency, phase] : tones_) sum += std::sin(2 * kPi * frequency * time + phase);
-    return value_ + level + amplitude_ * sum - droop_ * drawn_;
-  }
-
- private:
-  double value_, amplitude_ = 0, droop_, lag_share_, droop_share_, drawn_ = 0;
-  std::vector<double> lags_;
-  std::unique_ptr<Excitation> moves_;
-  std::vector<std::pair<double, double>> tones_;
 };
 
 double table_value(const CommandTable& table, double time) {
