@@ -18,6 +18,8 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
+constexpr double kBehind = 1;  // s of estimates behind samples: what a person at the stand should know
+
 void add(DiagnosticStatus& status, const std::string& key, const std::string& value) {
   diagnostic_msgs::KeyValue entry;
   entry.key = key;
@@ -128,19 +130,35 @@ void AlarmPublisher::take(const faultline_msgs::Estimate& message) {
     ++bad_;
     return;
   }
+  if (!samples_) hear_samples();
   const double time = estimate.time;
   const std::uint64_t sequence = estimate.sequence;
   const auto stage = static_cast<std::size_t>(from - sheet_.estimators.begin());
   if (!join_.add(stage, std::move(estimate), estimates_of_sample_)) return;
   monitor_.observe(sequence, time);
   stage_.process(estimates_of_sample_);
-  silence_.arrived(time, steady_seconds(), simulated_seconds());
+  judged_ = time;
+  judged_at_ = steady_seconds();
+  if (heard_ == 0) silence_.arrived(time, steady_seconds(), simulated_seconds());
   if (stage_.changes() != published_changes_) publish();
 }
 
+// From the first estimate on: a player that waits for subscribers of the samples is to wait for the estimators.
+void AlarmPublisher::hear_samples() {
+  samples_ = node_.subscribe<faultline_msgs::Sample>(
+      topic(sheet_.rig, "sample"), kQueue,
+      [this](const boost::shared_ptr<const faultline_msgs::Sample>& message) {
+        heard_ = to_seconds(message->header.stamp);
+        silence_.arrived(heard_, steady_seconds(), simulated_seconds());
+      },
+      ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+}
+
+double AlarmPublisher::behind() const { return heard_ > 0 ? std::max(0.0, heard_ - judged_) : 0; }
+
 void AlarmPublisher::watch() {
   const double now = silence_.now(steady_seconds(), simulated_seconds());
-  if (std::isnan(now)) return;
+  if (std::isnan(now) || behind() > 0) return;
   stage_.advance(now);
   if (stage_.changes() != published_changes_) publish();
 }
@@ -154,6 +172,11 @@ void AlarmPublisher::publish() {
   if (monitor_.counts().received == 0) {
     array.status[0].level = DiagnosticStatus::STALE;
     array.status[0].message = "No estimate has come yet.";
+  } else if (const double waited = steady_seconds() - judged_at_;
+             behind() > kBehind || (behind() > 0 && waited > kBehind)) {
+    array.status[0].level = DiagnosticStatus::STALE;
+    array.status[0].message = fmt::format(
+        "Not judged yet: the estimates are {:.1f} s behind the samples, the last came {:.1f} s ago.", behind(), waited);
   }
   diagnostics_.publish(array);
 }
@@ -180,6 +203,7 @@ void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("not understood", bad_);
   status.add("of other stages", other_stage_);
   status.add("samples that an estimator left out", join_.dropped());
+  status.add("behind the samples [s]", behind());
   if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some estimates do not fit this rig");
   if (!reference_.empty()) status.add("stages with a kept reference", kept_);
   if (!reference_trouble_.empty()) status.mergeSummary(DiagnosticStatus::WARN, reference_trouble_);

@@ -1,6 +1,7 @@
 // Hosts the alarm stage of a rig: /RIG/estimate in; /RIG/alarms (latched) and /diagnostics out, at once when an alarm
 // is raised, ends or changes level, and once a second of wall time. Alarms follow from the estimates' stamps alone; see
-// silence_watch.h for silence.
+// silence_watch.h for silence. Whether the rig is silent is judged by /RIG/sample: an estimator may think longer than
+// the rig pauses. While estimates are behind the samples, /diagnostics says so (STALE) and nobody calls the rig silent.
 #pragma once
 
 #include <cstdint>
@@ -32,6 +33,9 @@ class AlarmPublisher {
 
  private:
   void take(const faultline_msgs::Estimate& message);
+  void hear_samples();
+  // s of the samples' clock; 0 while no sample was heard.
+  double behind() const;
   void watch();  // ten times a second
   void publish();
   void keep_reference();
@@ -46,10 +50,12 @@ class AlarmPublisher {
   SilenceWatch silence_;
   ros::NodeHandle node_;
   ros::Publisher alarms_, diagnostics_;
-  ros::Subscriber estimates_;
+  ros::Subscriber estimates_, samples_;
   ros::WallTimer watch_timer_, second_timer_;
   std::string reference_, reference_trouble_;
-  std::size_t kept_ = 0;  // detectors and isolators in that file
+  std::size_t kept_ = 0;           // detectors and isolators in that file
+  double heard_ = 0, judged_ = 0;  // s, the last sample's time and the last estimate's
+  double judged_at_ = 0;           // s, steady time of the latter
   std::uint64_t published_changes_ = 0, bad_ = 0, other_stage_ = 0;
   SequenceCounts told_;
   RateMeter rate_;
