@@ -291,6 +291,4 @@ std::vector<std::size_t> check_description(const Datasheet& sheet, const faultli
   return match_channels(sheet, from_message(message));
 }
 
-std::string topic(const std::string& rig, const std::string& name) { return "/" + rig + "/" + name; }
-
 }  // namespace faultline

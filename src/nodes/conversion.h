@@ -46,7 +46,4 @@ AlarmReport from_message(const faultline_msgs::AlarmArray& message);
 // match_channels for a message: where each channel of the datasheet stands in Sample.values. Throws InputError.
 std::vector<std::size_t> check_description(const Datasheet& sheet, const faultline_msgs::RigDescription& message);
 
-// /RIG/sample, /RIG/description, /RIG/estimate, /RIG/histogram, /RIG/alarms
-std::string topic(const std::string& rig, const std::string& name);
-
 }  // namespace faultline

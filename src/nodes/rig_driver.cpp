@@ -24,8 +24,8 @@ RigDriver::RigDriver(const Datasheet& sheet, const std::string& made_by, Listene
       gate_(sheet, kDescriptionWait, 2 * kQueue,
             [this](const Sample& sample, double arrival) { deliver(sample, arrival); }),
       monitor_(sequence_settings(sheet)) {
-  description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
-  samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue, listeners.heard());
+  description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
+  samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners.heard());
   description_.publish(to_message(sheet, made_by));
 }
 

@@ -70,8 +70,8 @@ RigSimulator::RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& s
           "udpm needs a multicast route",
           settings_.lcm_url));
   } else {
-    description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
-    samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue, listeners_.heard());
+    description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
+    samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners_.heard());
   }
   health_ =
       std::make_unique<NodeHealth>(sheet.rig, "simulator", [this](diagnostic_updater::DiagnosticStatusWrapper& status) {

@@ -61,8 +61,8 @@ class Graph : public ::testing::Test {
     ASSERT_TRUE(until([this] { return samples_.getNumSubscribers() >= (began_ ? 2u : 1u); }, 15));
     began_ = true;
     std_srvs::Trigger trigger;
-    ASSERT_TRUE(ros::service::waitForService("/kalman/reset", 10000));
-    ASSERT_TRUE(ros::service::call("/kalman/reset", trigger));
+    ASSERT_TRUE(ros::service::waitForService("/servo_actuator/kalman/reset", 10000));
+    ASSERT_TRUE(ros::service::call("/servo_actuator/kalman/reset", trigger));
     EXPECT_TRUE(trigger.response.success);
   }
 
@@ -228,7 +228,7 @@ TEST_F(Graph, Test3ResetBeginsAnew) {
   const Recording recording = record(5, 1, false);
   run(recording, kStart - 200, 0);
   std_srvs::Trigger trigger;
-  ASSERT_TRUE(ros::service::call("/kalman/reset", trigger));
+  ASSERT_TRUE(ros::service::call("/servo_actuator/kalman/reset", trigger));
   for (EstimatorStage& stage : stages_) stage.reset();
   run(recording, kStart - 198.999, 1001);
   expect_same_estimates();
