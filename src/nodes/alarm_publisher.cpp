@@ -47,6 +47,9 @@ AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience, const st
   estimates_ = node_.subscribe<faultline_msgs::Estimate>(
       "estimate", kQueue, [this](const boost::shared_ptr<const faultline_msgs::Estimate>& message) { take(*message); },
       ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+  end_ = node_.subscribe<std_msgs::Time>("end", 10, [this](const boost::shared_ptr<const std_msgs::Time>& message) {
+    run_end_ = to_seconds(message->data);
+  });
   watch_timer_ = node_.createWallTimer(ros::WallDuration(0.1), [this](const ros::WallTimerEvent&) { watch(); });
   second_timer_ = node_.createWallTimer(ros::WallDuration(1), [this](const ros::WallTimerEvent&) { each_second(); });
   published_changes_ = stage_.changes();
@@ -100,7 +103,7 @@ double AlarmPublisher::behind() const { return heard_ > 0 ? std::max(0.0, heard_
 
 void AlarmPublisher::watch() {
   const double now = silence_.now(steady_seconds(), simulated_seconds());
-  if (std::isnan(now) || behind() > 0) return;
+  if (std::isnan(now) || behind() > 0 || (heard_ > 0 && heard_ == run_end_)) return;
   stage_.advance(now);
   if (stage_.changes() != published_changes_) publish();
 }

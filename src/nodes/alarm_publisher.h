@@ -1,7 +1,8 @@
 // Hosts the alarm stage of a rig: /RIG/estimate in; /RIG/alarms (latched) and /diagnostics out, at once when an alarm
 // is raised, ends or changes level, and once a second of wall time. Alarms follow from the estimates' stamps alone; see
 // silence_watch.h for silence. Whether the rig is silent is judged by /RIG/sample: an estimator may think longer than
-// the rig pauses. While estimates are behind the samples, /diagnostics says so (STALE) and nobody calls the rig silent.
+// the rig pauses. While estimates are behind the samples, /diagnostics says so (STALE) and nobody calls the rig silent;
+// neither is it after a run that its source ended (/RIG/end).
 #pragma once
 
 #include <cstdint>
@@ -51,11 +52,12 @@ class AlarmPublisher {
   ClosedStatuses closed_;
   ros::NodeHandle node_, private_node_{"~"};
   ros::Publisher alarms_, diagnostics_;
-  ros::Subscriber estimates_, samples_;
+  ros::Subscriber estimates_, samples_, end_;
   ros::WallTimer watch_timer_, second_timer_;
   std::string reference_, reference_trouble_;
   std::size_t kept_ = 0;           // detectors and isolators in that file
   double heard_ = 0, judged_ = 0;  // s, the last sample's time and the last estimate's
+  double run_end_ = 0;             // s, the time of the last sample of a run that its source said is over
   double judged_at_ = 0;           // s, steady time of the latter
   std::uint64_t published_changes_ = 0, kept_changes_ = 0, bad_ = 0, other_stage_ = 0;
   SequenceCounts told_;

@@ -127,6 +127,12 @@ ros::Time to_stamp(double seconds) {
   return ros::Time(static_cast<std::uint32_t>(whole), static_cast<std::uint32_t>(nanoseconds));
 }
 
+std_msgs::Time end_of_run(double last_sample) {
+  std_msgs::Time message;
+  message.data = to_stamp(last_sample);
+  return message;
+}
+
 double to_seconds(const ros::Time& stamp) { return stamp.toSec(); }
 
 faultline_msgs::Sample to_message(const Sample& sample, const std::string& rig) {

@@ -58,7 +58,12 @@ class Graph : public ::testing::Test {
             }
         });
     // The alarm node hears samples, too, once it heard an estimate.
-    ASSERT_TRUE(until([this] { return samples_.getNumSubscribers() >= (began_ ? 2u : 1u); }, 15));
+    ASSERT_TRUE(until(
+        [this] {
+          return samples_.getNumSubscribers() >= (began_ ? 2u : 1u) && estimates_.getNumPublishers() >= 1 &&
+                 alarms_.getNumPublishers() >= 1 && diagnostics_.getNumPublishers() >= 1;
+        },
+        15));
     began_ = true;
     std_srvs::Trigger trigger;
     ASSERT_TRUE(ros::service::waitForService("/servo_actuator/kalman/reset", 10000));
