@@ -108,7 +108,8 @@ class ReplayModes(unittest.TestCase):
     def test_a_pause_is_no_silence(self):
         self.play(2, "pause:=true")
         limit = time.monotonic() + 20
-        while "/servo_actuator/player/pause_playback" not in [name for name, _ in self.graph.master.getSystemState("/test")[2][2]]:
+        service = "/servo_actuator/player/pause_playback"
+        while service not in [name for name, _ in self.graph.master.getSystemState("/test")[2][2]]:
             self.assertLess(time.monotonic(), limit, self.graph.said(self.player))
             time.sleep(0.1)
         pauser = subprocess.Popen(
