@@ -136,6 +136,9 @@ class ManyRigs(unittest.TestCase):
         entries = self.wait_for(heard, two_rounds, launched)
         last = [entry for entry in entries if entry["topic"] == "diagnostics_agg"][-1]
         self.assertIn(f"/Nodes/{RIG} kalman: leak_filter, responses", levels(last, "/Nodes/"))
+        said = [s["message"] for s in last["status"] if s["name"].startswith(f"/Nodes/{RIG} alarms")]
+        self.assertEqual(len(said), 1)
+        self.assertNotIn("/clock stands still", said[0])
 
 
 class Arguments(unittest.TestCase):
