@@ -25,8 +25,20 @@ from report_units import decimals_for, show, words  # noqa: E402
 QUIET = 0.5  # s without a message, after the replay ended: nothing is on its way any more
 
 
+NAMED = 0.5  # the least probability of the right cause at which it is told as one
+
+
+def named(alarm):
+    return alarm.kind not in ("fault", "sensor") or alarm.confidence >= NAMED
+
+
 def sentence(alarm, start):
     """One line for a person: what, where, how much, since when."""
+    if not named(alarm):
+        others = [alarm.effect + "@" + alarm.port] + list(alarm.equivalent)
+        return "something changed, since {:.2f} s; candidates: {} (confidence {:.0f} %)".format(
+            alarm.since.to_sec() - start, ", ".join(others), 100 * alarm.confidence
+        )
     what = words(alarm.effect) if alarm.effect else words(alarm.kind)
     parts = [what + (" at " + alarm.port if alarm.port else "")]
     if alarm.has_size:
@@ -56,7 +68,7 @@ class Watch:
         self.start = start  # s, of the samples' clock
         self.last = None  # the newest AlarmArray
         self.heard = 0.0  # when it came, monotonic
-        self.known = {}  # (kind, effect, port, raised) -> active
+        self.known = {}  # (kind, effect, port, raised) -> active, told as a cause
 
     def say(self, text):
         if self.tty:
@@ -74,18 +86,16 @@ class Watch:
             start = self.start or 0.0
             for alarm in message.alarms:
                 key = (alarm.kind, alarm.effect, alarm.port, alarm.raised.to_sec())
-                before = self.known.get(key)
-                if before is None:
-                    self.say(
-                        "{:8.2f} s  {:7}  {}".format(
-                            alarm.raised.to_sec() - start, alarm.kind.upper(), sentence(alarm, start)
-                        )
-                    )
+                before, before_named = self.known.get(key, (None, False))
+                if before is None or named(alarm) and not before_named:
+                    told = alarm.raised.to_sec() if before is None else now
+                    word = alarm.kind.upper() if named(alarm) else "CHANGED"
+                    self.say("{:8.2f} s  {:7}  {}".format(told - start, word, sentence(alarm, start)))
                 elif before and not alarm.active:
                     self.say(
                         "{:8.2f} s  ended    {}".format(alarm.until.to_sec() - start, words(alarm.effect or alarm.kind))
                     )
-                self.known[key] = alarm.active
+                self.known[key] = alarm.active, named(alarm) or before_named
             if self.tty and now > 0:
                 active = sum(alarm.active for alarm in message.alarms)
                 sys.stdout.write(

@@ -9,6 +9,7 @@
 #include "config_folder.h"
 #include "faultline/rig/datasheet.h"
 #include "faultline/rig/effect.h"
+#include "faultline/rig/effect_unit.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -39,6 +40,15 @@ struct Count {
   std::size_t channels, states, parameters, ports, faults;
   double sample_period;
 };
+
+TEST(ShippedDatasheets, SizesOfEveryFittingEffectHaveAUnit) {
+  for (const Datasheet& sheet : read_datasheets(config_folder()))
+    for (const Port& port : sheet.ports)
+      for (const FittingEffect& fitting : port.effects)
+        for (const EffectParameter& parameter : find_effect_type(fitting.effect)->parameters)
+          EXPECT_EQ(effect_unit(sheet, port, parameter.unit).find("port"), std::string::npos)
+              << sheet.rig << ": " << fitting.effect << "@" << port.name << ":" << parameter.name;
+}
 
 TEST(ShippedDatasheets, HoldWhatTheirSourcesHold) {
   const Count counts[] = {{"control_valve", 13, 6, 38, 20, 10, 0.01},

@@ -290,7 +290,7 @@ FittingEffect read_fitting(const YamlValue& entry, const Port& port) {
 }
 
 Port read_port(const YamlValue& entry, const Datasheet& sheet) {
-  entry.allow({"component", "meaning", "effects"}, {"channel", "range"});
+  entry.allow({"component", "meaning", "effects"}, {"channel", "range", "unit"});
   Port port;
   port.name = entry.key();
   try {
@@ -314,8 +314,11 @@ Port read_port(const YamlValue& entry, const Datasheet& sheet) {
       named.fail(fmt::format("passes channel '{}', whose role is {}; add 'channel: NAME' with a channel of role {}",
                              port.channel, to_string(role),
                              port.kind == PortKind::command ? "command" : "input or output"));
+    if (entry.has("unit")) entry.at("unit").fail("is for other ports; here it is the channel's");
   } else if (entry.has("channel")) {
     entry.at("channel").fail("is for command and sensor ports only");
+  } else if (entry.has("unit")) {
+    port.unit = unit_of(entry.at("unit"), true);
   }
   for (const YamlValue& effect : entry.at("effects").entries()) port.effects.push_back(read_fitting(effect, port));
   return port;

@@ -22,8 +22,13 @@ std::string effect_unit(const Datasheet& sheet, const Port& port, const std::str
   const std::size_t either = unit.find(" or ");
   const bool turning = has_state(sheet, "rad/s") && !has_state(sheet, "m/s") && port.kind != PortKind::source;
   if (either != std::string::npos) return turning ? unit.substr(either + 4) : unit.substr(0, either);
-  if (channel < 0 || unit.compare(0, 4, "port") != 0) return unit;
-  return sheet.channels[static_cast<std::size_t>(channel)].unit + unit.substr(4);
+  if (unit.compare(0, 4, "port") != 0) return unit;
+  const std::string own = !port.unit.empty()             ? port.unit
+                          : channel >= 0                 ? sheet.channels[static_cast<std::size_t>(channel)].unit
+                          : port.kind != PortKind::force ? "port"
+                          : turning                      ? "N m"
+                                                         : "N";
+  return own + unit.substr(4);
 }
 
 }  // namespace faultline

@@ -40,6 +40,7 @@ struct Port {
   std::string component;
   std::string meaning;
   std::string channel;  // command and sensor ports: the channel that passes; else empty
+  std::string unit;     // of what passes, where no channel says it; else empty
   double range = 1;     // what a curve at this port calls full scale, in the unit of what passes
   std::vector<FittingEffect> effects;
 };
