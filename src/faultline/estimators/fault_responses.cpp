@@ -139,7 +139,7 @@ void FaultResponses::respond_all() {
 void FaultResponses::weigh_all() {
   respond_all();
   for (auto& stretch : recent_)
-    if (!stretch->weighed) model_.weigh(*stretch, point_);
+    model_.weigh(*stretch, point_);
 }
 
 // ---- parameters
@@ -165,20 +165,28 @@ bool FaultResponses::relinearise() {
   return true;
 }
 
-// One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model.
+// One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model. The
+// first reach tells whether they do, since what the linear model foresees changes no loss.
 bool FaultResponses::search_parameters() {
   const Stretches all = latest(recent_.size());
-  double least = model_.loss(known_to_tolerance(point_.shift), all) - settings_.worthwhile_evidence;
+  const double now = model_.loss(known_to_tolerance(point_.shift), all);
+  const double bent = settings_.bent_fraction * settings_.worthwhile_evidence;
+  double least = now - settings_.worthwhile_evidence;
   Eigen::VectorXd best = Eigen::VectorXd::Zero(point_.shift.size());
   for (std::size_t i = 0; i < model_.free_parameters(); ++i)
     for (const double reach : settings_.reach_tolerances) {
       Eigen::VectorXd step = Eigen::VectorXd::Zero(point_.shift.size());
       step[static_cast<Eigen::Index>(i)] = reach;
       const ModelPoint tried = model_.at(point_.shift + step);
-      const double found = model_.loss(known_to_tolerance(tried.shift), all, tried, {}, least);
-      if (found >= least) continue;
-      least = found;
-      best = step;
+      const bool first = reach == settings_.reach_tolerances.front();
+      const double found =
+          model_.loss(known_to_tolerance(tried.shift), all, tried, {}, first ? now + bent : least);
+      if (found < least) {
+        least = found;
+        best = step;
+      } else if (first && std::abs(found - now) <= bent) {
+        break;
+      }
     }
   if (best.isZero()) return false;
   move(best);
@@ -191,7 +199,7 @@ void FaultResponses::move(const Eigen::VectorXd& step) {
   // What was summed around other parameters would pull towards them: it is learnt anew.
   reference_ = model_.no_sums();
   known_.forget_misfits();
-  for (auto& stretch : recent_) model_.respond(*stretch, point_);
+  for (auto& stretch : recent_) model_.follow(*stretch, point_);
 }
 
 void FaultResponses::forget_oldest() {
@@ -346,12 +354,16 @@ void FaultResponses::find_healthy_or_fault() {
   std::vector<RankedFault> screened = find_window();
   // Before anything is blamed on the first stretches: are the parameters further off than the linear model can tell?
   const double suspicion = settings_.suspicion_fraction * settings_.threshold_evidence;
+  const auto loss = [&] { return model_.loss(known_to_tolerance(point_.shift), latest(recent_.size())); };
   for (std::size_t i = 0; i < settings_.parameter_moves && stretches_ <= settings_.early_stretches && !event_ &&
-                          !screened.empty() && screened.front().evidence > suspicion && search_parameters();
+                          !screened.empty() && screened.front().evidence > suspicion;
        ++i) {
+    const double before = loss();
+    if (!search_parameters()) break;
     relinearise();
     weigh_all();
     screened = find_window();
+    if (loss() > before - settings_.worthwhile_evidence) break;  // the linear model took it back
   }
   // Screening takes the model's answer for linear and so finds too much, never too little by far.
   evidence_ = screened.empty() ? 0 : screened.front().evidence;

@@ -45,10 +45,12 @@ struct ResponseSettings {
 
   // ---- parameters
   double relinearise_tolerances = 0.3;  // move of a parameter from which the model is made linear anew
+  double reused_tolerances = 1;         // move up to which its derivatives are kept: a response bends little in that
   double farthest_tolerances = 3;       // that a parameter may be off the datasheet: three standard deviations
   std::size_t parameter_moves = 5;      // at once, at most
-  std::array<double, 4> reach_tolerances = {-1.5, -0.75, 0.75, 1.5};  // tried where the linear model is doubted
+  std::array<double, 4> reach_tolerances = {0.75, -0.75, 1.5, -1.5};  // tried where the linear model is doubted
   double worthwhile_evidence = 3;                                     // that such a move must win
+  double bent_fraction = 0.25;  // of that, changed by the first reach, from which a response bends enough to try others
   double suspicion_fraction =
       0.3;  // of the threshold, from which the linear model is doubted before anything is blamed
   std::size_t early_stretches = 4;  // after which what is done again is done ever more rarely
@@ -100,10 +102,12 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(followed_fraction);
   FAULTLINE_OPTION(least_nuisance_amplitude);
   FAULTLINE_OPTION(relinearise_tolerances);
+  FAULTLINE_OPTION(reused_tolerances);
   FAULTLINE_OPTION(farthest_tolerances);
   FAULTLINE_OPTION(parameter_moves);
   FAULTLINE_OPTION(reach_tolerances);
   FAULTLINE_OPTION(worthwhile_evidence);
+  FAULTLINE_OPTION(bent_fraction);
   FAULTLINE_OPTION(suspicion_fraction);
   FAULTLINE_OPTION(early_stretches);
   FAULTLINE_OPTION(threshold_evidence);
