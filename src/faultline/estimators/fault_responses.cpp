@@ -28,6 +28,7 @@ void FaultResponses::reset() {
   recent_.clear();
   point_ = model_.nominal();
   reference_ = model_.no_sums();
+  doubt_ = 0;
   stretches_ = age_ = 0;
   first_.clear();
   second_.clear();
@@ -92,11 +93,28 @@ std::vector<EffectSpec> FaultResponses::found_effects() const {
   return effects;
 }
 
-void FaultResponses::know_healthy() {
+Eigen::VectorXd FaultResponses::theta() const {
   Eigen::MatrixXd all = known_to_tolerance(point_.shift) + known_part(reference_);
   for (const auto& stretch : recent_)
     if (stretch->responded) all += known_part(stretch->sums);
-  known_.learn_healthy(point_, best_parameters(all, model_.parameters()), recent_);
+  return best_parameters(all, model_.parameters());
+}
+
+void FaultResponses::know_healthy() { known_.learn_healthy(point_, theta(), recent_); }
+
+double FaultResponses::unexplained(const Stretch& stretch) const {
+  const Eigen::VectorXd theta = this->theta();
+  double sum = 0;
+  for (const SegmentResponse& segment : stretch.segments)
+    sum += model_.beyond_noise(segment.residuals + segment.tolerances * theta);
+  return sum;
+}
+
+double FaultResponses::unexplained() const {
+  double sum = doubt_;
+  for (const auto& stretch : recent_)
+    if (stretch->responded) sum += unexplained(*stretch);
+  return sum;
 }
 
 void FaultResponses::know_fault(const Scene& scene) {
@@ -198,6 +216,7 @@ void FaultResponses::move(const Eigen::VectorXd& step) {
   point_ = model_.at((point_.shift + step).cwiseMax(-farthest).cwiseMin(farthest));
   // What was summed around other parameters would pull towards them: it is learnt anew.
   reference_ = model_.no_sums();
+  doubt_ = 0;
   known_.forget_misfits();
   for (auto& stretch : recent_) model_.follow(*stretch, point_);
 }
@@ -205,8 +224,9 @@ void FaultResponses::move(const Eigen::VectorXd& step) {
 void FaultResponses::forget_oldest() {
   if (recent_.size() <= settings_.recent_stretches) return;
   if (!event_ && recent_.front()->responded) {
-    if (!recent_.front()->weighed) model_.weigh(*recent_.front(), point_);
-    reference_ = (1 - 1 / settings_.memory_stretches) * reference_ + recent_.front()->sums;
+    const double kept = 1 - 1 / settings_.memory_stretches;
+    doubt_ = kept * doubt_ + (recent_.front()->weighed ? 0 : unexplained(*recent_.front()));
+    reference_ = kept * reference_ + recent_.front()->sums;
   }
   recent_.erase(recent_.begin());
 }
@@ -254,7 +274,7 @@ Scene FaultResponses::scene() const {
 
 std::map<std::size_t, double> FaultResponses::remembered() const {
   // Now and then all are tried anew: one stretch shows twins as one that three tell apart, or the other way round.
-  return event_ && !power_of_two(age_) ? candidates_ : std::map<std::size_t, double>();
+  return event_ && (!power_of_two(age_) || age_ < settings_.recent_stretches) ? candidates_ : std::map<std::size_t, double>();
 }
 
 // ---- the event
@@ -345,6 +365,12 @@ void FaultResponses::judge(const Recording& recording) {
     window_.stretches = std::min(window_.stretches + 1, recent_.size());
     // While a fault lasts, all causes are weighed ever more rarely, unless it grows.
     if (!growing && !power_of_two(age_) && follow()) return;
+  }
+  const double left = unexplained();
+  if (!event_ && settings_.refresh_stretches > 1 && left < settings_.weighed_fraction * settings_.threshold_evidence) {
+    evidence_ = std::max(0.0, left);
+    end_event();
+    return;
   }
   weigh_all();
   find_healthy_or_fault();

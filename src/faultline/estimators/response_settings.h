@@ -40,6 +40,7 @@ struct ResponseSettings {
   std::size_t smooth_terms = 10;           // cosines per segment and output that hold what an effect does: up to 45 Hz
                                            // in segments of 0.1 s, where a plant that stands in it no longer follows
   double new_fraction = 0.1;               // of the threshold: misfit of a stretch by which it says something new
+  double weighed_fraction = 0.6;           // ... and below which, beyond white noise, causes are not weighed: none is told
   double followed_fraction = 0.02;         // of the evidence of a fault that is known: misfit from which it is followed
   double least_nuisance_amplitude = 0.05;  // of a nuisance effect, from which it is in the model of what is known
 
@@ -61,6 +62,7 @@ struct ResponseSettings {
   double over_evidence = 5;        // by which the latest stretch speaks against a fault that was there
   // Of the largest amplitude, tried beside the linear answer: sizes whose answers differ, over ranges of many decades.
   std::array<double, 3> coarse_fractions = {0.15, 0.4, 1};
+  double pace_fraction = 0.25;  // of what the first wins up to any segment, that a size must win up to there to go on
   std::size_t refined_hypotheses = 6;     // by Gauss-Newton steps on the model with the effect in it
   std::size_t refinements = 3;            // steps, at most
   double refine_step_fraction = 0.1;      // of an amplitude: step of its differences ...
@@ -72,6 +74,7 @@ struct ResponseSettings {
   std::size_t looked_hypotheses = 6;      // by evidence, looked at closely while a fault lasts ...
   std::size_t kept_hypotheses = 12;       // ... beside those that explained it best when it was found
   double second_misfit_fraction = 0.5;    // of what a second must have, that the first must leave: a margin of two
+  double near_fraction = 0.5;             // of that, with derivatives from the model without the first: a margin of two
   double second_evidence_fraction = 0.3;  // of the first fault's, that a second must have beyond the threshold
   double alternative_evidence_fraction =
       0.5;  // of the first fault's, from which a hypothesis is an alternative, not a second
@@ -99,6 +102,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(refresh_stretches);
   FAULTLINE_OPTION(smooth_terms);
   FAULTLINE_OPTION(new_fraction);
+  FAULTLINE_OPTION(weighed_fraction);
   FAULTLINE_OPTION(followed_fraction);
   FAULTLINE_OPTION(least_nuisance_amplitude);
   FAULTLINE_OPTION(relinearise_tolerances);
@@ -114,6 +118,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(release_fraction);
   FAULTLINE_OPTION(over_evidence);
   FAULTLINE_OPTION(coarse_fractions);
+  FAULTLINE_OPTION(pace_fraction);
   FAULTLINE_OPTION(refined_hypotheses);
   FAULTLINE_OPTION(refinements);
   FAULTLINE_OPTION(refine_step_fraction);
@@ -125,6 +130,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(looked_hypotheses);
   FAULTLINE_OPTION(kept_hypotheses);
   FAULTLINE_OPTION(second_misfit_fraction);
+  FAULTLINE_OPTION(near_fraction);
   FAULTLINE_OPTION(second_evidence_fraction);
   FAULTLINE_OPTION(alternative_evidence_fraction);
   FAULTLINE_OPTION(hypotheses.logarithmic_ratio);

@@ -181,6 +181,18 @@ double StretchModel::smooth_square(const Eigen::VectorXd& residuals) const {
   return (cosines_ * by_output).squaredNorm();
 }
 
+double StretchModel::beyond_noise(const Eigen::VectorXd& residuals) const {
+  const Eigen::Index terms = cosines_.rows(), rows = cosines_.cols();
+  double beyond = 0;
+  for (Eigen::Index o = 0; o < static_cast<Eigen::Index>(outputs()); ++o) {
+    const auto output = residuals.segment(o * rows, rows);
+    const double smooth = (cosines_ * output).squaredNorm();
+    const double noise = (output.squaredNorm() - smooth) / static_cast<double>(std::max<Eigen::Index>(1, rows - terms));
+    beyond += smooth - static_cast<double>(terms) * std::min(1.0, noise);
+  }
+  return weight_of(residuals) * beyond;
+}
+
 void StretchModel::set_residuals(SegmentResponse& segment, Eigen::VectorXd residuals) const {
   segment.residuals = std::move(residuals);
   segment.weight = weight_of(segment.residuals);
@@ -205,7 +217,8 @@ void StretchModel::sum_up(Stretch& stretch) const {
 }
 
 double StretchModel::loss(const Eigen::MatrixXd& prior, const Stretches& stretches, const ModelPoint& point,
-                          const std::vector<EffectSpec>& effects, double limit, Eigen::MatrixXd* after) const {
+                          const std::vector<EffectSpec>& effects, double limit, Eigen::MatrixXd* after,
+                          const LossCourse* limits, LossCourse* course) const {
   Eigen::MatrixXd sum = prior;
   ModelChange change{point.parameters, point.effects};
   change.effects.insert(change.effects.end(), effects.begin(), effects.end());
@@ -213,13 +226,17 @@ double StretchModel::loss(const Eigen::MatrixXd& prior, const Stretches& stretch
   double rest = 0;  // that the segments to come add at least
   for (const Stretch* stretch : stretches)
     for (const SegmentResponse& segment : stretch->segments) rest += segment.floor;
+  std::size_t done = 0;
   for (const Stretch* stretch : stretches) {
     std::size_t next = 0;
     model_.residuals(change, stretch->run, sigma_, [&](std::size_t row, const Eigen::MatrixXf& residuals) {
       if (row + 1 < stretch->run.restarts[next + 1] + segment_rows_) return false;
       add(stretch->segments[next], stretch->starts->residual(stretch->run, residuals, next + 1), sum);
       rest -= stretch->segments[next].floor;
-      beyond = sum(0, 0) + rest > limit && least_loss(sum, parameters()) + rest > limit;
+      const double most = std::min(limit - rest, limits == nullptr ? kInfinity : (*limits)[done]);
+      if (course != nullptr) course->push_back(least_loss(sum, parameters()));
+      beyond = sum(0, 0) > most && least_loss(sum, parameters()) > most;
+      ++done;
       return beyond || ++next == stretch->segments.size();
     });
     ++runs_;
@@ -230,8 +247,12 @@ double StretchModel::loss(const Eigen::MatrixXd& prior, const Stretches& stretch
   return result > limit ? kInfinity : result;
 }
 
-double StretchModel::loss(Eigen::MatrixXd prior, const Stretches& stretches) const {
-  for (const Stretch* stretch : stretches) prior += stretch->sums.topLeftCorner(prior.rows(), prior.cols());
+double StretchModel::loss(Eigen::MatrixXd prior, const Stretches& stretches, LossCourse* course) const {
+  for (const Stretch* stretch : stretches)
+    for (const SegmentResponse& segment : stretch->segments) {
+      add(segment, segment.residuals, prior);
+      if (course != nullptr) course->push_back(least_loss(prior, parameters()));
+    }
   return least_loss(prior, parameters());
 }
 

@@ -52,6 +52,9 @@ struct Stretch {
 // The latest of some stretches, by reference.
 using Stretches = std::vector<const Stretch*>;
 
+// A loss after each of the segments, in their order.
+using LossCourse = std::vector<double>;
+
 // Where the model is made linear, or all that is known of it.
 struct ModelPoint {
   Eigen::VectorXd shift;           // from the datasheet: parameters in tolerances, then zeros for nuisance effects
@@ -84,12 +87,14 @@ class StretchModel {
   void follow(Stretch& stretch, const ModelPoint& point) const;
   void weigh(Stretch& stretch, const ModelPoint& point) const;  // after respond(), at the same point
 
-  // With `effects` beside those of the point, theta adjusted to first order; infinite where it is more than `limit`.
-  // `prior`: [r T]'[r T] of what is known of theta from the tolerances and from other stretches. `after` takes all.
+  // With `effects` beside those of the point, theta adjusted to first order; infinite where it is more than `limit`, or
+  // after a segment more than `limits` say, if given. `prior`: [r T]'[r T] of what is known of theta from the tolerances
+  // and from other stretches. `after` takes all.
   double loss(const Eigen::MatrixXd& prior, const Stretches& stretches, const ModelPoint& point,
-              const std::vector<EffectSpec>& effects, double limit = kInfinity, Eigen::MatrixXd* after = nullptr) const;
+              const std::vector<EffectSpec>& effects, double limit = kInfinity, Eigen::MatrixXd* after = nullptr,
+              const LossCourse* limits = nullptr, LossCourse* course = nullptr) const;
   // Without any: nothing runs.
-  double loss(Eigen::MatrixXd prior, const Stretches& stretches) const;
+  double loss(Eigen::MatrixXd prior, const Stretches& stretches, LossCourse* course = nullptr) const;
 
   // One run, and the start states' part as seen from a change.
   Eigen::MatrixXf residuals(const Stretch& stretch, const ModelPoint& known) const;
@@ -98,6 +103,9 @@ class StretchModel {
   // |C r|^2 of a segment, C: the first cosines (DCT-II) of each output. What an effect does to an output is as smooth
   // as the plant and lies in C; noise is white and hardly does.
   double smooth_square(const Eigen::VectorXd& residuals) const;
+  // What that has beyond white noise as strong as the rest of r is, or as the datasheet says; as evidence. No effect
+  // explains more.
+  double beyond_noise(const Eigen::VectorXd& residuals) const;
   std::size_t smooth_terms() const { return static_cast<std::size_t>(cosines_.rows()); }
   // Runs of the model so far: what judging costs.
   std::uint64_t runs() const { return runs_; }
