@@ -252,17 +252,19 @@ std::vector<RankedFault> FaultResponses::find_window() {
   // Once there is a fault, the way it was found stays: what follows belongs to it.
   if (event_) return screen(window_);
   std::vector<RankedFault> best;
-  Window best_window{false, recent_.size()};
+  // A stretch that adds little does not show the fault: the shortest of windows that say nearly the same.
   const auto attempt = [&](const Window& window) {
     std::vector<RankedFault> screened = screen(window);
-    if (screened.empty() || (!best.empty() && screened.front().evidence <= best.front().evidence)) return;
+    if (screened.empty() ||
+        (!best.empty() && screened.front().evidence <= best.front().evidence + settings_.over_evidence))
+      return;
     best = std::move(screened);
-    best_window = window;
+    window_ = window;
   };
-  attempt(best_window);
+  window_ = {false, recent_.size()};
   for (std::size_t n = 1; n <= recent_.size(); ++n)
     if (stretches_ > n) attempt({true, n});
-  window_ = best_window;
+  attempt({false, recent_.size()});
   return best;
 }
 
