@@ -154,10 +154,17 @@ void FaultResponses::respond_all() {
     if (!stretch->responded) model_.respond(*stretch, point_);
 }
 
+// The latest stretches, and of those before what does not end in these.
 void FaultResponses::weigh_all() {
   respond_all();
-  for (auto& stretch : recent_)
-    model_.weigh(*stretch, point_);
+  double before = unexplained();
+  shown_ = 0;
+  for (auto stretch = recent_.rbegin(); stretch != recent_.rend(); ++stretch) {
+    if (shown_ >= (event_ ? window_.stretches : 1) && before <= settings_.over_evidence) break;
+    model_.weigh(**stretch, point_);
+    before -= unexplained(**stretch);
+    ++shown_;
+  }
 }
 
 // ---- parameters
@@ -262,9 +269,9 @@ std::vector<RankedFault> FaultResponses::find_window() {
     window_ = window;
   };
   window_ = {false, recent_.size()};
-  for (std::size_t n = 1; n <= recent_.size(); ++n)
+  for (std::size_t n = 1; n <= shown_; ++n)
     if (stretches_ > n) attempt({true, n});
-  attempt({false, recent_.size()});
+  if (shown_ == recent_.size()) attempt(Window{false, recent_.size()});
   return best;
 }
 

@@ -108,6 +108,7 @@ class FaultResponses {
   Eigen::MatrixXd reference_;  // sums of the stretches before the recent ones
   double doubt_ = 0;           // what was unexplained in those of them that were not weighed
   bool event_ = false;
+  std::size_t shown_ = 0;  // latest stretches that may show a fault: those before hold nothing that is unexplained
   Window window_;
   std::vector<RankedFault> first_, second_;
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
