@@ -74,7 +74,7 @@ struct ResponseSettings {
   std::size_t looked_hypotheses = 6;      // by evidence, looked at closely while a fault lasts ...
   std::size_t kept_hypotheses = 12;       // ... beside those that explained it best when it was found
   double second_misfit_fraction = 0.5;    // of what a second must have, that the first must leave: a margin of two
-  double near_fraction = 0.5;             // of that, with derivatives from the model without the first: a margin of two
+  double near_fraction = 0.75;            // of that, with derivatives from the model without the first: a margin
   double second_evidence_fraction = 0.3;  // of the first fault's, that a second must have beyond the threshold
   double alternative_evidence_fraction =
       0.5;  // of the first fault's, from which a hypothesis is an alternative, not a second
