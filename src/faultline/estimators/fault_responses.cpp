@@ -263,7 +263,7 @@ std::vector<RankedFault> FaultResponses::find_window() {
   const auto attempt = [&](const Window& window) {
     std::vector<RankedFault> screened = screen(window);
     if (screened.empty() ||
-        (!best.empty() && screened.front().evidence <= best.front().evidence + settings_.over_evidence))
+        (!best.empty() && screened.front().evidence <= (1 + settings_.longer_fraction) * best.front().evidence))
       return;
     best = std::move(screened);
     window_ = window;

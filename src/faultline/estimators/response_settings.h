@@ -59,7 +59,8 @@ struct ResponseSettings {
   // ---- the fault
   double threshold_evidence = 30;  // from which there is a fault: a bound on false alarms, found on one rig
   double release_fraction = 0.3;   // of the threshold, below which a fault is over: hysteresis against flicker
-  double over_evidence = 5;        // by which the latest stretch speaks against a fault that was there, or one for it
+  double over_evidence = 5;        // by which the latest stretch speaks against a fault that was there
+  double longer_fraction = 0.05;   // of the evidence, by which one more stretch must speak for a fault to be part of it
   // Of the largest amplitude, tried beside the linear answer: sizes whose answers differ, over ranges of many decades.
   std::array<double, 3> coarse_fractions = {0.15, 0.4, 1};
   double pace_fraction = 0.25;  // of what the first wins up to any segment, that a size must win up to there to go on
@@ -117,6 +118,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(threshold_evidence);
   FAULTLINE_OPTION(release_fraction);
   FAULTLINE_OPTION(over_evidence);
+  FAULTLINE_OPTION(longer_fraction);
   FAULTLINE_OPTION(coarse_fractions);
   FAULTLINE_OPTION(pace_fraction);
   FAULTLINE_OPTION(refined_hypotheses);
