@@ -277,7 +277,8 @@ TEST(EffectContract, WhatASensorShowsIsUndoneWhateverItRemembers) {
       gone_on += late;
     }
     ASSERT_GT(found, 20);
-    // A signal held back by its rate was ahead by what nothing tells; in a play it lies anywhere.
+    // A signal held back by its rate was ahead by what nothing tells; in a play it lies anywhere, on average half of
+    // that from either side.
     const double share = type.name == "rate_limit" ? 1 : type.name == "hysteresis" ? 0.5 : 0.05;
     EXPECT_LE(alone / found, share * most);
     EXPECT_LE(beside / found, 0.05 * most);

@@ -28,6 +28,7 @@ void FaultResponses::reset() {
   recent_.clear();
   point_ = model_.nominal();
   reference_ = model_.no_sums();
+  doubt_ = 0;
   stretches_ = age_ = 0;
   first_.clear();
   second_.clear();
@@ -92,11 +93,28 @@ std::vector<EffectSpec> FaultResponses::found_effects() const {
   return effects;
 }
 
-void FaultResponses::know_healthy() {
+Eigen::VectorXd FaultResponses::theta() const {
   Eigen::MatrixXd all = known_to_tolerance(point_.shift) + known_part(reference_);
   for (const auto& stretch : recent_)
     if (stretch->responded) all += known_part(stretch->sums);
-  known_.learn_healthy(point_, best_parameters(all, model_.parameters()), recent_);
+  return best_parameters(all, model_.parameters());
+}
+
+void FaultResponses::know_healthy() { known_.learn_healthy(point_, theta(), recent_); }
+
+double FaultResponses::unexplained(const Stretch& stretch) const {
+  const Eigen::VectorXd theta = this->theta();
+  double sum = 0;
+  for (const SegmentResponse& segment : stretch.segments)
+    sum += model_.beyond_noise(segment.residuals + segment.tolerances * theta);
+  return sum;
+}
+
+double FaultResponses::unexplained() const {
+  double sum = doubt_;
+  for (const auto& stretch : recent_)
+    if (stretch->responded) sum += unexplained(*stretch);
+  return sum;
 }
 
 void FaultResponses::know_fault(const Scene& scene) {
@@ -136,10 +154,17 @@ void FaultResponses::respond_all() {
     if (!stretch->responded) model_.respond(*stretch, point_);
 }
 
+// The latest stretches, and of those before what does not end in these.
 void FaultResponses::weigh_all() {
   respond_all();
-  for (auto& stretch : recent_)
-    if (!stretch->weighed) model_.weigh(*stretch, point_);
+  double before = unexplained();
+  shown_ = 0;
+  for (auto stretch = recent_.rbegin(); stretch != recent_.rend(); ++stretch) {
+    if (shown_ >= (event_ ? window_.stretches : 1) && before <= settings_.over_evidence) break;
+    model_.weigh(**stretch, point_);
+    before -= unexplained(**stretch);
+    ++shown_;
+  }
 }
 
 // ---- parameters
@@ -165,20 +190,28 @@ bool FaultResponses::relinearise() {
   return true;
 }
 
-// One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model.
+// One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model. The
+// first reach tells whether they do, since what the linear model foresees changes no loss.
 bool FaultResponses::search_parameters() {
   const Stretches all = latest(recent_.size());
-  double least = model_.loss(known_to_tolerance(point_.shift), all) - settings_.worthwhile_evidence;
+  const double now = model_.loss(known_to_tolerance(point_.shift), all);
+  const double bent = settings_.bent_fraction * settings_.worthwhile_evidence;
+  double least = now - settings_.worthwhile_evidence;
   Eigen::VectorXd best = Eigen::VectorXd::Zero(point_.shift.size());
   for (std::size_t i = 0; i < model_.free_parameters(); ++i)
     for (const double reach : settings_.reach_tolerances) {
       Eigen::VectorXd step = Eigen::VectorXd::Zero(point_.shift.size());
       step[static_cast<Eigen::Index>(i)] = reach;
       const ModelPoint tried = model_.at(point_.shift + step);
-      const double found = model_.loss(known_to_tolerance(tried.shift), all, tried, {}, least);
-      if (found >= least) continue;
-      least = found;
-      best = step;
+      const bool first = reach == settings_.reach_tolerances.front();
+      const double found =
+          model_.loss(known_to_tolerance(tried.shift), all, tried, {}, first ? now + bent : least);
+      if (found < least) {
+        least = found;
+        best = step;
+      } else if (first && std::abs(found - now) <= bent) {
+        break;
+      }
     }
   if (best.isZero()) return false;
   move(best);
@@ -190,15 +223,17 @@ void FaultResponses::move(const Eigen::VectorXd& step) {
   point_ = model_.at((point_.shift + step).cwiseMax(-farthest).cwiseMin(farthest));
   // What was summed around other parameters would pull towards them: it is learnt anew.
   reference_ = model_.no_sums();
+  doubt_ = 0;
   known_.forget_misfits();
-  for (auto& stretch : recent_) model_.respond(*stretch, point_);
+  for (auto& stretch : recent_) model_.follow(*stretch, point_);
 }
 
 void FaultResponses::forget_oldest() {
   if (recent_.size() <= settings_.recent_stretches) return;
   if (!event_ && recent_.front()->responded) {
-    if (!recent_.front()->weighed) model_.weigh(*recent_.front(), point_);
-    reference_ = (1 - 1 / settings_.memory_stretches) * reference_ + recent_.front()->sums;
+    const double kept = 1 - 1 / settings_.memory_stretches;
+    doubt_ = kept * doubt_ + (recent_.front()->weighed ? 0 : unexplained(*recent_.front()));
+    reference_ = kept * reference_ + recent_.front()->sums;
   }
   recent_.erase(recent_.begin());
 }
@@ -224,17 +259,19 @@ std::vector<RankedFault> FaultResponses::find_window() {
   // Once there is a fault, the way it was found stays: what follows belongs to it.
   if (event_) return screen(window_);
   std::vector<RankedFault> best;
-  Window best_window{false, recent_.size()};
+  // A stretch that adds little does not show the fault: the shortest of windows that say nearly the same.
   const auto attempt = [&](const Window& window) {
     std::vector<RankedFault> screened = screen(window);
-    if (screened.empty() || (!best.empty() && screened.front().evidence <= best.front().evidence)) return;
+    if (screened.empty() ||
+        (!best.empty() && screened.front().evidence <= (1 + settings_.longer_fraction) * best.front().evidence))
+      return;
     best = std::move(screened);
-    best_window = window;
+    window_ = window;
   };
-  attempt(best_window);
-  for (std::size_t n = 1; n <= recent_.size(); ++n)
+  window_ = {false, recent_.size()};
+  for (std::size_t n = 1; n <= shown_; ++n)
     if (stretches_ > n) attempt({true, n});
-  window_ = best_window;
+  if (shown_ == recent_.size()) attempt(Window{false, recent_.size()});
   return best;
 }
 
@@ -246,7 +283,7 @@ Scene FaultResponses::scene() const {
 
 std::map<std::size_t, double> FaultResponses::remembered() const {
   // Now and then all are tried anew: one stretch shows twins as one that three tell apart, or the other way round.
-  return event_ && !power_of_two(age_) ? candidates_ : std::map<std::size_t, double>();
+  return event_ && (!power_of_two(age_) || age_ < settings_.recent_stretches) ? candidates_ : std::map<std::size_t, double>();
 }
 
 // ---- the event
@@ -338,6 +375,12 @@ void FaultResponses::judge(const Recording& recording) {
     // While a fault lasts, all causes are weighed ever more rarely, unless it grows.
     if (!growing && !power_of_two(age_) && follow()) return;
   }
+  const double left = unexplained();
+  if (!event_ && settings_.refresh_stretches > 1 && left < settings_.weighed_fraction * settings_.threshold_evidence) {
+    evidence_ = std::max(0.0, left);
+    end_event();
+    return;
+  }
   weigh_all();
   find_healthy_or_fault();
 }
@@ -346,12 +389,16 @@ void FaultResponses::find_healthy_or_fault() {
   std::vector<RankedFault> screened = find_window();
   // Before anything is blamed on the first stretches: are the parameters further off than the linear model can tell?
   const double suspicion = settings_.suspicion_fraction * settings_.threshold_evidence;
+  const auto loss = [&] { return model_.loss(known_to_tolerance(point_.shift), latest(recent_.size())); };
   for (std::size_t i = 0; i < settings_.parameter_moves && stretches_ <= settings_.early_stretches && !event_ &&
-                          !screened.empty() && screened.front().evidence > suspicion && search_parameters();
+                          !screened.empty() && screened.front().evidence > suspicion;
        ++i) {
+    const double before = loss();
+    if (!search_parameters()) break;
     relinearise();
     weigh_all();
     screened = find_window();
+    if (loss() > before - settings_.worthwhile_evidence) break;  // the linear model took it back
   }
   // Screening takes the model's answer for linear and so finds too much, never too little by far.
   evidence_ = screened.empty() ? 0 : screened.front().evidence;

@@ -65,6 +65,9 @@ class FaultResponses {
   Stretches latest(std::size_t count) const;  // newest first
   bool says_nothing_new();                    // the latest stretch
   void pass_over();
+  Eigen::VectorXd theta() const;  // best, from the point
+  double unexplained(const Stretch& stretch) const;
+  double unexplained() const;  // of the stretches that responded: evidence that no effect can exceed
   void respond_all();
   void weigh_all();
   void learn_parameters();  // around what they seem to be, the model is made linear anew
@@ -103,7 +106,9 @@ class FaultResponses {
   bool started_ = false;
   std::vector<std::unique_ptr<Stretch>> recent_;
   Eigen::MatrixXd reference_;  // sums of the stretches before the recent ones
+  double doubt_ = 0;           // what was unexplained in those of them that were not weighed
   bool event_ = false;
+  std::size_t shown_ = 0;  // latest stretches that may show a fault: those before hold nothing that is unexplained
   Window window_;
   std::vector<RankedFault> first_, second_;
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best

@@ -107,14 +107,25 @@ std::vector<RankedFault> best_of(const StretchModel& model, const Scene& scene, 
     }
   }
   double worth = kInfinity;
+  LossCourse limits;
   const auto loss = [&](std::size_t i, double enough) {
     const FaultHypothesis& h = model.hypotheses()[screened[trials[i].hypothesis].hypothesis];
-    return model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitudes[i])}, std::min(enough, worth));
+    return model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitudes[i])}, std::min(enough, worth), nullptr,
+                      limits.empty() ? nullptr : &limits);
   };
   const auto worth_beside = [&](double least) {
     return scene.healthy_loss - settings.alternative_evidence_fraction * std::max(0.0, scene.healthy_loss - least);
   };
-  if (!trials.empty()) worth = worth_beside(loss(0, kInfinity));
+  if (!trials.empty()) {
+    LossCourse best;
+    const FaultHypothesis& h = model.hypotheses()[screened.front().hypothesis];
+    worth = worth_beside(model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitudes.front())}, kInfinity,
+                                    nullptr, nullptr, &best));
+    // A rival need not win as much in every part of the motion, but something.
+    model.loss(scene.prior, scene.stretches, &limits);
+    for (std::size_t k = 0; k < limits.size(); ++k)
+      limits[k] += settings.worthwhile_evidence - settings.pace_fraction * std::max(0.0, limits[k] - best[k]);
+  }
   std::vector<RankedFault> result;
   for (const std::size_t i : try_sizes(trials, settings.refined_hypotheses, settings.jobs, loss)) {
     result.push_back(screened[trials[i].hypothesis]);
@@ -143,17 +154,6 @@ std::vector<RankedFault> beside(const StretchModel& model, Scene scene, const st
   const std::vector<FaultHypothesis>& all = model.hypotheses();
   const FaultHypothesis& first = all[found.front().hypothesis];
   scene.point.effects = {first.at(found.front().amplitude)};
-  std::vector<std::unique_ptr<Stretch>> around;
-  Eigen::MatrixXd sums = model.no_sums();
-  sums.topLeftCorner(scene.prior.rows(), scene.prior.cols()) = scene.prior;
-  for (const Stretch*& stretch : scene.stretches) {
-    around.push_back(model.prepare(stretch->run.recording));
-    stretch = around.back().get();
-    model.respond(*around.back(), scene.point);
-    model.weigh(*around.back(), scene.point);
-    sums += stretch->sums;
-  }
-  std::vector<RankedFault> screened = screen(model, sums);
   const double alternative = model.settings().alternative_evidence_fraction * found.front().evidence;
   // What the first leaves at its own place, and what explains it nearly as well, is no second fault.
   const auto is_none = [&](const RankedFault& f) {
@@ -162,7 +162,34 @@ std::vector<RankedFault> beside(const StretchModel& model, Scene scene, const st
              return other.hypothesis == f.hypothesis && other.evidence > alternative;
            });
   };
-  screened.erase(std::remove_if(screened.begin(), screened.end(), is_none), screened.end());
+  const Stretches without = scene.stretches;
+  std::vector<std::unique_ptr<Stretch>> around;
+  // `make` gives a stretch around the model with the first in it.
+  const auto screened_with = [&](const auto& make) {
+    around.clear();
+    Eigen::MatrixXd sums = model.no_sums();
+    sums.topLeftCorner(scene.prior.rows(), scene.prior.cols()) = scene.prior;
+    for (std::size_t i = 0; i < without.size(); ++i) {
+      around.push_back(make(*without[i]));
+      scene.stretches[i] = around.back().get();
+      sums += around.back()->sums;
+    }
+    std::vector<RankedFault> screened = screen(model, sums);
+    screened.erase(std::remove_if(screened.begin(), screened.end(), is_none), screened.end());
+    return screened;
+  };
+  std::vector<RankedFault> screened = screened_with([&](const Stretch& stretch) {
+    auto near = std::make_unique<Stretch>(stretch);
+    model.follow(*near, scene.point);
+    return near;
+  });
+  if (screened.empty() || screened.front().evidence <= model.settings().near_fraction * limit) return {};
+  screened = screened_with([&](const Stretch& stretch) {
+    auto own = model.prepare(stretch.run.recording);
+    model.respond(*own, scene.point);
+    model.weigh(*own, scene.point);
+    return own;
+  });
   if (screened.empty() || screened.front().evidence <= limit) return {};
   screened.resize(std::min(screened.size(), model.settings().kept_hypotheses));
   scene.healthy_loss = model.loss(scene.prior, scene.stretches);

@@ -6,21 +6,9 @@
 namespace faultline {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr std::size_t kStartsKept = 4;  // motions to borrow the start states' part from
 
 }  // namespace
-
-KnownModel::KnownModel(const StretchModel& model) : model_(model) {
-  const auto rows = static_cast<Eigen::Index>(model.segment_rows());
-  const auto terms = std::min(rows, static_cast<Eigen::Index>(model.settings().smooth_terms));
-  cosines_.resize(terms, rows);
-  for (Eigen::Index k = 0; k < terms; ++k)
-    for (Eigen::Index i = 0; i < rows; ++i)
-      cosines_(k, i) =
-          std::sqrt((k > 0 ? 2.0 : 1.0) / static_cast<double>(rows)) *
-          std::cos(kPi * static_cast<double>(k) * (static_cast<double>(i) + 0.5) / static_cast<double>(rows));
-}
 
 void KnownModel::learn_healthy(const ModelPoint& point, const Eigen::VectorXd& theta,
                                const std::vector<std::unique_ptr<Stretch>>& recent) {
@@ -30,7 +18,7 @@ void KnownModel::learn_healthy(const ModelPoint& point, const Eigen::VectorXd& t
     stretch->misfit = 0;  // to first order
     for (const SegmentResponse& segment : stretch->segments) {
       const Eigen::VectorXd left = segment.residuals + segment.tolerances * theta;
-      stretch->misfit += model_.weight_of(left) * smooth_square(left);
+      stretch->misfit += model_.weight_of(left) * model_.smooth_square(left);
     }
   }
   const ResponseSettings& settings = model_.settings();
@@ -39,7 +27,7 @@ void KnownModel::learn_healthy(const ModelPoint& point, const Eigen::VectorXd& t
     if (static_cast<double>(misfits_.size()) > settings.memory_stretches) misfits_.pop_front();
   }
   // White noise as the datasheet has it, where nothing else is known.
-  healthy_ = static_cast<double>(settings.segments * model_.outputs()) * static_cast<double>(cosines_.rows()) /
+  healthy_ = static_cast<double>(settings.segments * model_.outputs()) * static_cast<double>(model_.smooth_terms()) /
              settings.inflation_variances;
   if (!misfits_.empty()) {
     std::vector<double> sorted(misfits_.begin(), misfits_.end());
@@ -67,18 +55,12 @@ double KnownModel::beyond(Stretch& stretch, double news) {
   return stretch.misfit - usual_;
 }
 
-double KnownModel::smooth_square(const Eigen::VectorXd& residuals) const {
-  const auto outputs = static_cast<Eigen::Index>(model_.outputs());
-  const Eigen::Map<const Eigen::MatrixXd> by_output(residuals.data(), cosines_.cols(), outputs);
-  return (cosines_ * by_output).squaredNorm();
-}
-
 double KnownModel::misfit(const Stretch& stretch, const Eigen::MatrixXf& residuals,
                           const StartProjection& starts) const {
   double sum = 0;
   for (std::size_t s = 1; s < stretch.run.segments(); ++s) {
     const Eigen::VectorXd left = starts.residual(stretch.run, residuals, s);
-    sum += model_.weight_of(left) * smooth_square(left);
+    sum += model_.weight_of(left) * model_.smooth_square(left);
   }
   return sum;
 }

@@ -3,9 +3,8 @@
 //
 //   misfit = sum over segments of  weight |C r_w|^2
 //
-// r_w: residuals of the model with all that is known in it, start states projected out; C: the first cosines (DCT-II)
-// of each output over a segment. What an effect does to an output is as smooth as the plant and lies in C; noise is
-// white and hardly does. What any effect could explain of a stretch is at most what its misfit has beyond the usual
+// r_w: residuals of the model with all that is known in it, start states projected out; C: the first cosines of each
+// output over a segment (stretch_model.h). What any effect could explain of a stretch is at most what its misfit has beyond the usual
 // one: that of noise and of the model's usual error, the median over healthy stretches that were looked at closely.
 #pragma once
 
@@ -19,7 +18,7 @@ namespace faultline {
 
 class KnownModel {
  public:
-  explicit KnownModel(const StretchModel& model);
+  explicit KnownModel(const StretchModel& model) : model_(model) {}
 
   void forget_misfits() { misfits_.clear(); }  // of healthy stretches: the model is linear around another point
   void forget_starts() { lately_.clear(); }    // nothing is borrowed from stretches before
@@ -39,10 +38,8 @@ class KnownModel {
   // One run; the start states' part is borrowed from a stretch before where that leaves less than `enough`, else more
   // runs find the stretch's own.
   double misfit(const Stretch& stretch, double enough);
-  double smooth_square(const Eigen::VectorXd& residuals) const;
 
   const StretchModel& model_;
-  Eigen::MatrixXd cosines_;  // C of one output
   ModelPoint known_;
   double usual_ = 0;  // misfit of what holds nothing but that
   double healthy_ = 0;

@@ -40,15 +40,18 @@ struct ResponseSettings {
   std::size_t smooth_terms = 10;           // cosines per segment and output that hold what an effect does: up to 45 Hz
                                            // in segments of 0.1 s, where a plant that stands in it no longer follows
   double new_fraction = 0.1;               // of the threshold: misfit of a stretch by which it says something new
+  double weighed_fraction = 0.6;           // ... and below which, beyond white noise, causes are not weighed: none is told
   double followed_fraction = 0.02;         // of the evidence of a fault that is known: misfit from which it is followed
   double least_nuisance_amplitude = 0.05;  // of a nuisance effect, from which it is in the model of what is known
 
   // ---- parameters
   double relinearise_tolerances = 0.3;  // move of a parameter from which the model is made linear anew
+  double reused_tolerances = 1;         // move up to which its derivatives are kept: a response bends little in that
   double farthest_tolerances = 3;       // that a parameter may be off the datasheet: three standard deviations
   std::size_t parameter_moves = 5;      // at once, at most
-  std::array<double, 4> reach_tolerances = {-1.5, -0.75, 0.75, 1.5};  // tried where the linear model is doubted
+  std::array<double, 4> reach_tolerances = {0.75, -0.75, 1.5, -1.5};  // tried where the linear model is doubted
   double worthwhile_evidence = 3;                                     // that such a move must win
+  double bent_fraction = 0.25;  // of that, changed by the first reach, from which a response bends enough to try others
   double suspicion_fraction =
       0.3;  // of the threshold, from which the linear model is doubted before anything is blamed
   std::size_t early_stretches = 4;  // after which what is done again is done ever more rarely
@@ -57,8 +60,10 @@ struct ResponseSettings {
   double threshold_evidence = 30;  // from which there is a fault: a bound on false alarms, found on one rig
   double release_fraction = 0.3;   // of the threshold, below which a fault is over: hysteresis against flicker
   double over_evidence = 5;        // by which the latest stretch speaks against a fault that was there
+  double longer_fraction = 0.05;   // of the evidence, by which one more stretch must speak for a fault to be part of it
   // Of the largest amplitude, tried beside the linear answer: sizes whose answers differ, over ranges of many decades.
   std::array<double, 3> coarse_fractions = {0.15, 0.4, 1};
+  double pace_fraction = 0.25;  // of what the first wins up to any segment, that a size must win up to there to go on
   std::size_t refined_hypotheses = 6;     // by Gauss-Newton steps on the model with the effect in it
   std::size_t refinements = 3;            // steps, at most
   double refine_step_fraction = 0.1;      // of an amplitude: step of its differences ...
@@ -70,6 +75,7 @@ struct ResponseSettings {
   std::size_t looked_hypotheses = 6;      // by evidence, looked at closely while a fault lasts ...
   std::size_t kept_hypotheses = 12;       // ... beside those that explained it best when it was found
   double second_misfit_fraction = 0.5;    // of what a second must have, that the first must leave: a margin of two
+  double near_fraction = 0.75;            // of that, with derivatives from the model without the first: a margin
   double second_evidence_fraction = 0.3;  // of the first fault's, that a second must have beyond the threshold
   double alternative_evidence_fraction =
       0.5;  // of the first fault's, from which a hypothesis is an alternative, not a second
@@ -97,19 +103,24 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(refresh_stretches);
   FAULTLINE_OPTION(smooth_terms);
   FAULTLINE_OPTION(new_fraction);
+  FAULTLINE_OPTION(weighed_fraction);
   FAULTLINE_OPTION(followed_fraction);
   FAULTLINE_OPTION(least_nuisance_amplitude);
   FAULTLINE_OPTION(relinearise_tolerances);
+  FAULTLINE_OPTION(reused_tolerances);
   FAULTLINE_OPTION(farthest_tolerances);
   FAULTLINE_OPTION(parameter_moves);
   FAULTLINE_OPTION(reach_tolerances);
   FAULTLINE_OPTION(worthwhile_evidence);
+  FAULTLINE_OPTION(bent_fraction);
   FAULTLINE_OPTION(suspicion_fraction);
   FAULTLINE_OPTION(early_stretches);
   FAULTLINE_OPTION(threshold_evidence);
   FAULTLINE_OPTION(release_fraction);
   FAULTLINE_OPTION(over_evidence);
+  FAULTLINE_OPTION(longer_fraction);
   FAULTLINE_OPTION(coarse_fractions);
+  FAULTLINE_OPTION(pace_fraction);
   FAULTLINE_OPTION(refined_hypotheses);
   FAULTLINE_OPTION(refinements);
   FAULTLINE_OPTION(refine_step_fraction);
@@ -121,6 +132,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(looked_hypotheses);
   FAULTLINE_OPTION(kept_hypotheses);
   FAULTLINE_OPTION(second_misfit_fraction);
+  FAULTLINE_OPTION(near_fraction);
   FAULTLINE_OPTION(second_evidence_fraction);
   FAULTLINE_OPTION(alternative_evidence_fraction);
   FAULTLINE_OPTION(hypotheses.logarithmic_ratio);

@@ -12,6 +12,8 @@ namespace {
 
 constexpr double kSegmentFraction = 0.4;  // of the rig's segment: effects are looked for while they last
 constexpr double kEveryStretches = 4;     // between the beginnings of stretches: bounds the effort
+constexpr double kLeastNoise = 0.9;       // of its mean square, in the residuals of a segment: chi-squared scatters
+constexpr double kPi = 3.14159265358979323846;
 
 // A segment's [r T]'[r T], for residuals r of any model.
 void add(const SegmentResponse& segment, const Eigen::VectorXd& residuals, Eigen::MatrixXd& sums) {
@@ -52,6 +54,13 @@ StretchModel::StretchModel(const Datasheet& sheet, const ResponseSettings& setti
   for (std::size_t i = 0; i < sheet_.parameters.size(); ++i)
     if (sheet_.parameters[i].tolerance > 0 && sheet_.parameters[i].nominal != 0) free_.push_back(i);
   for (const std::string& text : sheet_.nuisance) nuisance_.push_back(parse_effect(text));
+  const auto rows = static_cast<Eigen::Index>(segment_rows_);
+  cosines_.resize(std::min(rows, static_cast<Eigen::Index>(settings_.smooth_terms)), rows);
+  for (Eigen::Index k = 0; k < cosines_.rows(); ++k)
+    for (Eigen::Index i = 0; i < rows; ++i)
+      cosines_(k, i) =
+          std::sqrt((k > 0 ? 2.0 : 1.0) / static_cast<double>(rows)) *
+          std::cos(kPi * static_cast<double>(k) * (static_cast<double>(i) + 0.5) / static_cast<double>(rows));
 }
 
 Eigen::MatrixXd StretchModel::no_sums() const {
@@ -130,54 +139,104 @@ void StretchModel::respond(Stretch& stretch, const ModelPoint& point) const {
   }
   stretch.starts = starts_at(base, stretch.run);
   std::vector<LinearSegment> linear = this->linear(stretch, point, directions);
-  stretch.sums = no_sums();
-  stretch.segments.clear();
+  stretch.segments.resize(linear.size() - 1);
   for (std::size_t s = 1; s < linear.size(); ++s) {
-    SegmentResponse segment;
-    segment.residuals = std::move(linear[s].residual);
-    segment.tolerances = std::move(linear[s].columns);
-    segment.weight = weight_of(segment.residuals);
-    segment.information.noalias() = segment.weight * segment.tolerances.transpose() * segment.tolerances;
-    add(segment, segment.residuals, stretch.sums);
-    stretch.segments.push_back(std::move(segment));
+    stretch.segments[s - 1].tolerances = std::move(linear[s].columns);
+    set_residuals(stretch.segments[s - 1], std::move(linear[s].residual));
   }
+  stretch.tolerances_at = point.shift;
   stretch.responded = true;
-  stretch.weighed = false;
+  sum_up(stretch);
+}
+
+void StretchModel::follow(Stretch& stretch, const ModelPoint& point) const {
+  if ((point.shift - stretch.tolerances_at).cwiseAbs().maxCoeff() > settings_.reused_tolerances) {
+    respond(stretch, point);
+    return;
+  }
+  const Eigen::MatrixXf now = residuals(stretch, point);
+  for (std::size_t s = 0; s < stretch.segments.size(); ++s)
+    set_residuals(stretch.segments[s], stretch.starts->residual(stretch.run, now, s + 1));
+  sum_up(stretch);
 }
 
 void StretchModel::weigh(Stretch& stretch, const ModelPoint& point) const {
+  if (stretch.weighed && (point.shift - stretch.faults_at).cwiseAbs().maxCoeff() <= settings_.reused_tolerances) return;
   std::vector<Direction> directions;
   for (const FaultHypothesis& h : hypotheses_) {
     directions.push_back({{point.parameters, point.effects}, h.probe});
     directions.back().to.effects.push_back(h.at(h.probe));
   }
-  const std::vector<LinearSegment> linear = this->linear(stretch, point, directions);
+  std::vector<LinearSegment> linear = this->linear(stretch, point, directions);
+  for (std::size_t s = 0; s < stretch.segments.size(); ++s)
+    stretch.segments[s].faults = std::move(linear[s + 1].columns);
+  stretch.faults_at = point.shift;
+  stretch.weighed = true;
+  sum_up(stretch);
+}
+
+double StretchModel::smooth_square(const Eigen::VectorXd& residuals) const {
+  const Eigen::Map<const Eigen::MatrixXd> by_output(residuals.data(), cosines_.cols(),
+                                                    static_cast<Eigen::Index>(outputs()));
+  return (cosines_ * by_output).squaredNorm();
+}
+
+double StretchModel::beyond_noise(const Eigen::VectorXd& residuals) const {
+  const Eigen::Index terms = cosines_.rows(), rows = cosines_.cols();
+  double beyond = 0;
+  for (Eigen::Index o = 0; o < static_cast<Eigen::Index>(outputs()); ++o) {
+    const auto output = residuals.segment(o * rows, rows);
+    const double smooth = (cosines_ * output).squaredNorm();
+    const double noise = (output.squaredNorm() - smooth) / static_cast<double>(std::max<Eigen::Index>(1, rows - terms));
+    beyond += smooth - static_cast<double>(terms) * std::min(1.0, noise);
+  }
+  return weight_of(residuals) * beyond;
+}
+
+void StretchModel::set_residuals(SegmentResponse& segment, Eigen::VectorXd residuals) const {
+  segment.residuals = std::move(residuals);
+  segment.weight = weight_of(segment.residuals);
+  segment.information.noalias() = segment.weight * segment.tolerances.transpose() * segment.tolerances;
+  const double noise = kLeastNoise * static_cast<double>(outputs()) * static_cast<double>(cosines_.cols() - cosines_.rows());
+  segment.floor = segment.weight * std::min(segment.residuals.squaredNorm() - smooth_square(segment.residuals), noise);
+}
+
+void StretchModel::sum_up(Stretch& stretch) const {
+  stretch.sums = no_sums();
   const Eigen::Index known = 1 + parameters(), count = static_cast<Eigen::Index>(hypotheses_.size());
   auto across = stretch.sums.topRightCorner(known, count);
-  auto among = stretch.sums.bottomRightCorner(count, count);
-  for (std::size_t s = 0; s < stretch.segments.size(); ++s) {
-    const SegmentResponse& segment = stretch.segments[s];
-    const Eigen::MatrixXd& responses = linear[s + 1].columns;
-    across.row(0).noalias() += segment.weight * segment.residuals.transpose() * responses;
-    across.bottomRows(parameters()).noalias() += segment.weight * segment.tolerances.transpose() * responses;
-    among.noalias() += segment.weight * responses.transpose() * responses;
+  for (const SegmentResponse& segment : stretch.segments) {
+    add(segment, segment.residuals, stretch.sums);
+    if (!stretch.weighed) continue;
+    across.row(0).noalias() += segment.weight * segment.residuals.transpose() * segment.faults;
+    across.bottomRows(parameters()).noalias() += segment.weight * segment.tolerances.transpose() * segment.faults;
+    stretch.sums.bottomRightCorner(count, count).noalias() +=
+        segment.weight * segment.faults.transpose() * segment.faults;
   }
   stretch.sums.bottomLeftCorner(count, known) = across.transpose();
-  stretch.weighed = true;
 }
 
 double StretchModel::loss(const Eigen::MatrixXd& prior, const Stretches& stretches, const ModelPoint& point,
-                          const std::vector<EffectSpec>& effects, double limit, Eigen::MatrixXd* after) const {
+                          const std::vector<EffectSpec>& effects, double limit, Eigen::MatrixXd* after,
+                          const LossCourse* limits, LossCourse* course) const {
   Eigen::MatrixXd sum = prior;
   ModelChange change{point.parameters, point.effects};
   change.effects.insert(change.effects.end(), effects.begin(), effects.end());
   bool beyond = false;
+  double rest = 0;  // that the segments to come add at least
+  for (const Stretch* stretch : stretches)
+    for (const SegmentResponse& segment : stretch->segments) rest += segment.floor;
+  std::size_t done = 0;
   for (const Stretch* stretch : stretches) {
     std::size_t next = 0;
     model_.residuals(change, stretch->run, sigma_, [&](std::size_t row, const Eigen::MatrixXf& residuals) {
       if (row + 1 < stretch->run.restarts[next + 1] + segment_rows_) return false;
       add(stretch->segments[next], stretch->starts->residual(stretch->run, residuals, next + 1), sum);
-      beyond = sum(0, 0) > limit && least_loss(sum, parameters()) > limit;
+      rest -= stretch->segments[next].floor;
+      const double most = std::min(limit - rest, limits == nullptr ? kInfinity : (*limits)[done]);
+      if (course != nullptr) course->push_back(least_loss(sum, parameters()));
+      beyond = sum(0, 0) > most && least_loss(sum, parameters()) > most;
+      ++done;
       return beyond || ++next == stretch->segments.size();
     });
     ++runs_;
@@ -188,8 +247,12 @@ double StretchModel::loss(const Eigen::MatrixXd& prior, const Stretches& stretch
   return result > limit ? kInfinity : result;
 }
 
-double StretchModel::loss(Eigen::MatrixXd prior, const Stretches& stretches) const {
-  for (const Stretch* stretch : stretches) prior += stretch->sums.topLeftCorner(prior.rows(), prior.cols());
+double StretchModel::loss(Eigen::MatrixXd prior, const Stretches& stretches, LossCourse* course) const {
+  for (const Stretch* stretch : stretches)
+    for (const SegmentResponse& segment : stretch->segments) {
+      add(segment, segment.residuals, prior);
+      if (course != nullptr) course->push_back(least_loss(prior, parameters()));
+    }
   return least_loss(prior, parameters());
 }
 

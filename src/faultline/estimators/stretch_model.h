@@ -9,7 +9,8 @@
 //   loss(effects) = min over theta of  |r_prior + T_prior theta|^2 + |r(effects) + T theta|^2 + |shift + theta|^2
 //
 // r(effects) is computed with the effects in the model, T at the point. Every row adds a square, so the loss of the
-// first segments is never more than that of all: a run ends where it is beyond what is asked for.
+// first segments is never more than that of all, less what is white noise in the others, which no effect explains: a
+// run ends where it is beyond what is asked for.
 //
 // A stretch costs one run of the model for r, one more for each column of T and for each start state (respond), and one
 // for each column of D (weigh). Whether that is worth its price known_model.h tells.
@@ -30,8 +31,10 @@ namespace faultline {
 struct SegmentResponse {
   Eigen::VectorXd residuals;    // r
   Eigen::MatrixXd tolerances;   // T
+  Eigen::MatrixXd faults;       // D; nothing before weigh()
   Eigen::MatrixXd information;  // weight T'T
   double weight = 0;            // of squares, inflation in it
+  double floor = 0;             // of the loss, whatever the effects: what is white noise in r, weighted
 };
 
 struct Stretch {
@@ -39,7 +42,8 @@ struct Stretch {
   double begin = 0;        // s
   double misfit = 0;       // of what was known when it was judged last (known_model.h)
   bool responded = false;  // r and T are there ...
-  bool weighed = false;    // ... and the sums of D
+  bool weighed = false;    // ... and D
+  Eigen::VectorXd tolerances_at, faults_at;  // where T and D were taken: ModelPoint::shift
   std::shared_ptr<const StartProjection> starts;
   std::vector<SegmentResponse> segments;  // those that count: all but the first
   Eigen::MatrixXd sums;                   // of them, weighted: [r T D]'[r T D] (attribution/screening.h)
@@ -47,6 +51,9 @@ struct Stretch {
 
 // The latest of some stretches, by reference.
 using Stretches = std::vector<const Stretch*>;
+
+// A loss after each of the segments, in their order.
+using LossCourse = std::vector<double>;
 
 // Where the model is made linear, or all that is known of it.
 struct ModelPoint {
@@ -75,19 +82,31 @@ class StretchModel {
 
   std::unique_ptr<Stretch> prepare(const Recording& recording) const;
   void respond(Stretch& stretch, const ModelPoint& point) const;
+  // The same where that stretch has responded before: T, D and the start states' part stay as they are while the point
+  // has moved no more than `reused_tolerances` since.
+  void follow(Stretch& stretch, const ModelPoint& point) const;
   void weigh(Stretch& stretch, const ModelPoint& point) const;  // after respond(), at the same point
 
-  // With `effects` beside those of the point, theta adjusted to first order; infinite where it is more than `limit`.
-  // `prior`: [r T]'[r T] of what is known of theta from the tolerances and from other stretches. `after` takes all.
+  // With `effects` beside those of the point, theta adjusted to first order; infinite where it is more than `limit`, or
+  // after a segment more than `limits` say, if given. `prior`: [r T]'[r T] of what is known of theta from the tolerances
+  // and from other stretches. `after` takes all.
   double loss(const Eigen::MatrixXd& prior, const Stretches& stretches, const ModelPoint& point,
-              const std::vector<EffectSpec>& effects, double limit = kInfinity, Eigen::MatrixXd* after = nullptr) const;
+              const std::vector<EffectSpec>& effects, double limit = kInfinity, Eigen::MatrixXd* after = nullptr,
+              const LossCourse* limits = nullptr, LossCourse* course = nullptr) const;
   // Without any: nothing runs.
-  double loss(Eigen::MatrixXd prior, const Stretches& stretches) const;
+  double loss(Eigen::MatrixXd prior, const Stretches& stretches, LossCourse* course = nullptr) const;
 
   // One run, and the start states' part as seen from a change.
   Eigen::MatrixXf residuals(const Stretch& stretch, const ModelPoint& known) const;
   std::shared_ptr<const StartProjection> starts_at(const ModelChange& base, const SegmentedRun& run) const;
   double weight_of(const Eigen::VectorXd& residuals) const;  // of a segment
+  // |C r|^2 of a segment, C: the first cosines (DCT-II) of each output. What an effect does to an output is as smooth
+  // as the plant and lies in C; noise is white and hardly does.
+  double smooth_square(const Eigen::VectorXd& residuals) const;
+  // What that has beyond white noise as strong as the rest of r is, or as the datasheet says; as evidence. No effect
+  // explains more.
+  double beyond_noise(const Eigen::VectorXd& residuals) const;
+  std::size_t smooth_terms() const { return static_cast<std::size_t>(cosines_.rows()); }
   // Runs of the model so far: what judging costs.
   std::uint64_t runs() const { return runs_; }
 
@@ -95,6 +114,8 @@ class StretchModel {
   std::vector<LinearSegment> linear(const Stretch& stretch, const ModelPoint& point,
                                     const std::vector<Direction>& directions) const;
   double segment_values() const;  // readings in a segment
+  void set_residuals(SegmentResponse& segment, Eigen::VectorXd residuals) const;  // T stands
+  void sum_up(Stretch& stretch) const;
 
   Datasheet sheet_;
   ResponseSettings settings_;
@@ -104,6 +125,7 @@ class StretchModel {
   std::vector<FaultHypothesis> hypotheses_;
   std::vector<std::size_t> free_;  // parameters with a tolerance
   std::vector<EffectSpec> nuisance_;
+  Eigen::MatrixXd cosines_;  // C of one output
   mutable std::atomic<std::uint64_t> runs_{0};
 };
 

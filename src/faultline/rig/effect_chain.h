@@ -27,7 +27,23 @@ class EffectChain {
     for (auto e = effects_.rbegin(); e != effects_.rend(); ++e) value = (*e)->undo_signal(value, time);
     return value;
   }
-  // What went in at `time`, from what came out around it; effects with memory go on from there. `own`: of a model that
+  bool remembers() const {
+    for (const Effect* e : effects_)
+      if (e->remembers()) return true;
+    return false;
+  }
+  // What went in at `time`, from what came out around it.
+  Shown undo(const Course& out, double time) const {
+    Course in = out;
+    for (auto e = effects_.rbegin(); e != effects_.rend(); ++e) {
+      const Course after = std::move(in);
+      in = [effect = *e, after, time](double later) {
+        return effect->undo(after, later, time, std::numeric_limits<double>::quiet_NaN());
+      };
+    }
+    return in(0);
+  }
+  // The same; effects with memory go on from there. `own`: of a model that
   // runs, what goes in.
   Shown resume(const Course& out, double time, double own) const {
     Course in = out;

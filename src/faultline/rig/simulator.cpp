@@ -467,9 +467,14 @@ struct DrivenModel::Parts {
   void take(const Recording& recording, std::size_t row, std::vector<double>& values) {
     std::copy_n(recording.row(row), values.size(), values.begin());
     for (const auto& [channel, chain] : plant.input_sensors()) {
-      const double value = chain->undo_signal(values[channel], time(recording, row));
+      const double at = time(recording, row);
+      const double value = look && chain->remembers() ? chain->undo(course(recording, row, channel), at).value
+                                                : chain->undo_signal(values[channel], at);
       if (!std::isnan(value)) values[channel] = value;
     }
+  }
+  Course course(const Recording& recording, std::size_t row, std::size_t channel) const {
+    return [this, &recording, row, c = channel](double later) { return look(recording, row, c, later); };
   }
   static double time(const Recording& recording, std::size_t row) {
     return recording.time[row] - recording.time.front();

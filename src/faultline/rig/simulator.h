@@ -92,7 +92,7 @@ class DrivenModel {
   }
 
   // What a channel of the recording shows without its noise `later` s after a row, for sensors whose effects have
-  // memory. Without it they are taken to have stood still.
+  // memory, those of inputs too. Without it they are taken to have stood still.
   using Around = std::function<Shown(const Recording& recording, std::size_t row, std::size_t channel, double later)>;
   void set_around(Around around);
 

@@ -152,11 +152,13 @@ std::vector<double> noise_of(const Datasheet& sheet, const std::vector<Segmented
 
 std::vector<double> noise_of(const Datasheet& sheet, const SegmentOptions& options) {
   std::vector<double> result;
-  for (const int output : compared_outputs(sheet)) {
-    const Channel& channel = sheet.channels[static_cast<std::size_t>(output)];
-    result.push_back(std::max(channel.noise_std, smallest_noise(channel, options)));
-  }
+  for (const int output : compared_outputs(sheet))
+    result.push_back(noise_of(sheet.channels[static_cast<std::size_t>(output)], options));
   return result;
+}
+
+double noise_of(const Channel& channel, const SegmentOptions& options) {
+  return std::max(channel.noise_std, smallest_noise(channel, options));
 }
 
 }  // namespace faultline

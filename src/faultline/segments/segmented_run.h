@@ -56,7 +56,8 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
 // Noise of each compared output over runs, in the channel's unit: their own (smoothing.h), never below rounding.
 std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                              const SegmentOptions& options = {});
-// The same as the datasheet says it.
+// The same as the datasheet says it; and of any channel.
 std::vector<double> noise_of(const Datasheet& sheet, const SegmentOptions& options = {});
+double noise_of(const Channel& channel, const SegmentOptions& options = {});
 
 }  // namespace faultline

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace faultline {
 namespace {
@@ -25,6 +26,39 @@ struct Window {  // moments of the offsets -width .. width
   double weight(std::ptrdiff_t i) const { return (s4 - s2 * static_cast<double>(i * i)) / determinant(); }
 };
 
+// The quadratic over the samples around `centre` as it stands at `row`.
+struct Quadratic {
+  Smoothed at;
+  double misfit = std::numeric_limits<double>::infinity();  // sum of squares; infinite where a sample measures nothing
+};
+
+Quadratic quadratic(const Recording& recording, std::size_t row, std::size_t centre, const Window& window,
+                    std::size_t column, double noise) {
+  const Channel& channel = recording.channels[column];
+  const auto at = [&](std::ptrdiff_t i) {
+    return recording.at(static_cast<std::size_t>(static_cast<std::ptrdiff_t>(centre) + i), column);
+  };
+  double value = 0, slope = 0, against = 0;
+  for (std::ptrdiff_t i = -window.width; i <= window.width; ++i) {
+    if (!measures(channel, at(i))) return {};
+    value += window.weight(i) * at(i);
+    slope += static_cast<double>(i) * at(i) / window.s2;
+  }
+  for (std::ptrdiff_t i = -window.width; i <= window.width; ++i) against += static_cast<double>(i * i) * (at(i) - value);
+  const double curvature = against / window.s4;
+  Quadratic result;
+  result.misfit = 0;
+  for (std::ptrdiff_t i = -window.width; i <= window.width; ++i) {
+    const double x = static_cast<double>(i);
+    result.misfit += std::pow(at(i) - value - slope * x - curvature * x * x, 2);
+  }
+  const double x = static_cast<double>(row) - static_cast<double>(centre), d = window.determinant();
+  result.at = {value + slope * x + curvature * x * x,
+               noise * std::sqrt(window.s4 / d + x * x * (1 / window.s2 + (window.s0 * x * x - 2 * window.s2) / d)),
+               slope + 2 * curvature * x, noise * std::sqrt(1 / window.s2 + 4 * x * x * window.s0 / d), curvature};
+  return result;
+}
+
 }  // namespace
 
 bool measures(const Channel& channel, double value) { return value > channel.minimum && value < channel.maximum; }
@@ -32,36 +66,35 @@ bool measures(const Channel& channel, double value) { return value > channel.min
 Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t column, std::size_t first, std::size_t last,
                   double noise, std::size_t widest, const SegmentOptions& options) {
   const Channel& channel = recording.channels[column];
+  const auto fits = [&](const Quadratic& q, const Window& window) {
+    return q.misfit < options.start_misfit_variances * noise * noise * (window.s0 - 3);
+  };
   for (const std::size_t w : options.start_half_width_samples) {
     if (w > widest || row < first + w || row + w >= last) continue;
     const Window window(w);
-    const auto at = [&](std::ptrdiff_t i) {
-      return recording.at(static_cast<std::size_t>(static_cast<std::ptrdiff_t>(row) + i), column);
-    };
-    double value = 0, slope = 0, against = 0, misfit = 0;
-    bool all = true;
-    for (std::ptrdiff_t i = -window.width; i <= window.width; ++i) {
-      value += window.weight(i) * at(i);
-      slope += static_cast<double>(i) * at(i) / window.s2;
-      all = all && measures(channel, at(i));
-    }
-    if (!all) continue;
-    for (std::ptrdiff_t i = -window.width; i <= window.width; ++i)
-      against += static_cast<double>(i * i) * (at(i) - value);
-    const double curvature = against / window.s4;
-    for (std::ptrdiff_t i = -window.width; i <= window.width; ++i) {
-      const double x = static_cast<double>(i);
-      misfit += std::pow(at(i) - value - slope * x - curvature * x * x, 2);
-    }
-    if (misfit < options.start_misfit_variances * noise * noise * (window.s0 - 3))
-      return {value, noise * std::sqrt(window.s4 / window.determinant()), slope, noise / std::sqrt(window.s2),
-              curvature};
+    const Quadratic q = quadratic(recording, row, row, window, column, noise);
+    if (fits(q, window)) return q.at;
   }
   const double value = recording.at(row, column);
   const std::size_t before = row > first ? row - 1 : row, after = row + 1 < last ? row + 1 : row;
   const auto rows = static_cast<double>(std::max<std::size_t>(1, after - before));
-  return {measures(channel, value) ? value : std::nan(""), noise,
-          (recording.at(after, column) - recording.at(before, column)) / rows, noise * std::sqrt(2.0) / rows, 0};
+  Smoothed result{measures(channel, value) ? value : std::nan(""), noise,
+                  (recording.at(after, column) - recording.at(before, column)) / rows, noise * std::sqrt(2.0) / rows, 0};
+  for (const std::size_t w : options.start_half_width_samples) {
+    if (w > widest || last - first < 2 * w + 1) continue;
+    const Window window(w);
+    Quadratic best;
+    for (const std::size_t centre : {std::max(row, first + 2 * w) - w, row + w})
+      if (const std::size_t c = std::min(centre, last - 1 - w); std::max(c, row) - std::min(c, row) <= w) {
+        Quadratic q = quadratic(recording, row, c, window, column, noise);
+        if (fits(q, window) && q.misfit < best.misfit) best = q;
+      }
+    if (!std::isfinite(best.misfit) || best.at.slope_std > result.slope_std) continue;
+    result.slope = best.at.slope;
+    result.slope_std = best.at.slope_std;
+    break;
+  }
+  return result;
 }
 
 void smooth_inputs(const Datasheet& sheet, Recording& recording, std::size_t first, std::size_t last,

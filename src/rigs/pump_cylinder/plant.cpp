@@ -232,7 +232,7 @@ void PumpCylinder::outputs(double, const double* state, double* channels) const 
 }
 
 namespace {
-FAULTLINE_RIG(pump_cylinder, {"pump_cylinder", 0.1e-3, make_rig<PumpCylinder>, 0.5e-3});
+FAULTLINE_RIG(pump_cylinder, {"pump_cylinder", 0.1e-3, make_rig<PumpCylinder>, 1e-3});
 }
 
 }  // namespace faultline
