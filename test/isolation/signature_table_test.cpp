@@ -161,7 +161,6 @@ class TableIsolation : public ::testing::Test {
                                                                                 {"block", 0.2},
                                                                                 {"window", 20},
                                                                                 {"least", 0.8},
-                                                                                {"inflation", 1},
                                                                                 {"scatter", 3},
                                                                                 {"learn", 10},
                                                                                 {"threshold", 30},
@@ -173,6 +172,7 @@ class TableIsolation : public ::testing::Test {
                                                                                 {"confirm", 2},
                                                                                 {"place", place}})
       s.settings.set(key, value);
+    s.settings.set("inflation", std::vector<double>{1, 1, 1});
     s.settings.set("floor", std::vector<double>{0.001, 0.001, 0.001});
     return s;
   }

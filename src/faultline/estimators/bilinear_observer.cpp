@@ -21,6 +21,9 @@ constexpr double kSettled = 1e-3;            // of an initial error that may be 
 constexpr int kMostRiccatiSteps = 100000;
 constexpr double kRiccatiTolerance = 1e-10;
 constexpr double kDifference = 1e-4;  // relative, of a parameter
+constexpr double kBlock = 1;          // s: several time constants of what is left in a residual
+constexpr double kMargin = 2;         // standard errors
+constexpr double kWidest = 100;       // times the tolerances' variance, that a followed parameter may be uncertain
 
 double spectral_radius(const Matrix& a) { return a.eigenvalues().cwiseAbs().maxCoeff(); }
 
@@ -63,6 +66,14 @@ BilinearObserver::BilinearObserver(const Datasheet& sheet, const StageSpec& spec
     throw InputError(fmt::format("{}: at most {} parameters can be learnt, 'learnt' has {}", spec.settings.where(),
                                  kMaximumRegressors, learnt_.size()));
   fit_ = RecursiveLeastSquares(static_cast<int>(std::max<std::size_t>(learnt_.size(), 1)), prior(learnt_.size()));
+  if (spec.settings.has("forgetting") && !learnt_.empty()) {
+    const auto n = static_cast<int>(learnt_.size());
+    followed_.emplace(n, RecursiveLeastSquaresSettings{spec.settings.number("forgetting", 0.5, 1), 1, kWidest * n, 0});
+    for (const int at : learnt_) {
+      const Parameter& p = sheet.parameters[static_cast<std::size_t>(at)];
+      followed_states_.push_back({p.name, p.symbol, p.unit});
+    }
+  }
 
   std::vector<int> unknown;
   const std::vector<State> states = model_->states();
@@ -248,8 +259,10 @@ void BilinearObserver::begin(const double* channels) {
   const Eigen::FullPivLU<Matrix> lu(now_.topLeftCorner(q, q));
   if (lu.isInvertible()) state_.col(0) = -lu.solve(now_.topRightCorner(q, y_.size()) * y_ + drive_.topRows(q) * u_);
   fit_ = RecursiveLeastSquares(static_cast<int>(std::max<std::size_t>(learnt_.size(), 1)), prior(learnt_.size()));
+  const std::array<double, kMaximumRegressors> nominal{};
+  if (followed_) followed_->reset(nominal.data());
   noise_variance_ = 1;
-  learnt_for_ = 0;
+  learnt_for_ = block_ = block_rows_ = blocks_ = blocks_sum_ = blocks_square_ = 0;
   steady_ = observed_ = 0;
   residual_.setZero();
   residual_std_.setZero();
@@ -285,13 +298,16 @@ bool BilinearObserver::advance(const double* channels, const ChannelStatus* stat
 
   const bool settled = steady_ > settle_;
   const bool learning = learn_ > 0 && learnt_for_ < learn_;
-  if (settled && learning) learnt_for_ += dt;
   std::array<double, kMaximumRegressors> g{};
   for (Eigen::Index i = 0; i < residual_.size(); ++i) {
     const double unit = innovation_std_[i];
     double spread = 1;
     for (Eigen::Index j = 0; j < sensitivity_.cols(); ++j) g[static_cast<std::size_t>(j)] = sensitivity_(i, j) / unit;
-    if (settled && learning) fit_.step(g.data(), residual_[i] / unit);
+    if (settled && learning && fit_.step(g.data(), residual_[i] / unit)) {
+      block_ += fit_.surprise();
+      ++block_rows_;
+    }
+    if (settled && followed_) followed_->step(g.data(), residual_[i] / unit);
     for (Eigen::Index j = 0; j < sensitivity_.cols(); ++j) {
       residual_[i] -= unit * g[static_cast<std::size_t>(j)] * fit_.parameters()[j];
       for (Eigen::Index k = 0; k < sensitivity_.cols(); ++k)
@@ -300,9 +316,28 @@ bool BilinearObserver::advance(const double* channels, const ChannelStatus* stat
     }
     residual_std_[i] = unit * std::sqrt(noise_variance_ * spread);
   }
-  if (settled && learning && learnt_for_ >= learn_) noise_variance_ = std::max(fit_.noise_variance(), 1e-12);
-  if (settled && !learning) observed_ = static_cast<int>(residual_.size());
+  if (settled && learning) learn(dt);
+  if (settled && (!learning || followed_)) observed_ = static_cast<int>(residual_.size());
   return state_.allFinite();
+}
+
+void BilinearObserver::learn(double dt) {
+  const double before = learnt_for_;
+  learnt_for_ += dt;
+  if (block_rows_ > 0 && std::floor(learnt_for_ / kBlock) > std::floor(before / kBlock)) {
+    const double mean = block_ / block_rows_;
+    ++blocks_;
+    blocks_sum_ += mean;
+    blocks_square_ += mean * mean;
+    block_ = block_rows_ = 0;
+  }
+  if (learnt_for_ < learn_) return;
+  const double mean = fit_.noise_variance();
+  double error = 0;
+  if (blocks_ > 1)
+    error = std::sqrt(
+        std::max(0.0, (blocks_square_ - blocks_sum_ * blocks_sum_ / blocks_) / (blocks_ - 1) / blocks_));
+  noise_variance_ = std::max(mean + kMargin * error, 1e-12);
 }
 
 void BilinearObserver::write(const double*, bool, Estimate& estimate) const {
@@ -327,6 +362,17 @@ void BilinearObserver::write(const double*, bool, Estimate& estimate) const {
     estimate.quantities[2 * i].value = estimate.innovation[i];
     estimate.quantities[2 * i].std = estimate.innovation_std[i];
     estimate.quantities[2 * i + 1].value = normalised;
+  }
+  if (!followed_) return;
+  const std::size_t p = learnt_.size();
+  estimate.state.resize(p);
+  estimate.covariance.resize(p * p);
+  followed_->parameter_covariance(estimate.covariance.data());
+  // That of the noise which learning found, not of the latest residuals: they hold the fault.
+  const double noise = followed_->noise_variance() > 0 ? noise_variance_ / followed_->noise_variance() : 0;
+  for (std::size_t i = 0; i < p; ++i) {
+    estimate.state[i] = nominal_[static_cast<std::size_t>(learnt_[i])] + tolerance_[i] * followed_->parameters()[i];
+    for (std::size_t j = 0; j < p; ++j) estimate.covariance[i * p + j] *= noise * tolerance_[i] * tolerance_[j];
   }
 }
 

@@ -13,15 +13,22 @@
 // and its variance (1 + g' P g) times that of the noise found meanwhile. With `learn` 0 nothing is taken off and the
 // variance is what the tolerances allow: the best there is without a healthy run. A fault that is there from the start
 // is learnt as normal. Parameters are taken as constant: what friction and entrained air do beyond that stays in the
-// noise.
+// noise. Learning takes a finite time, and the noise found in it is wider than its mean by kMargin standard errors of
+// it, over blocks of kBlock s.
+//
+// With `forgetting` theta is followed on by least squares with forgetting, from the first sample on, and told as the
+// state, each in its own unit, with the covariance that white noise gives: a change of a parameter that is too small
+// for the size of the residual shows in them (isolation/signature_table_isolator.cpp). Learning samples are then
+// observed too.
 //
 // Throws InputError where the unknown inputs cannot be decoupled, leave no residual, or leave what no gain makes
 // stable, with the reason. Settings: model, unknown (states whose equations are acted upon by unknown inputs, with
 // commas; empty: none), process_noise (one per state, in its unit per sqrt(s)), learn (s), learnt (parameters with a
-// tolerance, with commas).
+// tolerance, with commas), forgetting [theta is not followed].
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "faultline/estimators/bilinear_model.h"
@@ -35,7 +42,7 @@ class BilinearObserver : public Estimator {
  public:
   BilinearObserver(const Datasheet& sheet, const StageSpec& spec);
 
-  std::vector<State> states() const override { return {}; }
+  std::vector<State> states() const override { return followed_states_; }  // parameters that are followed
   std::vector<std::string> innovation_names() const override;
   void begin(const double* channels) override;
   bool advance(const double* channels, const ChannelStatus* status, double dt, int steps) override;
@@ -52,6 +59,7 @@ class BilinearObserver : public Estimator {
   void equations(double fraction);  // at this fraction of the way from the last sample to this one
   void slope(const Eigen::MatrixXd& state, Eigen::MatrixXd& rate);
   void step(double dt, double from, double to);
+  void learn(double dt);
 
   std::unique_ptr<BilinearModel> model_;
   std::vector<BilinearInput> inputs_;
@@ -70,7 +78,11 @@ class BilinearObserver : public Estimator {
   Eigen::VectorXd u_, y_, u_before_, y_before_, u_now_, y_now_, wy_, stacked_;
   Eigen::MatrixXd now_, state_, tried_, k1_, k2_, k3_, k4_, sensitivity_;
   RecursiveLeastSquares fit_;
+  std::optional<RecursiveLeastSquares> followed_;
+  std::vector<State> followed_states_;
   double noise_variance_ = 1, learnt_for_ = 0;
+  // Mean square of a block of learning, over the blocks so far.
+  double block_ = 0, block_rows_ = 0, blocks_ = 0, blocks_sum_ = 0, blocks_square_ = 0;
   int steady_ = 0;  // samples since all channels were good
   Eigen::VectorXd residual_, residual_std_;
   int observed_ = 0;

@@ -31,6 +31,8 @@ ParameterChange::ParameterChange(int parameters, const ParameterChangeOptions& o
   const auto blocks = static_cast<std::size_t>(std::max(1.0, std::ceil(options.window_s / options.block_s)));
   current_ = nothing();
   ring_.assign(blocks, current_);
+  inflation_ = Eigen::Map<const Eigen::VectorXd>(options_.inflation.data(), n_).cwiseSqrt();
+  inflated_.setZero(n_, n_);
   inverse_.setZero(n_, n_);
 }
 
@@ -41,7 +43,8 @@ void ParameterChange::reset() {
 
 bool ParameterChange::add(const double* theta, const double* covariance, bool news) {
   const Eigen::Map<const Eigen::VectorXd> t(theta, n_);
-  if (news && t.allFinite() && invert(Eigen::Map<const Eigen::MatrixXd>(covariance, n_, n_), inverse_)) {
+  inflated_ = inflation_.asDiagonal() * Eigen::Map<const Eigen::MatrixXd>(covariance, n_, n_) * inflation_.asDiagonal();
+  if (news && t.allFinite() && invert(inflated_, inverse_)) {
     const double weight = options_.period_s / options_.memory_s;
     current_.information += weight * inverse_;
     current_.weighted += weight * (inverse_ * t);
@@ -82,7 +85,6 @@ ParameterLevel ParameterChange::level(double age) const {
   ParameterLevel level;
   if (!invert(sum.information, level.covariance)) return level;
   level.theta = level.covariance * sum.weighted;
-  level.covariance *= options_.inflation;
   return level;
 }
 
@@ -93,7 +95,7 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
   const Eigen::VectorXd theta = covariance * sum.weighted;
   const Eigen::VectorXd scale = reference.theta.cwiseInverse();
   step.change = (theta.array() * scale.array()).max(kLeastRatio).log();
-  step.covariance = scale.asDiagonal() * (options_.inflation * covariance + reference.covariance) * scale.asDiagonal();
+  step.covariance = scale.asDiagonal() * (covariance + reference.covariance) * scale.asDiagonal();
   for (int i = 0; i < n_; ++i) {
     const double floor = options_.floor[static_cast<std::size_t>(i)];
     step.covariance(i, i) += floor * floor;
@@ -105,7 +107,7 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
 }
 
 ParameterStep ParameterChange::step_from(const ParameterLevel& reference) const {
-  const double allowed = options_.scatter * options_.inflation * n_ * options_.block_s / options_.memory_s;
+  const double allowed = options_.scatter * n_ * options_.block_s / options_.memory_s;
   Block sum = nothing();
   ParameterStep best, pending, step;
   double most = 0;

@@ -15,7 +15,8 @@
 //
 // Settings: signatures (labels, with commas); for each label fault_LABEL (effect@port), exponents_LABEL (a list) and
 // unit_LABEL, the parameter of the datasheet whose nominal value is one relative change of the effect's size (size =
-// none + unit (e^s - 1)), without it 1; fit, relative_error.
+// none + unit (e^s - 1)), without it 1; fit, relative_error. This rig's parameter is off that nominal value by its
+// tolerance, and the size with it: its bounds have that.
 #pragma once
 
 #include <string>
@@ -44,6 +45,7 @@ class SignatureTable {
     RankedHypothesis hypothesis;  // with nothing explained
     Eigen::VectorXd exponents;
     double low = 0, high = 0;  // of s
+    double unit_error = 0;     // relative, 1 sigma
   };
   struct Match {
     std::vector<std::size_t> which;

@@ -37,7 +37,7 @@ ParameterChangeOptions change_options(const Datasheet& sheet, const Settings& s,
   o.block_s = s.number("block", o.period_s, 1e6);
   o.window_s = s.number("window", o.block_s, 1e6);
   o.least_s = s.number("least", 0, o.window_s);
-  o.inflation = s.number("inflation", 1e-3, 1e6);
+  o.inflation = s.list("inflation", parameters, 1e-3, 1e6);
   o.scatter = s.number("scatter", 1, 1e6);
   o.floor = s.list("floor", parameters, 0, 10);
   return o;
