@@ -9,7 +9,9 @@
 // A real rig's parameters are off the datasheet's, so r is not zero on a healthy one. To first order
 //   r = sum over j of g_j theta_j + noise,   s_j' = T (A + sum u_i A_i) M s_j + d(w^')/dtheta_j,   g_j = H s_j
 // corrected at samples as the error is, with theta_j the deviation of a parameter in units of its tolerance. Over the
-// first `learn` s theta is fitted by least squares with the tolerances as prior, then kept: the residual is r - g theta
+// first `learn` s theta is fitted by least squares with the tolerances as prior, the equations being made linear around
+// it every kBlock s (products of parameters count: 20 % off in one of them scales the other's g_j); then it is kept:
+// the residual is r - g theta
 // and its variance (1 + g' P g) times that of the noise found meanwhile. With `learn` 0 nothing is taken off and the
 // variance is what the tolerances allow: the best there is without a healthy run. A fault that is there from the start
 // is learnt as normal. Parameters are taken as constant: what friction and entrained air do beyond that stays in the
@@ -53,7 +55,14 @@ class BilinearObserver : public Estimator {
   Eigen::VectorXd rate(const Eigen::VectorXd& w, const Eigen::VectorXd& y, const Eigen::VectorXd& u) const;
 
  private:
-  void build(const Datasheet& sheet);
+  // Row blocks: w^' itself, then its derivatives by the parameters learnt. Columns: w^, then y; inputs.
+  struct Equations {
+    Eigen::MatrixXd kernel, drive;
+    std::vector<Eigen::MatrixXd> products;
+  };
+  Equations equations_at(const std::vector<double>& parameters) const;
+  void build();
+  void make_linear(const double* theta);
   void find_gain(const Settings& settings);
   void read(const double* channels);
   void equations(double fraction);  // at this fraction of the way from the last sample to this one
@@ -68,7 +77,9 @@ class BilinearObserver : public Estimator {
   std::vector<double> nominal_, tolerance_;  // of all parameters; of those learnt, in their unit
   double period_, learn_;
   Decoupling decoupling_;
-  // Row blocks: w^' itself, then its derivatives by the parameters learnt. Columns: w^, then y.
+  Equations at_nominal_;
+  std::vector<Equations> by_parameter_;  // change of them with one tolerance more of a parameter
+  std::vector<double> around_;           // theta around which they are linear now
   Eigen::MatrixXd kernel_, drive_;
   std::vector<Eigen::MatrixXd> products_;
   Eigen::MatrixXd gain_;

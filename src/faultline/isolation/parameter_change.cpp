@@ -95,14 +95,19 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
   const Eigen::VectorXd theta = covariance * sum.weighted;
   const Eigen::VectorXd scale = reference.theta.cwiseInverse();
   step.change = (theta.array() * scale.array()).max(kLeastRatio).log();
-  step.covariance = scale.asDiagonal() * (covariance + reference.covariance) * scale.asDiagonal();
-  for (int i = 0; i < n_; ++i) {
-    const double floor = options_.floor[static_cast<std::size_t>(i)];
-    step.covariance(i, i) += floor * floor;
-  }
-  step.chi2 = step.change.dot(step.covariance.ldlt().solve(step.change));
   step.age = static_cast<double>(blocks) * options_.block_s;
   step.scatter = sum.square - sum.weighted.dot(theta);
+  const auto known = [&](double spread) {
+    Eigen::MatrixXd v = scale.asDiagonal() * (spread * covariance + reference.covariance) * scale.asDiagonal();
+    for (int i = 0; i < n_; ++i) v(i, i) += std::pow(options_.floor[static_cast<std::size_t>(i)], 2);
+    return v;
+  };
+  step.covariance = known(1);
+  step.chi2 = step.change.dot(step.covariance.ldlt().solve(step.change));
+  const double expected = n_ * step.age / options_.memory_s;
+  if (step.scatter > expected) step.covariance = known(step.scatter / expected);
+  const Eigen::VectorXd away = theta - reference.theta;
+  step.allowance = std::pow(options_.relative_error, 2) * away.dot(sum.information * away);
   return step;
 }
 
@@ -119,7 +124,7 @@ ParameterStep ParameterChange::step_from(const ParameterLevel& reference) const 
     if (i < least_blocks_) continue;
     step = compare(reference, sum, i);
     if (step.age == 0) continue;
-    const double agree = allowed * static_cast<double>(i) - step.scatter;
+    const double agree = allowed * static_cast<double>(i) + step.allowance - step.scatter;
     if (agree >= 0 && step.chi2 > pending.chi2) pending = step;
     if (agree > most) {
       most = agree;

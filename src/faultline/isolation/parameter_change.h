@@ -9,8 +9,11 @@
 //   D = diag(1/theta_0i),   chi2_j = change' V_j^-1 change,   told: the j of the greatest chi2
 // Estimates that still rest on samples from before the step are of neither rig (with two large terms that nearly cancel
 // they fall towards zero). So j is sought only where the blocks since agree with one level, j >= j*:
-//   j* = argmax of  sum over blocks since j of  (scatter n T_block/memory) - Q_j,
-//   Q_j = sum of (theta_k - theta_j)' J_k (theta_k - theta_j), about n T_block/memory a block if they agree
+//   j* = argmax of  sum over blocks since j of  (scatter n T_block/memory) + relative_error^2 d' J_j d - Q_j,
+//   Q_j = sum of (theta_k - theta_j)' J_k (theta_k - theta_j), about n T_block/memory a block if they agree; d = theta_j - theta_0,
+//   of which a model that is a little wrong makes that fraction look like noise
+// Where they scatter more than n T_block/memory a block, the covariance told is larger by that ratio (Birge's), that of
+// chi2_j is not.
 // `inflation` (of every P_k, F P_k F with F = diag(inflation_i^(1/2))) and `floor` stand for what the estimates'
 // covariance does not know: friction that is not viscous, entrained air, noise that is not white and so weighs less
 // in one parameter and more in another. The logarithm makes a factor on a parameter a shift of any size; a parameter
@@ -31,6 +34,7 @@ struct ParameterChangeOptions {
   double window_s = 0;        // longest time since a step
   double least_s = 0;         // shortest time since a step: what is younger still holds samples from before it
   double scatter = 3;             // times its expected value, that the blocks since a step may scatter
+  double relative_error = 0;      // of a change, that may look different from block to block
   std::vector<double> inflation;  // of the estimates' variances, one per parameter
   std::vector<double> floor;      // relative, one per parameter
 };
@@ -44,6 +48,7 @@ struct ParameterStep {
   double chi2 = 0;
   double age = 0;              // s, since the step
   double scatter = 0;          // of the blocks since, Q
+  double allowance = 0;        // of Q, for the change itself
   Eigen::VectorXd change;      // ln(theta/reference)
   Eigen::MatrixXd covariance;  // of it
 };

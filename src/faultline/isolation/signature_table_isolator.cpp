@@ -39,6 +39,7 @@ ParameterChangeOptions change_options(const Datasheet& sheet, const Settings& s,
   o.least_s = s.number("least", 0, o.window_s);
   o.inflation = s.list("inflation", parameters, 1e-3, 1e6);
   o.scatter = s.number("scatter", 1, 1e6);
+  o.relative_error = s.number("relative_error", 0, 1);
   o.floor = s.list("floor", parameters, 0, 10);
   return o;
 }
