@@ -32,7 +32,7 @@ ONSET, AFTER = 30, 30  # s
 SHAFT = ["eta_m", "eta_p", "C_r", "I", "D"]
 OUTSIDE = ["K_0", "K_l", "V_t", "B"]
 SIGNATURE = {"shaft", "line_observer", "shaft_observer", "line_balance", "shaft_balance"}
-SIGNATURE |= {"shaft_fault", "second_shaft_fault"}
+SIGNATURE |= {"shaft_fault", "second_shaft_fault", "line_fault"}
 NAMES = {
     "scale@transmission.motor": "eta_m",
     "scale@transmission.pump": "eta_p",

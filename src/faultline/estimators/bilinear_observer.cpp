@@ -20,11 +20,13 @@ constexpr double kStepsPerTimeConstant = 1;  // of the fastest: a Runge-Kutta st
 constexpr double kSettled = 1e-3;            // of an initial error that may be left
 constexpr int kMostRiccatiSteps = 100000;
 constexpr double kRiccatiTolerance = 1e-10;
-constexpr double kDifference = 1e-4;  // relative, of a parameter
-constexpr double kBlock = 1;          // s: several time constants of what is left in a residual
-constexpr double kMargin = 2;         // standard errors
-constexpr double kFarthest = 3;       // tolerances off the datasheet, around which the equations are made linear
-constexpr double kWidest = 100;       // times the tolerances' variance, that a followed parameter may be uncertain
+constexpr double kDifference = 1e-4;    // relative, of a parameter
+constexpr double kBlock = 1;            // s: several time constants of what is left in a residual
+constexpr double kMargin = 2;           // standard errors
+constexpr double kUnsettled = 1.0 / 3;  // of the learning, in which theta is still far off
+constexpr double kSame = 3;             // times the noise so far, up to which a block is healthy still
+constexpr double kFarthest = 3;         // tolerances off the datasheet, around which the equations are made linear
+constexpr double kWidest = 100;         // times the tolerances' variance, that a followed parameter may be uncertain
 
 double spectral_radius(const Matrix& a) { return a.eigenvalues().cwiseAbs().maxCoeff(); }
 
@@ -290,7 +292,7 @@ void BilinearObserver::begin(const double* channels) {
   fit_ = RecursiveLeastSquares(static_cast<int>(std::max<std::size_t>(learnt_.size(), 1)), prior(learnt_.size()));
   if (followed_) followed_->reset(nominal.data());
   noise_variance_ = 1;
-  learnt_for_ = block_ = block_rows_ = blocks_ = blocks_sum_ = blocks_square_ = 0;
+  learnt_for_ = block_ = block_rows_ = block_for_ = blocks_ = blocks_sum_ = blocks_square_ = 0;
   steady_ = observed_ = 0;
   residual_.setZero();
   residual_std_.setZero();
@@ -334,10 +336,7 @@ bool BilinearObserver::advance(const double* channels, const ChannelStatus* stat
       g[static_cast<std::size_t>(j)] = sensitivity_(i, j) / unit;
       residual_[i] += sensitivity_(i, j) * around_[static_cast<std::size_t>(j)];
     }
-    if (settled && learning && fit_.step(g.data(), residual_[i] / unit)) {
-      block_ += fit_.surprise();
-      ++block_rows_;
-    }
+    if (settled && learning) fit_.step(g.data(), residual_[i] / unit);
     if (settled && followed_) followed_->step(g.data(), residual_[i] / unit);
     for (Eigen::Index j = 0; j < sensitivity_.cols(); ++j) {
       residual_[i] -= unit * g[static_cast<std::size_t>(j)] * fit_.parameters()[j];
@@ -345,9 +344,14 @@ bool BilinearObserver::advance(const double* channels, const ChannelStatus* stat
         spread += g[static_cast<std::size_t>(j)] * g[static_cast<std::size_t>(k)] *
                   fit_.covariance(static_cast<int>(j), static_cast<int>(k));
     }
+    if (settled) {
+      block_ += residual_[i] * residual_[i] / (unit * unit * spread);
+      ++block_rows_;
+    }
     residual_std_[i] = unit * std::sqrt(noise_variance_ * spread);
   }
   if (settled && learning) learn(dt);
+  if (settled && learn_ > 0) learn_noise(dt);
   if (settled && (!learning || followed_)) observed_ = static_cast<int>(residual_.size());
   return state_.allFinite();
 }
@@ -368,21 +372,23 @@ void BilinearObserver::make_linear(const double* theta) {
 void BilinearObserver::learn(double dt) {
   const double before = learnt_for_;
   learnt_for_ += dt;
-  if (block_rows_ > 0 && std::floor(learnt_for_ / kBlock) > std::floor(before / kBlock)) {
-    const double mean = block_ / block_rows_;
-    ++blocks_;
-    blocks_sum_ += mean;
-    blocks_square_ += mean * mean;
-    block_ = block_rows_ = 0;
-    make_linear(fit_.parameters());
-  }
-  if (learnt_for_ < learn_) return;
-  const double mean = fit_.noise_variance();
-  double error = 0;
-  if (blocks_ > 1)
-    error = std::sqrt(
-        std::max(0.0, (blocks_square_ - blocks_sum_ * blocks_sum_ / blocks_) / (blocks_ - 1) / blocks_));
-  noise_variance_ = std::max(mean + kMargin * error, 1e-12);
+  if (std::floor(learnt_for_ / kBlock) > std::floor(before / kBlock)) make_linear(fit_.parameters());
+}
+
+// A block of what is left; says how large that is on the healthy rig.
+void BilinearObserver::learn_noise(double dt) {
+  if (learnt_for_ < kUnsettled * learn_) block_ = block_rows_ = block_for_ = 0;
+  block_for_ += dt;
+  if (block_for_ < kBlock || block_rows_ == 0) return;
+  const double mean = block_ / block_rows_;
+  block_ = block_rows_ = block_for_ = 0;
+  if (learnt_for_ >= learn_ && blocks_ > 1 && mean > kSame * noise_variance_) return;
+  ++blocks_;
+  blocks_sum_ += mean;
+  blocks_square_ += mean * mean;
+  if (blocks_ < 2) return;
+  const double spread = std::max(0.0, (blocks_square_ - blocks_sum_ * blocks_sum_ / blocks_) / (blocks_ - 1));
+  noise_variance_ = std::max(blocks_sum_ / blocks_ + kMargin * std::sqrt(spread / blocks_), 1e-12);
 }
 
 void BilinearObserver::write(const double*, bool, Estimate& estimate) const {

@@ -15,8 +15,9 @@
 // and its variance (1 + g' P g) times that of the noise found meanwhile. With `learn` 0 nothing is taken off and the
 // variance is what the tolerances allow: the best there is without a healthy run. A fault that is there from the start
 // is learnt as normal. Parameters are taken as constant: what friction and entrained air do beyond that stays in the
-// noise. Learning takes a finite time, and the noise found in it is wider than its mean by kMargin standard errors of
-// it, over blocks of kBlock s.
+// noise. Learning takes a finite time, in which a rig need not show all that it does: the noise
+// is the mean over blocks of kBlock s and kMargin standard errors more, and blocks that are not kSame times as large go
+// on to be learnt from. A change as small as that is for those who follow theta.
 //
 // With `forgetting` theta is followed on by least squares with forgetting, from the first sample on, and told as the
 // state, each in its own unit, with the covariance that white noise gives: a change of a parameter that is too small
@@ -69,6 +70,7 @@ class BilinearObserver : public Estimator {
   void slope(const Eigen::MatrixXd& state, Eigen::MatrixXd& rate);
   void step(double dt, double from, double to);
   void learn(double dt);
+  void learn_noise(double dt);
 
   std::unique_ptr<BilinearModel> model_;
   std::vector<BilinearInput> inputs_;
@@ -92,8 +94,8 @@ class BilinearObserver : public Estimator {
   std::optional<RecursiveLeastSquares> followed_;
   std::vector<State> followed_states_;
   double noise_variance_ = 1, learnt_for_ = 0;
-  // Mean square of a block of learning, over the blocks so far.
-  double block_ = 0, block_rows_ = 0, blocks_ = 0, blocks_sum_ = 0, blocks_square_ = 0;
+  // Mean square of a block, over the healthy blocks so far.
+  double block_ = 0, block_rows_ = 0, block_for_ = 0, blocks_ = 0, blocks_sum_ = 0, blocks_square_ = 0;
   int steady_ = 0;  // samples since all channels were good
   Eigen::VectorXd residual_, residual_std_;
   int observed_ = 0;

@@ -88,6 +88,18 @@ ParameterLevel ParameterChange::level(double age) const {
   return level;
 }
 
+double ParameterChange::expected_scatter(std::size_t blocks) const {
+  return n_ * static_cast<double>(blocks) * options_.block_s / options_.memory_s;
+}
+
+bool ParameterChange::agrees(double age) const {
+  const std::size_t blocks = blocks_of(age);
+  const Block sum = last(blocks);
+  Eigen::MatrixXd covariance;
+  if (!invert(sum.information, covariance)) return false;
+  return sum.square - sum.weighted.dot(covariance * sum.weighted) <= options_.scatter * expected_scatter(blocks);
+}
+
 ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Block& sum, std::size_t blocks) const {
   ParameterStep step;
   Eigen::MatrixXd covariance;
@@ -104,7 +116,7 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
   };
   step.covariance = known(1);
   step.chi2 = step.change.dot(step.covariance.ldlt().solve(step.change));
-  const double expected = n_ * step.age / options_.memory_s;
+  const double expected = expected_scatter(blocks);
   if (step.scatter > expected) step.covariance = known(step.scatter / expected);
   const Eigen::VectorXd away = theta - reference.theta;
   step.allowance = std::pow(options_.relative_error, 2) * away.dot(sum.information * away);
@@ -112,7 +124,6 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
 }
 
 ParameterStep ParameterChange::step_from(const ParameterLevel& reference) const {
-  const double allowed = options_.scatter * n_ * options_.block_s / options_.memory_s;
   Block sum = nothing();
   ParameterStep best, pending, step;
   double most = 0;
@@ -124,7 +135,7 @@ ParameterStep ParameterChange::step_from(const ParameterLevel& reference) const 
     if (i < least_blocks_) continue;
     step = compare(reference, sum, i);
     if (step.age == 0) continue;
-    const double agree = allowed * static_cast<double>(i) + step.allowance - step.scatter;
+    const double agree = options_.scatter * expected_scatter(i) + step.allowance - step.scatter;
     if (agree >= 0 && step.chi2 > pending.chi2) pending = step;
     if (agree > most) {
       most = agree;

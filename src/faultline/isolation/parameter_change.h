@@ -28,11 +28,11 @@
 namespace faultline {
 
 struct ParameterChangeOptions {
-  double period_s = 0;        // of the estimates
-  double memory_s = 0;        // that one estimate rests on, (1 + g)/(1 - g) periods with forgetting g
-  double block_s = 0;         // resolution of the time of a step
-  double window_s = 0;        // longest time since a step
-  double least_s = 0;         // shortest time since a step: what is younger still holds samples from before it
+  double period_s = 0;            // of the estimates
+  double memory_s = 0;            // that one estimate rests on, (1 + g)/(1 - g) periods with forgetting g
+  double block_s = 0;             // resolution of the time of a step
+  double window_s = 0;            // longest time since a step
+  double least_s = 0;             // shortest time since a step: what is younger still holds samples from before it
   double scatter = 3;             // times its expected value, that the blocks since a step may scatter
   double relative_error = 0;      // of a change, that may look different from block to block
   std::vector<double> inflation;  // of the estimates' variances, one per parameter
@@ -64,6 +64,7 @@ class ParameterChange {
 
   // Over the last `age` s (whole blocks).
   ParameterLevel level(double age) const;
+  bool agrees(double age) const;  // whether these blocks agree with one level: Q at most what step_from() allows
   // chi2 0 where there are not blocks enough.
   ParameterStep step_from(const ParameterLevel& reference) const;
   ParameterStep step_from(const ParameterLevel& reference, double age) const;  // over the last `age` s
@@ -77,6 +78,7 @@ class ParameterChange {
   Block nothing() const;
   Block last(std::size_t blocks) const;
   std::size_t blocks_of(double age) const;
+  double expected_scatter(std::size_t blocks) const;
   ParameterStep compare(const ParameterLevel& reference, const Block& sum, std::size_t blocks) const;
 
   int n_;
