@@ -66,8 +66,12 @@ def effect(kind, change, start, sheet):
 def size_in(kind, value, sheet):
     """The alarm's size as a change of the parameter."""
     nominal = {p["name"]: p["nominal"] for p in sheet["parameters"]}
-    if kind == "eta_p":
+    if kind in ("eta_p", "V_t"):
         return 1 / value - 1
+    if kind == "K_l":
+        return value / nominal["leakage_coefficient"]
+    if kind == "K_0" and value < 0.5:  # clogging's fraction, else a factor on the command
+        return -value
     if kind == "I":
         return value / nominal["inertia"]
     if kind == "D":
@@ -208,7 +212,7 @@ def singles(options, sheet):
             errors, inside = [], []
             for r in good:
                 a = r["answers"][which]
-                if kind in SHAFT and a["sizes"] and a["sizes"][0]:
+                if a["named"] and a["sizes"][0]:
                     s = a["sizes"][0]
                     errors.append(abs(size_in(kind, s["value"], sheet) - r["size"]))
                     ends = sorted(size_in(kind, s[end], sheet) for end in ("low", "high"))

@@ -352,7 +352,8 @@ bool BilinearObserver::advance(const double* channels, const ChannelStatus* stat
   }
   if (settled && learning) learn(dt);
   if (settled && learn_ > 0) learn_noise(dt);
-  if (settled && (!learning || followed_)) observed_ = static_cast<int>(residual_.size());
+  const bool linear = learnt_for_ >= kUnsettled * learn_;  // around about the right parameters
+  if (settled && (!learning || (followed_ && linear))) observed_ = static_cast<int>(residual_.size());
   return state_.allFinite();
 }
 

@@ -22,7 +22,7 @@
 // With `forgetting` theta is followed on by least squares with forgetting, from the first sample on, and told as the
 // state, each in its own unit, with the covariance that white noise gives: a change of a parameter that is too small
 // for the size of the residual shows in them (isolation/signature_table_isolator.cpp). Learning samples are then
-// observed too.
+// observed too, but for the first third.
 //
 // Throws InputError where the unknown inputs cannot be decoupled, leave no residual, or leave what no gain makes
 // stable, with the reason. Settings: model, unknown (states whose equations are acted upon by unknown inputs, with
