@@ -9,11 +9,11 @@
 //   D = diag(1/theta_0i),   chi2_j = change' V_j^-1 change,   told: the j of the greatest chi2
 // Estimates that still rest on samples from before the step are of neither rig (with two large terms that nearly cancel
 // they fall towards zero). So j is sought only where the blocks since agree with one level, j >= j*:
-//   j* = argmax of  sum over blocks since j of  (scatter n T_block/memory) + relative_error^2 d' J_j d - Q_j,
-//   Q_j = sum of (theta_k - theta_j)' J_k (theta_k - theta_j), about n T_block/memory a block if they agree; d = theta_j - theta_0,
-//   of which a model that is a little wrong makes that fraction look like noise
-// Where they scatter more than n T_block/memory a block, the covariance told is larger by that ratio (Birge's), that of
-// chi2_j is not.
+//   j* = argmax of  sum over blocks since j of  (scatter n T_block/memory) + (relative_error)^2 d' J_j d - Q_j,
+//   Q_j = sum of (theta_k - theta_j)' J_k (theta_k - theta_j), about n T_block/memory a block if they agree,
+//   d = theta_j - theta_0: a model that is a little wrong makes that fraction of a change differ from block to block
+// Where they scatter more than n T_block/memory a block, the covariance told is larger by that ratio (Birge, Physical
+// Review 40 (1932)); that of chi2_j is not.
 // `inflation` (of every P_k, F P_k F with F = diag(inflation_i^(1/2))) and `floor` stand for what the estimates'
 // covariance does not know: friction that is not viscous, entrained air, noise that is not white and so weighs less
 // in one parameter and more in another. The logarithm makes a factor on a parameter a shift of any size; a parameter

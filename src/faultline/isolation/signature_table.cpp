@@ -37,7 +37,7 @@ SignatureTable::SignatureTable(const Datasheet& sheet, const Settings& settings,
     const std::string of = settings.word_or("unit_" + label, "");
     if (!of.empty()) {
       const Parameter& p = sheet.parameters[static_cast<std::size_t>(sheet.parameter(of))];
-      unit = p.nominal;
+      unit *= p.nominal;
       s.unit_error = p.tolerance;
     }
     RankedHypothesis& h = s.hypothesis;

@@ -1,8 +1,8 @@
 // Isolation by a signature table: names the fault, or the two, whose signature the step of estimated parameters has
 // (parameter_change.h finds the step, signature_table.h explains it, ranking_finding.h tells it).
 //
-// 1. Over the first `learn` s in which the parameters agree with one level those of the healthy rig: the reference. What
-//    changes before then is no fault and no reference.
+// 1. Over the first `learn` s in which the parameters agree with one level, those of the healthy rig: the reference.
+//    What changes before then is no fault and no reference.
 // 2. A step is there from the likelihood ratio `threshold` (chi-squared; from healthy recordings) on. While it is young
 //    its time and size are sought anew with every block.
 // 3. After `hold` s its level becomes the reference for what else may change: a second step is judged by its own change
