@@ -309,7 +309,7 @@ def paper(options, sheet):
             wrong = collections.Counter(
                 NAMES.get(f"{a['effect']}@{a['port']}", a["effect"])
                 for r in mine for a in r["alarms"] if a["effect"]
-                and NAMES.get(f"{a['effect']}@{a['port']}") not in known - set(OUTSIDE)
+                and NAMES.get(f"{a['effect']}@{a['port']}") not in known | {"V_t/B"}
             )
             print(f"  {name} other names: {dict(wrong) or 'none'}")
     # The four outside faults, each alone.
@@ -324,11 +324,13 @@ def paper(options, sheet):
     print("\noutside faults of 10 %, each alone")
     for kind, answers in outcome.items():
         delays = [a["alarm"] - ONSET for a in answers if a["alarm"]]
-        line, longest = sum(verdict(a) == "line" for a in answers), max(delays, default=float("nan"))
-        wrong = sum(bool(a["named"]) or bool(a["on_the_way"]) for a in answers)
+        longest = max(delays, default=float("nan"))
+        named = [a["raised"][0] - ONSET for a in answers if right(kind, a) == "named"]
+        wrong = sum(bool(set(a["named"] + a["on_the_way"]) & set(SHAFT)) for a in answers)
         print(
-            f"  {kind:<4} line alarm in {line} of {len(answers)}, delay [s] median {median(delays):.2f}, longest "
-            f"{longest:.2f}; shaft faults named {wrong}"
+            f"  {kind:<4} alarm in {len(delays)} of {len(answers)}, delay [s] median {median(delays):.2f}, longest "
+            f"{longest:.2f}; named at the end in {len(named)}, delay median {median(named):.2f}, longest "
+            f"{max(named, default=float('nan')):.2f}; shaft faults named {wrong}"
         )
     return rows
 
