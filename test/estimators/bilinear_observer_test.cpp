@@ -296,6 +296,35 @@ TEST(BilinearObserver, LearnsToleranceAndThenSeesAChange) {
   EXPECT_GT(unlearnt, 1e-6);  // ten times the noise: what the tolerances do without learning
 }
 
+TEST(BilinearObserver, FollowsWhatItLearntAndTellsItsError) {
+  // Both parameters are off by far; a change of 1 % of one shows in it alone, within what its covariance says.
+  StageSpec following = spec("made", "three", 10, "gain, stiff");
+  following.settings.set("forgetting", 0.98);
+  EstimatorStage stage(sheet(), following);
+  ASSERT_EQ(stage.states().size(), 2u);
+  EXPECT_EQ(stage.states()[1].name, "stiff");
+  MadeRig rig(1.15, 0.8, wild, 2, 1e-4);
+  Estimate estimate;
+  double error[2] = {}, square[2] = {}, count = 0;
+  for (int k = 0; k < 9000; ++k) {
+    if (k == 5000) rig.set_gain(1.15 * 1.01);
+    ASSERT_TRUE(stage.process(rig.step(), estimate));
+    if (k < 1500 || (k >= 5000 && k < 5500)) continue;
+    const double truth[] = {k < 5000 ? 1.15 : 1.15 * 1.01, 0.8};
+    ++count;
+    for (std::size_t i = 0; i < 2; ++i) {
+      const double off = estimate.state[i] - truth[i];
+      error[i] += off;
+      square[i] += off * off / estimate.covariance[3 * i];
+    }
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_LT(std::abs(error[i] / count), 2e-3) << i;
+    EXPECT_LT(square[i] / count, 4) << i;
+    EXPECT_GT(square[i] / count, 0.1) << i;
+  }
+}
+
 TEST(BilinearObserver, ABadSampleIsNotToldAndDoesNotStay) {
   EstimatorStage stage(sheet(), spec("made", "three"));
   MadeRig rig(1, 1, calm, 1);
@@ -318,7 +347,9 @@ TEST(BilinearObserver, ABadSampleIsNotToldAndDoesNotStay) {
 }
 
 TEST(BilinearObserver, AStepAllocatesNothing) {
-  EstimatorStage stage(sheet(), spec("made", "three", 1, "gain, stiff"));
+  StageSpec following = spec("made", "three", 1, "gain, stiff");
+  following.settings.set("forgetting", 0.98);
+  EstimatorStage stage(sheet(), following);
   MadeRig rig(1, 1, calm, 1);
   std::vector<Sample> samples;
   for (int k = 0; k < 500; ++k) samples.push_back(rig.step());

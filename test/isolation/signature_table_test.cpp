@@ -94,6 +94,35 @@ TEST(SignatureTable, SizesHoldTheTruthAsOftenAsTheySay) {
   EXPECT_NEAR(inside / 2000.0, 0.9, 0.03);
 }
 
+TEST(SignatureTable, SizesInAUnitOfTheRigKnowItsTolerance) {
+  // 10 % more of an inertia or a friction that is itself off the datasheet by its tolerance of 3 and of 10 %.
+  Settings exact = settings();
+  exact.set("relative_error", 0.0);
+  const SignatureTable plain(drive(), exact, 3);
+  const auto inertia = plain.explain(change(1 / 1.1, 1 / 1.1, 1 / 1.1), covariance(1e-5)).first.front();
+  EXPECT_NEAR(inertia.std / inertia.amplitude, 0.03, 1e-3);
+  const auto friction = plain.explain(change(1.1, 1, 1), covariance(1e-5)).first.front();
+  EXPECT_NEAR(friction.std / friction.amplitude, 0.1, 1e-3);
+  const auto motor = plain.explain(change(1, 1.1, 1), covariance(1e-5)).first.front();
+  EXPECT_LT(motor.std / motor.amplitude, 1e-3);
+}
+
+TEST(SignatureTable, ASizeMayGrowAsItsParameterFalls) {
+  Settings s = settings();
+  s.set("signatures", std::string("metering"));
+  s.set("fault_metering", std::string("clogging@restriction.valve"));
+  s.set("opposite_metering", std::string("yes"));
+  s.set("exponents_metering", std::vector<double>{1, 0, 0});
+  const auto answer = SignatureTable(drive(), s, 3).explain(change(0.9, 1, 1), covariance(0.002));
+  ASSERT_TRUE(answer.explained);
+  EXPECT_NEAR(answer.first.front().size(), 0.1, 1e-9);
+  const auto wider = SignatureTable(drive(), s, 3).explain(change(1.1, 1, 1), covariance(0.002));
+  ASSERT_TRUE(wider.explained);
+  EXPECT_NEAR(wider.first.front().size(), -0.1, 1e-9);
+  // More than the datasheet's 40 %.
+  EXPECT_FALSE(SignatureTable(drive(), s, 3).explain(change(0.4, 1, 1), covariance(0.002)).explained);
+}
+
 TEST(SignatureTable, BoundsOfTheDatasheetHold) {
   // Friction only grows: less of it is none of these faults.
   const auto answer = table().explain(change(0.9, 1, 1), covariance(0.002));
@@ -161,7 +190,6 @@ class TableIsolation : public ::testing::Test {
                                                                                 {"block", 0.2},
                                                                                 {"window", 20},
                                                                                 {"least", 0.8},
-                                                                                {"inflation", 1},
                                                                                 {"scatter", 3},
                                                                                 {"learn", 10},
                                                                                 {"threshold", 30},
@@ -173,6 +201,7 @@ class TableIsolation : public ::testing::Test {
                                                                                 {"confirm", 2},
                                                                                 {"place", place}})
       s.settings.set(key, value);
+    s.settings.set("inflation", std::vector<double>{1, 1, 1});
     s.settings.set("floor", std::vector<double>{0.001, 0.001, 0.001});
     return s;
   }
@@ -222,6 +251,19 @@ TEST_F(TableIsolation, HealthyForLongThenNamedInTime) {
   EXPECT_LT(first_.low, 1.1);
   EXPECT_GT(first_.high, 1.1);
   EXPECT_FALSE(second_.active);
+}
+
+TEST_F(TableIsolation, AStepWhileItLearnsIsNoReference) {
+  // After 5 s; what it then learns is the rig with that step.
+  run(5, 1, 1, 1);
+  run(9.5, 1, 1.1, 1);
+  EXPECT_FALSE(one_->reference());
+  run(5, 1, 1.1, 1);
+  ASSERT_TRUE(one_->reference());
+  EXPECT_NEAR(one_->reference()->numbers[1], 1.1 * kTrue[1], 0.01 * kTrue[1]);
+  EXPECT_FALSE(first_.active);
+  run(4, 1, 1.1, 1 / 1.1);
+  EXPECT_EQ(name(first_), kPump);
 }
 
 TEST_F(TableIsolation, OneAfterTheOtherAndBack) {

@@ -169,7 +169,8 @@ def draw(axis, fault, truth, estimate, sigma):
         axis.plot(samples, w * estimate[:, i], color=colour, linewidth=1, label=f"{NAMES[i]} times {w:g}")
     for symbol, _, k, _ in SETS[fault]:
         axis.axvline(k, color=GREY, linewidth=0.7, linestyle=":")
-        axis.text(k, 1.42, f" {symbol}", color="#5a646e", fontsize=9, va="top")
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+        axis.text(k + 20, 1.42, symbol, color="#5a646e", fontsize=9, va="top", bbox=box)
     axis.set_ylim(-1.6, 1.5)
     axis.set_xlim(0, LAST)
     axis.spines[["top", "right"]].set_visible(False)
@@ -268,19 +269,23 @@ def summary(result):
 def pictures(results, out):
     figure, axes = plt.subplots(1, 3, figsize=(11.5, 3.9), constrained_layout=True)
     axis = axes[0]
-    for name, noise, colour, label in (
-        ("forgetting", True, BLUE, "as printed"),
-        ("forgetting with renewal", True, ORANGE, "with renewal"),
-        ("forgetting", False, GREY, "as printed, noise off"),
+    right, left, below = ((5, 2), "left"), ((-5, -2), "right"), ((-5, -8), "right")
+    for name, noise, colour, label, places in (
+        ("forgetting", True, BLUE, "as printed", {0.985: ((4, -9), "left"), 0.98: ((-2, 5), "left"), 0.9: None}),
+        ("forgetting with renewal", True, ORANGE, "with renewal", {0.9: right, 0.995: below, 0.985: None}),
+        ("forgetting", False, GREY, "as printed, noise off", {}),
     ):
         points = [summary(results[(name, g, noise)]) for g in FORGETTING]
         scatter, median = [100 * s[1][1] for s in points], [np.median(s[2]) for s in points]
         axis.plot(median, scatter, "o-", markersize=4, color=colour, label=label)
         if noise:
             for g, x, y in zip(FORGETTING, median, scatter):
-                if np.isfinite(x):
-                    axis.annotate(f"{g:g}", (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7, color=colour)
+                place = places.get(g, right if colour == BLUE else left)
+                if place and np.isfinite(x):
+                    text = {"textcoords": "offset points", "ha": place[1], "fontsize": 7, "color": colour}
+                    axis.annotate(f"{g:g}", (x, y), xytext=place[0], **text)
     axis.axvline(ALLOWED, color=GREY, linewidth=0.7, linestyle=":")
+    axis.set_xlim(left=0)
     axis.set_xlabel("median delay, samples")
     axis.set_ylabel("scatter of a12, %")
     axis.set_title("forgetting factor", fontsize=10)

@@ -20,7 +20,13 @@ constexpr double kStepsPerTimeConstant = 1;  // of the fastest: a Runge-Kutta st
 constexpr double kSettled = 1e-3;            // of an initial error that may be left
 constexpr int kMostRiccatiSteps = 100000;
 constexpr double kRiccatiTolerance = 1e-10;
-constexpr double kDifference = 1e-4;  // relative, of a parameter
+constexpr double kDifference = 1e-4;    // relative, of a parameter
+constexpr double kBlock = 1;            // s: several time constants of what is left in a residual
+constexpr double kMargin = 2;           // standard errors
+constexpr double kUnsettled = 1.0 / 3;  // of the learning, in which theta is still far off
+constexpr double kSame = 3;             // times the noise so far, up to which a block is healthy still
+constexpr double kFarthest = 3;         // tolerances off the datasheet, around which the equations are made linear
+constexpr double kWidest = 100;         // times the tolerances' variance, that a followed parameter may be uncertain
 
 double spectral_radius(const Matrix& a) { return a.eigenvalues().cwiseAbs().maxCoeff(); }
 
@@ -63,6 +69,14 @@ BilinearObserver::BilinearObserver(const Datasheet& sheet, const StageSpec& spec
     throw InputError(fmt::format("{}: at most {} parameters can be learnt, 'learnt' has {}", spec.settings.where(),
                                  kMaximumRegressors, learnt_.size()));
   fit_ = RecursiveLeastSquares(static_cast<int>(std::max<std::size_t>(learnt_.size(), 1)), prior(learnt_.size()));
+  if (spec.settings.has("forgetting") && !learnt_.empty()) {
+    const auto n = static_cast<int>(learnt_.size());
+    followed_.emplace(n, RecursiveLeastSquaresSettings{spec.settings.number("forgetting", 0.5, 1), 1, kWidest * n, 0});
+    for (const int at : learnt_) {
+      const Parameter& p = sheet.parameters[static_cast<std::size_t>(at)];
+      followed_states_.push_back({p.name, p.symbol, p.unit});
+    }
+  }
 
   std::vector<int> unknown;
   const std::vector<State> states = model_->states();
@@ -81,39 +95,65 @@ BilinearObserver::BilinearObserver(const Datasheet& sheet, const StageSpec& spec
   if (decoupling_.h.rows() == 0)
     throw InputError(fmt::format("{}: the unknown inputs take all measurements, no residual is left: name fewer",
                                  spec.settings.where()));
-  build(sheet);
+  build();
   find_gain(spec.settings);
 }
 
-void BilinearObserver::build(const Datasheet&) {
+BilinearObserver::Equations BilinearObserver::equations_at(const std::vector<double>& parameters) const {
   const Matrix &t = decoupling_.t, &m = decoupling_.m, &n = decoupling_.n;
   const Eigen::Index q = t.rows(), p = n.cols(), blocks = 1 + static_cast<Eigen::Index>(learnt_.size());
-  const BilinearSystem nominal = model_->system(nominal_);
+  const BilinearSystem nominal = model_->system(parameters);
   Matrix mn(m.rows(), q + p);
   mn << m, n;
-  kernel_.setZero(blocks * q, q + p);
-  drive_.setZero(blocks * q, nominal.b.cols());
-  products_.assign(nominal.products.size(), Matrix());
+  Equations e{Matrix::Zero(blocks * q, q + p), Matrix::Zero(blocks * q, nominal.b.cols()), {}};
+  e.products.assign(nominal.products.size(), Matrix::Zero(blocks * q, q + p));
   const auto put = [&](Eigen::Index block, const BilinearSystem& system, double factor) {
-    kernel_.middleRows(block * q, q) += factor * t * system.a * mn;
-    drive_.middleRows(block * q, q) += factor * t * system.b;
-    for (std::size_t i = 0; i < products_.size(); ++i) {
-      if (system.products[i].size() == 0) continue;
-      if (products_[i].size() == 0) products_[i].setZero(kernel_.rows(), kernel_.cols());
-      products_[i].middleRows(block * q, q) += factor * t * system.products[i] * mn;
-    }
+    e.kernel.middleRows(block * q, q) += factor * t * system.a * mn;
+    e.drive.middleRows(block * q, q) += factor * t * system.b;
+    for (std::size_t i = 0; i < e.products.size(); ++i)
+      if (system.products[i].size() > 0) e.products[i].middleRows(block * q, q) += factor * t * system.products[i] * mn;
   };
   put(0, nominal, 1);
   for (std::size_t j = 0; j < learnt_.size(); ++j) {
-    const double change = kDifference * nominal_[static_cast<std::size_t>(learnt_[j])];
-    std::vector<double> moved = nominal_;
+    const auto at = static_cast<std::size_t>(learnt_[j]);
+    const double change = kDifference * nominal_[at];
+    std::vector<double> moved = parameters;
     for (const double side : {1.0, -1.0}) {
-      moved[static_cast<std::size_t>(learnt_[j])] = nominal_[static_cast<std::size_t>(learnt_[j])] + side * change;
+      moved[at] = parameters[at] + side * change;
       put(static_cast<Eigen::Index>(j) + 1, model_->system(moved), side * tolerance_[j] / (2 * change));
     }
   }
-  for (Matrix& product : products_)
-    if (product.size() > 0 && product.isZero(0)) product.resize(0, 0);
+  return e;
+}
+
+void BilinearObserver::build() {
+  const Eigen::Index q = decoupling_.t.rows(), p = decoupling_.n.cols();
+  const Eigen::Index blocks = 1 + static_cast<Eigen::Index>(learnt_.size());
+  at_nominal_ = equations_at(nominal_);
+  for (std::size_t j = 0; j < learnt_.size(); ++j) {
+    std::vector<double> moved = nominal_;
+    moved[static_cast<std::size_t>(learnt_[j])] += tolerance_[j];
+    Equations e = equations_at(moved);
+    moved[static_cast<std::size_t>(learnt_[j])] -= 2 * tolerance_[j];
+    const Equations less = equations_at(moved);
+    e.kernel = (e.kernel - less.kernel) / 2;
+    e.drive = (e.drive - less.drive) / 2;
+    for (std::size_t i = 0; i < e.products.size(); ++i) e.products[i] = (e.products[i] - less.products[i]) / 2;
+    by_parameter_.push_back(std::move(e));
+  }
+  // What is zero wherever it is stays out of the steps.
+  for (std::size_t i = 0; i < at_nominal_.products.size(); ++i) {
+    const bool none =
+        at_nominal_.products[i].isZero(0) &&
+        std::all_of(by_parameter_.begin(), by_parameter_.end(), [i](auto& e) { return e.products[i].isZero(0); });
+    if (!none) continue;
+    at_nominal_.products[i].resize(0, 0);
+    for (Equations& e : by_parameter_) e.products[i].resize(0, 0);
+  }
+  kernel_ = at_nominal_.kernel;
+  drive_ = at_nominal_.drive;
+  products_ = at_nominal_.products;
+  around_.assign(learnt_.size(), 0);
 
   const auto inputs = static_cast<Eigen::Index>(inputs_.size());
   for (Vector* v : {&u_, &u_before_, &u_now_}) v->setZero(inputs);
@@ -241,6 +281,8 @@ void BilinearObserver::begin(const double* channels) {
   if (!u_.allFinite()) u_.setZero();
   u_before_ = u_;
   y_before_ = y_;
+  const std::array<double, kMaximumRegressors> nominal{};
+  make_linear(nominal.data());
   equations(0);
   const Eigen::Index q = state_.rows();
   // Steady state of these inputs, where there is one.
@@ -248,8 +290,9 @@ void BilinearObserver::begin(const double* channels) {
   const Eigen::FullPivLU<Matrix> lu(now_.topLeftCorner(q, q));
   if (lu.isInvertible()) state_.col(0) = -lu.solve(now_.topRightCorner(q, y_.size()) * y_ + drive_.topRows(q) * u_);
   fit_ = RecursiveLeastSquares(static_cast<int>(std::max<std::size_t>(learnt_.size(), 1)), prior(learnt_.size()));
+  if (followed_) followed_->reset(nominal.data());
   noise_variance_ = 1;
-  learnt_for_ = 0;
+  learnt_for_ = block_ = block_rows_ = block_for_ = blocks_ = blocks_sum_ = blocks_square_ = 0;
   steady_ = observed_ = 0;
   residual_.setZero();
   residual_std_.setZero();
@@ -285,24 +328,68 @@ bool BilinearObserver::advance(const double* channels, const ChannelStatus* stat
 
   const bool settled = steady_ > settle_;
   const bool learning = learn_ > 0 && learnt_for_ < learn_;
-  if (settled && learning) learnt_for_ += dt;
   std::array<double, kMaximumRegressors> g{};
   for (Eigen::Index i = 0; i < residual_.size(); ++i) {
     const double unit = innovation_std_[i];
     double spread = 1;
-    for (Eigen::Index j = 0; j < sensitivity_.cols(); ++j) g[static_cast<std::size_t>(j)] = sensitivity_(i, j) / unit;
+    for (Eigen::Index j = 0; j < sensitivity_.cols(); ++j) {
+      g[static_cast<std::size_t>(j)] = sensitivity_(i, j) / unit;
+      residual_[i] += sensitivity_(i, j) * around_[static_cast<std::size_t>(j)];
+    }
     if (settled && learning) fit_.step(g.data(), residual_[i] / unit);
+    if (settled && followed_) followed_->step(g.data(), residual_[i] / unit);
     for (Eigen::Index j = 0; j < sensitivity_.cols(); ++j) {
       residual_[i] -= unit * g[static_cast<std::size_t>(j)] * fit_.parameters()[j];
       for (Eigen::Index k = 0; k < sensitivity_.cols(); ++k)
         spread += g[static_cast<std::size_t>(j)] * g[static_cast<std::size_t>(k)] *
                   fit_.covariance(static_cast<int>(j), static_cast<int>(k));
     }
+    if (settled) {
+      block_ += residual_[i] * residual_[i] / (unit * unit * spread);
+      ++block_rows_;
+    }
     residual_std_[i] = unit * std::sqrt(noise_variance_ * spread);
   }
-  if (settled && learning && learnt_for_ >= learn_) noise_variance_ = std::max(fit_.noise_variance(), 1e-12);
-  if (settled && !learning) observed_ = static_cast<int>(residual_.size());
+  if (settled && learning) learn(dt);
+  if (settled && learn_ > 0) learn_noise(dt);
+  const bool linear = learnt_for_ >= kUnsettled * learn_;  // around about the right parameters
+  if (settled && (!learning || (followed_ && linear))) observed_ = static_cast<int>(residual_.size());
   return state_.allFinite();
+}
+
+void BilinearObserver::make_linear(const double* theta) {
+  kernel_ = at_nominal_.kernel;
+  drive_ = at_nominal_.drive;
+  for (std::size_t i = 0; i < products_.size(); ++i) products_[i] = at_nominal_.products[i];
+  for (std::size_t j = 0; j < learnt_.size(); ++j) {
+    around_[j] = std::clamp(theta[j], -kFarthest, kFarthest);
+    kernel_ += around_[j] * by_parameter_[j].kernel;
+    drive_ += around_[j] * by_parameter_[j].drive;
+    for (std::size_t i = 0; i < products_.size(); ++i)
+      if (products_[i].size() > 0) products_[i] += around_[j] * by_parameter_[j].products[i];
+  }
+}
+
+void BilinearObserver::learn(double dt) {
+  const double before = learnt_for_;
+  learnt_for_ += dt;
+  if (std::floor(learnt_for_ / kBlock) > std::floor(before / kBlock)) make_linear(fit_.parameters());
+}
+
+// A block of what is left; says how large that is on the healthy rig.
+void BilinearObserver::learn_noise(double dt) {
+  if (learnt_for_ < kUnsettled * learn_) block_ = block_rows_ = block_for_ = 0;
+  block_for_ += dt;
+  if (block_for_ < kBlock || block_rows_ == 0) return;
+  const double mean = block_ / block_rows_;
+  block_ = block_rows_ = block_for_ = 0;
+  if (learnt_for_ >= learn_ && blocks_ > 1 && mean > kSame * noise_variance_) return;
+  ++blocks_;
+  blocks_sum_ += mean;
+  blocks_square_ += mean * mean;
+  if (blocks_ < 2) return;
+  const double spread = std::max(0.0, (blocks_square_ - blocks_sum_ * blocks_sum_ / blocks_) / (blocks_ - 1));
+  noise_variance_ = std::max(blocks_sum_ / blocks_ + kMargin * std::sqrt(spread / blocks_), 1e-12);
 }
 
 void BilinearObserver::write(const double*, bool, Estimate& estimate) const {
@@ -327,6 +414,17 @@ void BilinearObserver::write(const double*, bool, Estimate& estimate) const {
     estimate.quantities[2 * i].value = estimate.innovation[i];
     estimate.quantities[2 * i].std = estimate.innovation_std[i];
     estimate.quantities[2 * i + 1].value = normalised;
+  }
+  if (!followed_) return;
+  const std::size_t p = learnt_.size();
+  estimate.state.resize(p);
+  estimate.covariance.resize(p * p);
+  followed_->parameter_covariance(estimate.covariance.data());
+  // That of the noise which learning found, not of the latest residuals: they hold the fault.
+  const double noise = followed_->noise_variance() > 0 ? noise_variance_ / followed_->noise_variance() : 0;
+  for (std::size_t i = 0; i < p; ++i) {
+    estimate.state[i] = nominal_[static_cast<std::size_t>(learnt_[i])] + tolerance_[i] * followed_->parameters()[i];
+    for (std::size_t j = 0; j < p; ++j) estimate.covariance[i * p + j] *= noise * tolerance_[i] * tolerance_[j];
   }
 }
 

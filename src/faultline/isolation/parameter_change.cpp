@@ -31,6 +31,8 @@ ParameterChange::ParameterChange(int parameters, const ParameterChangeOptions& o
   const auto blocks = static_cast<std::size_t>(std::max(1.0, std::ceil(options.window_s / options.block_s)));
   current_ = nothing();
   ring_.assign(blocks, current_);
+  inflation_ = Eigen::Map<const Eigen::VectorXd>(options_.inflation.data(), n_).cwiseSqrt();
+  inflated_.setZero(n_, n_);
   inverse_.setZero(n_, n_);
 }
 
@@ -41,7 +43,8 @@ void ParameterChange::reset() {
 
 bool ParameterChange::add(const double* theta, const double* covariance, bool news) {
   const Eigen::Map<const Eigen::VectorXd> t(theta, n_);
-  if (news && t.allFinite() && invert(Eigen::Map<const Eigen::MatrixXd>(covariance, n_, n_), inverse_)) {
+  inflated_ = inflation_.asDiagonal() * Eigen::Map<const Eigen::MatrixXd>(covariance, n_, n_) * inflation_.asDiagonal();
+  if (news && t.allFinite() && invert(inflated_, inverse_)) {
     const double weight = options_.period_s / options_.memory_s;
     current_.information += weight * inverse_;
     current_.weighted += weight * (inverse_ * t);
@@ -82,8 +85,19 @@ ParameterLevel ParameterChange::level(double age) const {
   ParameterLevel level;
   if (!invert(sum.information, level.covariance)) return level;
   level.theta = level.covariance * sum.weighted;
-  level.covariance *= options_.inflation;
   return level;
+}
+
+double ParameterChange::expected_scatter(std::size_t blocks) const {
+  return n_ * static_cast<double>(blocks) * options_.block_s / options_.memory_s;
+}
+
+bool ParameterChange::agrees(double age) const {
+  const std::size_t blocks = blocks_of(age);
+  const Block sum = last(blocks);
+  Eigen::MatrixXd covariance;
+  if (!invert(sum.information, covariance)) return false;
+  return sum.square - sum.weighted.dot(covariance * sum.weighted) <= options_.scatter * expected_scatter(blocks);
 }
 
 ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Block& sum, std::size_t blocks) const {
@@ -93,19 +107,23 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
   const Eigen::VectorXd theta = covariance * sum.weighted;
   const Eigen::VectorXd scale = reference.theta.cwiseInverse();
   step.change = (theta.array() * scale.array()).max(kLeastRatio).log();
-  step.covariance = scale.asDiagonal() * (options_.inflation * covariance + reference.covariance) * scale.asDiagonal();
-  for (int i = 0; i < n_; ++i) {
-    const double floor = options_.floor[static_cast<std::size_t>(i)];
-    step.covariance(i, i) += floor * floor;
-  }
-  step.chi2 = step.change.dot(step.covariance.ldlt().solve(step.change));
   step.age = static_cast<double>(blocks) * options_.block_s;
   step.scatter = sum.square - sum.weighted.dot(theta);
+  const auto known = [&](double spread) {
+    Eigen::MatrixXd v = scale.asDiagonal() * (spread * covariance + reference.covariance) * scale.asDiagonal();
+    for (int i = 0; i < n_; ++i) v(i, i) += std::pow(options_.floor[static_cast<std::size_t>(i)], 2);
+    return v;
+  };
+  step.covariance = known(1);
+  step.chi2 = step.change.dot(step.covariance.ldlt().solve(step.change));
+  const double expected = expected_scatter(blocks);
+  if (step.scatter > expected) step.covariance = known(step.scatter / expected);
+  const Eigen::VectorXd away = theta - reference.theta;
+  step.allowance = std::pow(options_.relative_error, 2) * away.dot(sum.information * away);
   return step;
 }
 
 ParameterStep ParameterChange::step_from(const ParameterLevel& reference) const {
-  const double allowed = options_.scatter * options_.inflation * n_ * options_.block_s / options_.memory_s;
   Block sum = nothing();
   ParameterStep best, pending, step;
   double most = 0;
@@ -117,7 +135,7 @@ ParameterStep ParameterChange::step_from(const ParameterLevel& reference) const 
     if (i < least_blocks_) continue;
     step = compare(reference, sum, i);
     if (step.age == 0) continue;
-    const double agree = allowed * static_cast<double>(i) - step.scatter;
+    const double agree = options_.scatter * expected_scatter(i) + step.allowance - step.scatter;
     if (agree >= 0 && step.chi2 > pending.chi2) pending = step;
     if (agree > most) {
       most = agree;

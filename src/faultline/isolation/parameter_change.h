@@ -5,14 +5,18 @@
 // Estimates theta_k with covariance P_k, each of about the last `memory` s (least squares with forgetting), carry the
 // information (T/memory) P_k^-1 a sample of T s. It is summed in blocks of `block` s, of which the last `window` s are
 // kept. For a step before block j, the blocks since give
-//   theta_j = J_j^-1 b_j,   change_i = ln(theta_ji/theta_0i),   V_j = D (inflation (J_j^-1 + P_0)) D + diag(floor_i^2),
+//   theta_j = J_j^-1 b_j,   change_i = ln(theta_ji/theta_0i),   V_j = D (J_j^-1 + P_0) D + diag(floor_i^2),
 //   D = diag(1/theta_0i),   chi2_j = change' V_j^-1 change,   told: the j of the greatest chi2
 // Estimates that still rest on samples from before the step are of neither rig (with two large terms that nearly cancel
 // they fall towards zero). So j is sought only where the blocks since agree with one level, j >= j*:
-//   j* = argmax of  sum over blocks since j of  (scatter n T_block/memory) - Q_j,
-//   Q_j = sum of (theta_k - theta_j)' J_k (theta_k - theta_j), about n T_block/memory a block if they agree
-// `inflation` and `floor` stand for what the estimates' covariance does not know: friction that is not viscous,
-// entrained air, noise that is not white. The logarithm makes a factor on a parameter a shift of any size; a parameter
+//   j* = argmax of  sum over blocks since j of  (scatter n T_block/memory) + (relative_error)^2 d' J_j d - Q_j,
+//   Q_j = sum of (theta_k - theta_j)' J_k (theta_k - theta_j), about n T_block/memory a block if they agree,
+//   d = theta_j - theta_0: a model that is a little wrong makes that fraction of a change differ from block to block
+// Where they scatter more than n T_block/memory a block, the covariance told is larger by that ratio (Birge, Physical
+// Review 40 (1932)); that of chi2_j is not.
+// `inflation` (of every P_k, F P_k F with F = diag(inflation_i^(1/2))) and `floor` stand for what the estimates'
+// covariance does not know: friction that is not viscous, entrained air, noise that is not white and so weighs less
+// in one parameter and more in another. The logarithm makes a factor on a parameter a shift of any size; a parameter
 // that changes its sign counts as fallen to `kLeastRatio` of the reference. Estimates that are not finite say nothing.
 #pragma once
 
@@ -24,14 +28,15 @@
 namespace faultline {
 
 struct ParameterChangeOptions {
-  double period_s = 0;        // of the estimates
-  double memory_s = 0;        // that one estimate rests on, (1 + g)/(1 - g) periods with forgetting g
-  double block_s = 0;         // resolution of the time of a step
-  double window_s = 0;        // longest time since a step
-  double least_s = 0;         // shortest time since a step: what is younger still holds samples from before it
-  double inflation = 1;       // of the estimates' covariance
-  double scatter = 3;         // times its expected value, that the blocks since a step may scatter
-  std::vector<double> floor;  // relative, one per parameter
+  double period_s = 0;            // of the estimates
+  double memory_s = 0;            // that one estimate rests on, (1 + g)/(1 - g) periods with forgetting g
+  double block_s = 0;             // resolution of the time of a step
+  double window_s = 0;            // longest time since a step
+  double least_s = 0;             // shortest time since a step: what is younger still holds samples from before it
+  double scatter = 3;             // times its expected value, that the blocks since a step may scatter
+  double relative_error = 0;      // of a change, that may look different from block to block
+  std::vector<double> inflation;  // of the estimates' variances, one per parameter
+  std::vector<double> floor;      // relative, one per parameter
 };
 
 struct ParameterLevel {  // estimate over some time
@@ -43,6 +48,7 @@ struct ParameterStep {
   double chi2 = 0;
   double age = 0;              // s, since the step
   double scatter = 0;          // of the blocks since, Q
+  double allowance = 0;        // of Q, for the change itself
   Eigen::VectorXd change;      // ln(theta/reference)
   Eigen::MatrixXd covariance;  // of it
 };
@@ -56,8 +62,9 @@ class ParameterChange {
   bool add(const double* theta, const double* covariance, bool news);
   double seconds() const;  // in complete blocks that are kept
 
-  // Over the last `age` s (whole blocks). The covariance is inflated.
+  // Over the last `age` s (whole blocks).
   ParameterLevel level(double age) const;
+  bool agrees(double age) const;  // whether these blocks agree with one level: Q at most what step_from() allows
   // chi2 0 where there are not blocks enough.
   ParameterStep step_from(const ParameterLevel& reference) const;
   ParameterStep step_from(const ParameterLevel& reference, double age) const;  // over the last `age` s
@@ -71,6 +78,7 @@ class ParameterChange {
   Block nothing() const;
   Block last(std::size_t blocks) const;
   std::size_t blocks_of(double age) const;
+  double expected_scatter(std::size_t blocks) const;
   ParameterStep compare(const ParameterLevel& reference, const Block& sum, std::size_t blocks) const;
 
   int n_;
@@ -79,7 +87,8 @@ class ParameterChange {
   std::vector<Block> ring_;
   std::size_t head_ = 0, filled_ = 0, samples_ = 0;
   Block current_;
-  Eigen::MatrixXd inverse_;
+  Eigen::VectorXd inflation_;  // of sigma
+  Eigen::MatrixXd inflated_, inverse_;
 };
 
 }  // namespace faultline

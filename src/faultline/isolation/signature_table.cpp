@@ -33,9 +33,13 @@ SignatureTable::SignatureTable(const Datasheet& sheet, const Settings& settings,
     s.exponents = Eigen::Map<const Eigen::VectorXd>(exponents.data(), parameters);
     if (s.exponents.isZero(0))
       throw InputError(fmt::format("{}: 'exponents_{}' changes no parameter", settings.where(), label));
-    double unit = 1;
+    double unit = settings.word_or("opposite_" + label, "no") == "yes" ? -1 : 1;
     const std::string of = settings.word_or("unit_" + label, "");
-    if (!of.empty()) unit = sheet.parameters[static_cast<std::size_t>(sheet.parameter(of))].nominal;
+    if (!of.empty()) {
+      const Parameter& p = sheet.parameters[static_cast<std::size_t>(sheet.parameter(of))];
+      unit *= p.nominal;
+      s.unit_error = p.tolerance;
+    }
     RankedHypothesis& h = s.hypothesis;
     h.effect = found->effect;
     h.port = found->port;
@@ -87,7 +91,8 @@ RankedHypothesis SignatureTable::told(const Match& m, std::size_t place, double 
   RankedHypothesis h = signatures_[m.which[place]].hypothesis;
   const double s = m.sizes[static_cast<Eigen::Index>(place)];
   h.amplitude = std::exp(s) - 1;
-  h.std = std::exp(s) * m.stds[static_cast<Eigen::Index>(place)];
+  h.std = std::hypot(std::exp(s) * m.stds[static_cast<Eigen::Index>(place)],
+                     signatures_[m.which[place]].unit_error * h.amplitude);
   h.evidence = evidence;
   return h;
 }

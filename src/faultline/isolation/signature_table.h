@@ -13,9 +13,11 @@
 // What cannot be told apart has the same chi2 and stands side by side in the ranking: signatures that span the same
 // plane explain the same changes in pairs (of three signatures in one plane, any two).
 //
-// Settings: signatures (labels, with commas); for each label fault_LABEL (effect@port), exponents_LABEL (a list) and
+// Settings: signatures (labels, with commas); for each label fault_LABEL (effect@port), exponents_LABEL (a list),
+// opposite_LABEL [no] where the size grows as the quantity falls (yes: size = none - (e^s - 1)) and
 // unit_LABEL, the parameter of the datasheet whose nominal value is one relative change of the effect's size (size =
-// none + unit (e^s - 1)), without it 1; fit, relative_error.
+// none + unit (e^s - 1)), without it 1; fit, relative_error. This rig's parameter is off that nominal value by its
+// tolerance, and the size with it: its bounds have that.
 #pragma once
 
 #include <string>
@@ -44,6 +46,7 @@ class SignatureTable {
     RankedHypothesis hypothesis;  // with nothing explained
     Eigen::VectorXd exponents;
     double low = 0, high = 0;  // of s
+    double unit_error = 0;     // relative, 1 sigma
   };
   struct Match {
     std::vector<std::size_t> which;

@@ -1,7 +1,8 @@
 // Isolation by a signature table: names the fault, or the two, whose signature the step of estimated parameters has
 // (parameter_change.h finds the step, signature_table.h explains it, ranking_finding.h tells it).
 //
-// 1. Over the first `learn` s the parameters of the healthy rig: the reference.
+// 1. Over the first `learn` s in which the parameters agree with one level, those of the healthy rig: the reference.
+//    What changes before then is no fault and no reference.
 // 2. A step is there from the likelihood ratio `threshold` (chi-squared; from healthy recordings) on. While it is young
 //    its time and size are sought anew with every block.
 // 3. After `hold` s its level becomes the reference for what else may change: a second step is judged by its own change
@@ -37,8 +38,9 @@ ParameterChangeOptions change_options(const Datasheet& sheet, const Settings& s,
   o.block_s = s.number("block", o.period_s, 1e6);
   o.window_s = s.number("window", o.block_s, 1e6);
   o.least_s = s.number("least", 0, o.window_s);
-  o.inflation = s.number("inflation", 1e-3, 1e6);
+  o.inflation = s.list("inflation", parameters, 1e-3, 1e6);
   o.scatter = s.number("scatter", 1, 1e6);
+  o.relative_error = s.number("relative_error", 0, 1);
   o.floor = s.list("floor", parameters, 0, 10);
   return o;
 }
@@ -130,7 +132,7 @@ class SignatureTableIsolator : public Isolator {
 
   void judge(double time, Ranking& ranking) {
     if (healthy_.theta.size() == 0) {
-      if (change_.seconds() < learn_) return;
+      if (change_.seconds() < learn_ || !change_.agrees(learn_)) return;
       healthy_ = change_.level(learn_);
       change_.reset();
       return;
