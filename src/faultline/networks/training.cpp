@@ -16,7 +16,8 @@ using Index = Eigen::Index;
 
 constexpr Index kBlock = 512;  // columns of J' that are multiplied at once: they stay in the cache
 constexpr double kLeastDamping = 1e-12, kMostDamping = 1e6;
-constexpr double kRunaway = 1e6;  // of a scaled output
+constexpr double kLeastScale = 1e-3;  // of the largest diagonal entry
+constexpr double kRunaway = 1e6;      // of a scaled output
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // J' J of the rows of one unit's outputs, over the columns where they can differ from 0.
@@ -158,9 +159,12 @@ TrainingState Trainer::begin(const Eigen::VectorXd& weights) const {
 bool Trainer::epoch(TrainingState& state) const {
   const NormalEquations equations = normal_equations(shape_, state.weights, training_);
   if (!std::isfinite(equations.error)) return false;
+  // Diagonal entries that are almost 0 would let weights that say little run away.
+  const Eigen::VectorXd scale =
+      (equations.square.diagonal().array() + kLeastScale * equations.square.diagonal().maxCoeff()).matrix();
   for (double damping = state.damping; damping <= kMostDamping; damping *= 10) {
     Eigen::MatrixXd damped = equations.square;
-    damped.diagonal().array() += damping;
+    damped.diagonal().array() += damping * scale.array();
     const Eigen::VectorXd weights =
         state.weights + damped.selfadjointView<Eigen::Lower>().llt().solve(equations.gradient);
     if (!weights.allFinite()) continue;

@@ -1,6 +1,7 @@
 // Training by Levenberg-Marquardt: the weights that make the sum of squared errors over all samples least.
 //
-//   (J' J / n + damping I) d = J' e / n,   w + d where that lowers the error, else ten times the damping
+//   (J' J / n + damping D) d = J' e / n,   w + d where that lowers the error, else ten times the damping;
+//   D = diag(J' J / n) and a little more
 // Source: Hagan, Menhaj, Training feedforward networks with the Marquardt algorithm, IEEE Transactions on Neural
 // Networks 5 (1994). J by forward sensitivities (network.h): exact, for recurrent networks too. J' J is added up a
 // block of samples at a time, so that memory does not grow with their number; without feedback between units its
