@@ -35,6 +35,7 @@ struct Options {
   std::string rig, config, stage, output, from, feedback, json;
   std::vector<std::string> runs, validation;
   int epochs = 100, patience = 10;
+  double horizon = 0, cold = 0;  // s
   std::uint64_t seed = 1;
   bool resume = false;
 };
@@ -57,8 +58,9 @@ std::uint32_t fingerprint(const Options& options, const NetworkShape& shape, con
   const auto add = [&](const double* numbers, Eigen::Index count) {
     crc.process_bytes(numbers, static_cast<std::size_t>(count) * sizeof(double));
   };
-  const double settings[] = {static_cast<double>(options.seed), static_cast<double>(shape.feedback)};
-  add(settings, 2);
+  const double settings[] = {static_cast<double>(options.seed), static_cast<double>(shape.feedback), options.horizon,
+                             options.cold};
+  add(settings, 4);
   add(initial.data(), initial.size());
   for (const auto* runs : {&training, &validation})
     for (const NetworkRun& run : *runs) {
@@ -119,8 +121,8 @@ struct Answer {
   std::string ended;
 };
 
-std::vector<double> rms_of(const NetworkModel& model, const std::vector<NetworkRun>& runs) {
-  const Eigen::VectorXd squares = mean_squares(model.shape, model.weights, runs);
+std::vector<double> rms_of(const NetworkModel& model, const std::vector<NetworkRun>& runs, std::size_t cold) {
+  const Eigen::VectorXd squares = mean_squares(model.shape, model.weights, runs, {0, cold});
   std::vector<double> rms;
   for (std::size_t o = 0; o < model.outputs.scale.size(); ++o)
     rms.push_back(model.outputs.scale[o] * std::sqrt(squares[static_cast<Eigen::Index>(o)]));
@@ -151,7 +153,7 @@ class Training {
   }
 
   Answer run() {
-    const Trainer trainer(shape_, training_, validation_);
+    const Trainer trainer(shape_, training_, validation_, beginnings());
     answer_.samples = trainer.samples();
     const double begin = processor_time();
     TrainingState& state = answer_.state;
@@ -183,12 +185,20 @@ class Training {
     if (tell) std::fputs("\n", stderr);
     answer_.seconds = processor_time() - begin;
     keep(true);
-    answer_.training_rms = rms_of(answer_.model, training_);
+    answer_.training_rms = rms_of(answer_.model, training_, beginnings().cold);
     return std::move(answer_);
   }
 
  private:
   static double processor_time() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+  Beginnings beginnings() const {
+    const auto samples = [&](double time) { return static_cast<std::size_t>(std::ceil(time / shape_.period)); };
+    const Beginnings b = {samples(options_.horizon), samples(options_.cold)};
+    if (b.horizon > 0 && b.cold >= b.horizon)
+      throw InputError("--cold must be shorter than --horizon, else nothing is left to learn from");
+    return b;
+  }
 
   NetworkShape shape_of() const {
     NetworkShape shape = network_shape(sheet_, spec_.settings);
@@ -224,7 +234,7 @@ class Training {
   void keep(bool ended) {
     NetworkModel& model = answer_.model;
     model.weights = answer_.state.best;
-    model.rms = rms_of(model, validation_.empty() ? training_ : validation_);
+    model.rms = rms_of(model, validation_.empty() ? training_ : validation_, beginnings().cold);
     References kept;
     kept.rig = sheet_.rig;
     kept.stages.push_back({spec_.name, faultline::to_reference(model)});
@@ -298,11 +308,20 @@ std::function<void()> add(CLI::App& app) {
   app.add_option("RIG", options->rig, "the rig")->required();
   add_input(app, "RUN", options->runs, "recordings, .bag or .csv, of the healthy rig")->required();
   app.add_option("--stage", options->stage, "the stage of family neural; the rig's first without it");
-  add_output(app, "-o,--output", options->output, "the file of weights, for the stage's 'model'")->required();
+  add_output(app, "-o,--output", options->output, "the file of weights, for the stage's 'weights'")->required();
   add_input(app, "--validate", options->validation, "recordings that choose the best epoch and end the training");
   add_input(app, "--from", options->from, "weights and scaling to begin with, of the same stage; else random weights");
   app.add_option("--feedback", options->feedback,
                  "none, own or all: in place of the stage's, for an earlier step of the training");
+  app.add_option(
+         "--horizon", options->horizon,
+         "s, after which outputs that are fed back begin anew from what is measured, for an earlier step of the "
+         "training [whole runs]")
+      ->check(number_between(0, 1e6));
+  app.add_option("--cold", options->cold,
+                 "s; outputs that are fed back begin from their mean, and so long nothing is counted, lest the network "
+                 "remembers where it began")
+      ->check(number_between(0, 1e6));
   app.add_option("--epochs", options->epochs, "at most [100]")->check(whole_number(0, 100000));
   app.add_option("--patience", options->patience, "epochs without a better error on --validate before the end [10]")
       ->check(whole_number(1, 100000));

@@ -6,7 +6,7 @@
 // transmitter that is dead spoils nothing; with own, from what is measured. Where samples are lost it runs on with the
 // latest inputs.
 //
-// Settings: those of the network (networks/shape.h), and `model`, its file, beside the datasheet (`faultline train`).
+// Settings: those of the network (networks/shape.h), and `weights`, its file, beside the datasheet (`faultline train`).
 #include <cmath>
 #include <filesystem>
 
@@ -74,7 +74,7 @@ class NetworkEstimator : public Estimator {
     const NetworkShape shape = network_shape(sheet, spec.settings);
     const std::string& named_in = sheet.stages_file.empty() ? sheet.file : sheet.stages_file;
     const std::filesystem::path folder = std::filesystem::path(named_in).parent_path();
-    return read_network((folder / spec.settings.word("model")).string(), sheet.rig, spec.name, shape);
+    return read_network((folder / spec.settings.word("weights")).string(), sheet.rig, spec.name, shape);
   }
 
   void scale(const double* channels) {

@@ -54,6 +54,11 @@ void Network::start(const double* inputs, const double* outputs) {
   for (Rows& rows : history_) rows.setZero();
 }
 
+void Network::restart(const Eigen::MatrixXd& past) {
+  past_own_ = past;
+  for (Rows& rows : history_) rows.setZero();
+}
+
 bool Network::fed_back(const Tap& tap, const Unit& unit) const {
   if (!tap.output || shape_.feedback == Feedback::none) return false;
   return shape_.feedback == Feedback::all ||

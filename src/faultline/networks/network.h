@@ -29,6 +29,9 @@ class Network {
   const NetworkShape& shape() const { return shape_; }
   // As if the signals had always been these.
   void start(const double* inputs, const double* outputs);
+  // Past estimates become what was measured then, or 0; without derivatives.
+  void restart_measured() { restart(past_measured_); }
+  void restart_cold() { restart(Eigen::MatrixXd::Zero(past_own_.rows(), past_own_.cols())); }
   // y(k) from the inputs at k and what is past.
   void step(const double* weights, const double* inputs);
   const Eigen::VectorXd& outputs() const { return y_; }
@@ -47,6 +50,7 @@ class Network {
   struct Work {
     Eigen::VectorXd sum, z, h, g, c;
   };
+  void restart(const Eigen::MatrixXd& past);
   bool fed_back(const Tap& tap, const Unit& unit) const;
   double value(const Tap& tap, const Unit& unit) const;
   double before(std::size_t output, const Unit& unit) const { return value({true, output, 1}, unit); }

@@ -54,21 +54,20 @@ class Gram {
   Eigen::VectorXd errors_;
 };
 
-double count_of(const std::vector<NetworkRun>& runs) {
-  double count = 0;
-  for (const NetworkRun& run : runs) count += static_cast<double>(run.inputs.cols() - 1);
-  return count;
-}
-
 // Calls `each` with the network after every sample but a run's first; false where an output runs away.
 template <class Each>
-bool run_through(Network& network, const Eigen::VectorXd& weights, const std::vector<NetworkRun>& runs, Each each) {
+bool run_through(Network& network, const Eigen::VectorXd& weights, const std::vector<NetworkRun>& runs,
+                 const Beginnings& beginnings, Each each) {
   for (const NetworkRun& run : runs) {
     network.start(run.inputs.col(0).data(), run.outputs.col(0).data());
-    for (Index k = 1; k < run.inputs.cols(); ++k) {
+    Index since = 0;
+    for (Index k = 1; k < run.inputs.cols(); ++k, ++since) {
+      if (beginnings.horizon > 0 && since == static_cast<Index>(beginnings.horizon)) since = 0;
+      if (since == 0 && k > 1 && beginnings.cold == 0) network.restart_measured();
+      if (since == 0 && beginnings.cold > 0) network.restart_cold();
       network.step(weights.data(), run.inputs.col(k).data());
       if (!(network.outputs().lpNorm<Eigen::Infinity>() < kRunaway)) return false;
-      each(run.outputs.col(k));
+      if (since >= static_cast<Index>(beginnings.cold)) each(run.outputs.col(k));
       network.take(run.outputs.col(k).data());
     }
   }
@@ -97,30 +96,35 @@ Eigen::VectorXd initial_weights(const NetworkShape& shape, std::uint64_t seed) {
 }
 
 Eigen::VectorXd mean_squares(const NetworkShape& shape, const Eigen::VectorXd& weights,
-                             const std::vector<NetworkRun>& runs) {
+                             const std::vector<NetworkRun>& runs, const Beginnings& beginnings) {
   Network network(shape);
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(static_cast<Index>(shape.outputs.size()));
-  const bool stays = run_through(network, weights, runs,
-                                 [&](const auto& measured) { sum += (measured - network.outputs()).cwiseAbs2(); });
+  double count = 0;
+  const bool stays = run_through(network, weights, runs, beginnings, [&](const auto& measured) {
+    sum += (measured - network.outputs()).cwiseAbs2();
+    ++count;
+  });
   if (!stays) return Eigen::VectorXd::Constant(sum.size(), kInfinity);
-  return sum / count_of(runs);
+  return sum / std::max(1.0, count);
 }
 
 NormalEquations normal_equations(const NetworkShape& shape, const Eigen::VectorXd& weights,
-                                 const std::vector<NetworkRun>& runs) {
+                                 const std::vector<NetworkRun>& runs, const Beginnings& beginnings) {
   Network network(shape, true);
   NormalEquations equations;
   equations.square.setZero(weights.size(), weights.size());
   equations.gradient.setZero(weights.size());
   std::vector<Gram> grams;
   std::vector<std::pair<Index, std::size_t>> rows;  // output, and whose
+  double count = 0;
   const bool together = shape.feedback == Feedback::all;
   for (std::size_t u = 0; u < shape.units.size(); ++u) {
     if (!together || u == 0)
       grams.emplace_back(static_cast<Index>(network.first(u)), static_cast<Index>(network.end(u) - network.first(u)));
     for (const std::size_t output : shape.units[u].outputs) rows.emplace_back(output, grams.size() - 1);
   }
-  const bool stays = run_through(network, weights, runs, [&](const auto& measured) {
+  const bool stays = run_through(network, weights, runs, beginnings, [&](const auto& measured) {
+    ++count;
     for (const auto& [output, gram] : rows) {
       const double error = measured[output] - network.outputs()[output];
       equations.error += error * error;
@@ -128,7 +132,7 @@ NormalEquations normal_equations(const NetworkShape& shape, const Eigen::VectorX
     }
   });
   for (Gram& gram : grams) gram.finish(equations);
-  const double count = count_of(runs);
+  count = std::max(1.0, count);
   equations.square /= count;
   equations.gradient /= count;
   equations.error /= count;
@@ -137,8 +141,13 @@ NormalEquations normal_equations(const NetworkShape& shape, const Eigen::VectorX
   return equations;
 }
 
-Trainer::Trainer(NetworkShape shape, std::vector<NetworkRun> training, std::vector<NetworkRun> validation)
-    : shape_(std::move(shape)), training_(std::move(training)), validation_(std::move(validation)) {}
+Trainer::Trainer(NetworkShape shape, std::vector<NetworkRun> training, std::vector<NetworkRun> validation,
+                 const Beginnings& beginnings)
+    : shape_(std::move(shape)),
+      training_(std::move(training)),
+      validation_(std::move(validation)),
+      beginnings_(beginnings),
+      whole_{0, beginnings.cold} {}
 
 double Trainer::samples() const {
   double count = 0;
@@ -149,15 +158,15 @@ double Trainer::samples() const {
 TrainingState Trainer::begin(const Eigen::VectorXd& weights) const {
   TrainingState state;
   state.weights = state.best = weights;
-  state.error = mean_squares(shape_, weights, training_).sum();
-  state.best_error = mean_squares(shape_, weights, judged()).sum();
+  state.error = mean_squares(shape_, weights, training_, beginnings_).sum();
+  state.best_error = mean_squares(shape_, weights, judged(), validation_.empty() ? beginnings_ : whole_).sum();
   if (!std::isfinite(state.error))
     throw InputError("the network runs away with its initial weights; train it one step ahead first (--feedback none)");
   return state;
 }
 
 bool Trainer::epoch(TrainingState& state) const {
-  const NormalEquations equations = normal_equations(shape_, state.weights, training_);
+  const NormalEquations equations = normal_equations(shape_, state.weights, training_, beginnings_);
   if (!std::isfinite(equations.error)) return false;
   // Diagonal entries that are almost 0 would let weights that say little run away.
   const Eigen::VectorXd scale =
@@ -168,13 +177,13 @@ bool Trainer::epoch(TrainingState& state) const {
     const Eigen::VectorXd weights =
         state.weights + damped.selfadjointView<Eigen::Lower>().llt().solve(equations.gradient);
     if (!weights.allFinite()) continue;
-    const double error = mean_squares(shape_, weights, training_).sum();
+    const double error = mean_squares(shape_, weights, training_, beginnings_).sum();
     if (!(error < equations.error)) continue;
     state.weights = weights;
     state.error = error;
     state.damping = std::max(kLeastDamping, damping / 10);
     ++state.epoch;
-    const double judged = validation_.empty() ? error : mean_squares(shape_, weights, validation_).sum();
+    const double judged = validation_.empty() ? error : mean_squares(shape_, weights, validation_, whole_).sum();
     if (judged < state.best_error || !std::isfinite(state.best_error)) {
       state.best = weights;
       state.best_error = judged;

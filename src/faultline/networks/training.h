@@ -24,9 +24,18 @@ namespace faultline {
 // Random weights: rows of W1 with variance 1/entries, so that no neuron begins saturated; W2 small.
 Eigen::VectorXd initial_weights(const NetworkShape& shape, std::uint64_t seed);
 
+// Where outputs that are fed back begin. A recurrent network that is far off learns little from whole runs, on which it
+// runs away or in circles: a short horizon, then a longer one, lead it there. One that begins from what is measured
+// learns to remember it, where that explains what its inputs do not (oil that warms during every run); a cold start
+// leaves it nothing to remember.
+struct Beginnings {
+  std::size_t horizon = 0;  // samples after which they begin anew; 0: never
+  std::size_t cold = 0;     // 0: from what is measured; else from the mean (0), and so many samples are not counted
+};
+
 // Mean square of each output's error; infinite where the network runs away.
 Eigen::VectorXd mean_squares(const NetworkShape& shape, const Eigen::VectorXd& weights,
-                             const std::vector<NetworkRun>& runs);
+                             const std::vector<NetworkRun>& runs, const Beginnings& beginnings = {});
 
 struct NormalEquations {
   Eigen::MatrixXd square;    // J' J / n, lower triangle
@@ -34,7 +43,7 @@ struct NormalEquations {
   double error = 0;          // e' e / n: n samples, all outputs; infinite where anything is not finite
 };
 NormalEquations normal_equations(const NetworkShape& shape, const Eigen::VectorXd& weights,
-                                 const std::vector<NetworkRun>& runs);
+                                 const std::vector<NetworkRun>& runs, const Beginnings& beginnings = {});
 
 // All that training goes on from.
 struct TrainingState {
@@ -49,8 +58,9 @@ struct TrainingState {
 
 class Trainer {
  public:
-  // Scaled runs; `validation` may be empty.
-  Trainer(NetworkShape shape, std::vector<NetworkRun> training, std::vector<NetworkRun> validation);
+  // Scaled runs; `validation` may be empty, and is judged over whole runs.
+  Trainer(NetworkShape shape, std::vector<NetworkRun> training, std::vector<NetworkRun> validation,
+          const Beginnings& beginnings = {});
 
   // InputError where the network runs away with these weights.
   TrainingState begin(const Eigen::VectorXd& weights) const;
@@ -64,6 +74,7 @@ class Trainer {
  private:
   NetworkShape shape_;
   std::vector<NetworkRun> training_, validation_;
+  Beginnings beginnings_, whole_;
 };
 
 }  // namespace faultline
