@@ -44,8 +44,8 @@ STRUCTURED = {
     "chamber_b_pressure_gain": 0.3,
 }
 NARX = [(lags, hidden) for lags in (1, 2, 3) for hidden in (10, 20, 30)]
-# A coupled network begins from its mean every 2 s, lest it learns the time since the start, with which the oil warms.
-COUPLED = ["--horizon", 2, "--cold", 0.7]
+# A coupled network begins from its mean every 10 s, lest it learns the time since the start, with which the oil warms.
+COUPLED = ["--horizon", 10, "--cold", 0.7]
 NOE_HORIZONS = [(0.01, 4), (0.1, 3), (0, 3)]  # s, epochs
 NOE_FROM = 7
 

@@ -3,7 +3,8 @@
 //   H(s) = w^2 / (s^2 + sqrt(2) w s + w^2),   w = 2/T tan(pi f T)
 //
 // so that the amplitude at the cut-off f is 1/sqrt(2) exactly (Oppenheim, Schafer, Discrete-Time Signal Processing,
-// section 7.1). Units: Hz, s. Slow signals come out late by lag() = sqrt(2)/w: 15 ms at 15 Hz. A step allocates nothing.
+// section 7.1). Units: Hz, s. Slow signals come out late by lag() = sqrt(2)/w: 15 ms at 15 Hz. A step allocates
+// nothing.
 #pragma once
 
 namespace faultline {
