@@ -1,4 +1,5 @@
-// From a rig's channels to what a network takes: filters, first differences, and scaling by mean and standard deviation.
+// From a rig's channels to what a network takes: filters, first differences, and scaling by mean and standard
+// deviation.
 //
 // .smooth is late by the filter's lag (Butterworth::lag), .rate by half a period more.
 #pragma once
@@ -40,8 +41,8 @@ struct NetworkRun {
   Eigen::MatrixXd inputs, outputs;
 };
 
-// Values that are missing or out of range hold the last good one, as a stage does live. A hole in time begins a new run; InputError,
-// which begins with `where`, if nothing of any length is left.
+// Values that are missing or out of range hold the last good one, as a stage does live. A hole in time begins a new
+// run; InputError, which begins with `where`, if nothing of any length is left.
 std::vector<NetworkRun> network_runs(const NetworkShape& shape, const Recording& recording, const std::string& where);
 
 Scaling scaling_of(const std::vector<NetworkRun>& runs, Eigen::MatrixXd NetworkRun::*signals);
