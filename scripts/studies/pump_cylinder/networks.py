@@ -188,7 +188,8 @@ def structured(work, output):
     nominal, (weights, told) = pretrained(work)
     found = {"pre-training": {**told_time(told), "outputs": told["outputs"]}}
     coupled = {**STRUCTURED, "feedback": "all"}
-    weights, told = work.train("pretrained_coupled", coupled, nominal, "--from", weights, "--epochs", 10, *COUPLED["plant"])
+    more = ["--from", weights, "--epochs", 20, *COUPLED["plant"]]
+    weights, told = work.train("pretrained_coupled", coupled, nominal, *more)
     found["pre-training, coupled"] = told_time(told)
     plant = work.simulated("nominal_chirp.csv", "--no-noise", "--profile", "chirp", "--seed", 1)
     exact, estimate = read_table(plant), work.estimate("nominal_chirp", coupled, weights, plant)
