@@ -2,7 +2,7 @@
 """The networks of Kilic et al. (2014) as virtual pressure sensors: Table 3, Table 5, the networks' column of Table 6,
 Figs 15, 18 and 21 to 26, training times, and the coupled estimate over ten minutes.
 
-    scripts/studies/pump_cylinder/networks.py --work FOLDER [--output docs/pictures] [--only narx,noe,structured,long]
+    scripts/studies/pump_cylinder/networks.py --work FOLDER [--output docs/pictures] [--only noe,narx,structured,long]
 
 What is there in FOLDER is not made again. `--ship FILE` writes the decoupled network as the rig's datasheet names it.
 
@@ -124,7 +124,10 @@ def off(run, estimate):
 
 
 def told_time(told):
-    return {"samples": told["samples"], "epochs": len(told["epochs"]), "processor seconds": told["processor_seconds"]}
+    """Of a training that was resumed only the last part tells its time; an epoch's is the same."""
+    epochs = told["epochs"][-1]["epoch"]
+    seconds = float(np.mean([epoch["processor_seconds"] for epoch in told["epochs"]]))
+    return {"samples": told["samples"], "epochs": epochs, "processor seconds": epochs * seconds}
 
 
 def narx(work, epochs):
@@ -166,14 +169,14 @@ def pretrained(work):
         work.simulated("nominal_varied.csv", "--no-noise", "--profile", "varied_steps", "--seed", 5),
     ]
     other = work.simulated("nominal_validation.csv", "--no-noise", "--profile", "validation", "--seed", 5)
-    more = ["--validate", other, "--epochs", 60, "--patience", 20]
-    return nominal, work.train("pretrained", settings, nominal, *more)
+    more = ["--validate", other, "--patience", 20]
+    return nominal, more, work.train("pretrained", settings, nominal, *more, "--epochs", 60)
 
 
 def tuned(work, feedback, alone=False):
     """Decoupled or coupled, from the pre-trained weights; alone: on the chirp only."""
     settings = {**STRUCTURED, "feedback": feedback}
-    _, (weights, _) = pretrained(work)
+    _, _, (weights, _) = pretrained(work)
     name = {"own": "decoupled", "all": "coupled"}[feedback] + ("_chirp" if alone else "")
     runs = [work.run("training")]
     if not alone:
@@ -185,11 +188,11 @@ def tuned(work, feedback, alone=False):
 
 
 def structured(work, output):
-    nominal, (weights, told) = pretrained(work)
+    nominal, judged, (weights, told) = pretrained(work)
     found = {"pre-training": {**told_time(told), "outputs": told["outputs"]}}
     coupled = {**STRUCTURED, "feedback": "all"}
     more = ["--from", weights, "--epochs", 20, *COUPLED["plant"]]
-    weights, told = work.train("pretrained_coupled", coupled, nominal, *more)
+    weights, told = work.train("pretrained_coupled", coupled, nominal, *judged, *more)
     found["pre-training, coupled"] = told_time(told)
     plant = work.simulated("nominal_chirp.csv", "--no-noise", "--profile", "chirp", "--seed", 1)
     exact, estimate = read_table(plant), work.estimate("nominal_chirp", coupled, weights, plant)
@@ -291,7 +294,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--work", required=True)
     parser.add_argument("--output", default="docs/pictures")
-    parser.add_argument("--only", default="structured,noe,long,narx")
+    parser.add_argument("--only", default="noe,narx,structured,long")
     parser.add_argument("--epochs", type=int, default=100, help="of each NARX network")
     parser.add_argument("--ship", help="where the decoupled network is written to")
     options = parser.parse_args()
@@ -306,8 +309,8 @@ def main():
     print(json.dumps({"paper": {k: printed[k] for k in ("table3_narx_rms", "noe", "snn", "table6")}}), flush=True)
     for job in options.only.split(","):
         print(json.dumps({job: jobs[job]()}, indent=1), flush=True)
-    most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    print(json.dumps({"most memory of a run of the program, MiB": most}))
+        most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        print(json.dumps({"most memory of the program so far, MiB": most}), flush=True)
     if options.ship:
         shutil.copyfile(tuned(work, "own")[2], options.ship)
 
