@@ -25,7 +25,11 @@ def faultline(*arguments):
 def datasheet(rig):
     """Facts and stages in one, as --config takes them from a single file."""
     folder = ROOT / "config" / rig
-    return {**yaml.safe_load((folder / "rig.yaml").read_text()), **yaml.safe_load((folder / "stages.yaml").read_text())}
+    stages = yaml.safe_load((folder / "stages.yaml").read_text())
+    for stage in stages["estimators"]:
+        if "weights" in stage:  # a file beside them
+            stage["weights"] = str(folder / stage["weights"])
+    return {**yaml.safe_load((folder / "rig.yaml").read_text()), **stages}
 
 
 def write_datasheet(sheet, file):

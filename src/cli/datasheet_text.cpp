@@ -3,6 +3,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <memory>
 #include <regex>
 
@@ -16,7 +17,10 @@ namespace faultline {
 std::string datasheet_text(const Datasheet& sheet) {
   std::string text = read_text(sheet.file);
   if (!sheet.stages_file.empty()) text += "\n" + read_text(sheet.stages_file);
-  return text;
+  // Files that stages name stand beside the sheet they were read from, and a copy may lie anywhere.
+  const std::string& named_in = sheet.stages_file.empty() ? sheet.file : sheet.stages_file;
+  const std::string folder = resolved((std::filesystem::path(named_in).parent_path() / "").string());
+  return std::regex_replace(text, std::regex("(\\n *weights: *)([^/\"'\\s#][^\\n#]*)"), "$1" + folder + "/$2");
 }
 
 void set_parameter(const Datasheet& sheet, std::string& text, const std::string& parameter, const std::string& key,

@@ -19,7 +19,7 @@ struct Slot {
 Slot slots[kSlots];
 std::atomic<pid_t> child_process{0};
 std::atomic<bool> ending{false};
-char farewell[128] = {};
+char farewell[512] = {};
 
 extern "C" void end_program(int number) {
   if (ending.exchange(true)) return;  // another thread is at it
@@ -34,9 +34,11 @@ extern "C" void end_program(int number) {
 
 }  // namespace
 
-void watch_interrupts(const std::string& name) {
+void watch_interrupts(const std::string& name) { watch_interrupts(name, "nothing unfinished is left behind"); }
+
+void watch_interrupts(const std::string& name, const std::string& left_behind) {
   std::string text = ::isatty(STDERR_FILENO) != 0 ? "\r\033[K" : "";  // over a progress line
-  text += "faultline" + (name.empty() ? name : " " + name) + ": interrupted; nothing unfinished is left behind\n";
+  text += "faultline" + (name.empty() ? name : " " + name) + ": interrupted; " + left_behind + "\n";
   std::strncpy(farewell, text.c_str(), sizeof farewell - 1);
   for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) {
     struct sigaction before = {}, now = {};

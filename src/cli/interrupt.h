@@ -13,6 +13,9 @@ namespace faultline {
 // `name`: of the subcommand, for the line.
 void watch_interrupts(const std::string& name);
 
+// Another end of that line than "nothing unfinished is left behind".
+void watch_interrupts(const std::string& name, const std::string& left_behind);
+
 // A file or folder that is removed if the program is interrupted while this lives.
 class Unfinished {
  public:

@@ -15,6 +15,7 @@ ORDER = (
     "segments",
     "attribution",
     "fit",
+    "networks",
     "estimators",
     "detectors",
     "isolation",

@@ -12,7 +12,15 @@ import unittest
 from graph import Graph, built_environment, devel_space, free_port, read_lcm_log, write_lcm_log
 
 RIG = "servo_actuator"
-NODES = ("rig_simulator_node", "rig_driver_node", "kalman_node", "parameter_node", "histogram_node", "alarm_node")
+NODES = (
+    "rig_simulator_node",
+    "rig_driver_node",
+    "kalman_node",
+    "parameter_node",
+    "histogram_node",
+    "neural_node",
+    "alarm_node",
+)
 
 
 def read_lines(path):
@@ -55,6 +63,7 @@ class BadParameters(unittest.TestCase):
         ("kalman_node", {"rig": RIG, "wait_for": -1}, ["~wait_for", "-1", "text"]),
         ("parameter_node", {"rig": RIG}, ["no estimator of the family parameter"]),
         ("histogram_node", {"rig": RIG}, ["no estimator of the family histogram"]),
+        ("neural_node", {"rig": RIG}, ["no estimator of the family neural"]),
         (
             "parameter_node",
             {"rig": "cooling_circuit", "stage": "branch_filter"},
