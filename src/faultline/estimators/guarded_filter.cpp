@@ -10,8 +10,9 @@ namespace faultline {
 namespace {
 
 constexpr double kShortest = 1e-6, kLongest = 1e8;  // s, of times that a datasheet may set
-constexpr double kFollows = 0.5;                    // of the motion, that a transducer shows at least
-constexpr double kSigmas = 3;                       // by which a gain is below that
+constexpr double kFollows = 0.5;                    // of the motion that it usually shows, at least
+constexpr double kLeastMotion = 0.25;               // of `least`: of a motion that tells whether a reading follows
+constexpr double kSigmas = 2;                       // by which a gain is below that
 constexpr std::size_t kPerGuard = 4;                // quantities
 
 }  // namespace
@@ -62,7 +63,7 @@ void GuardedFilter::begin(const double* channels) {
     guard.reading = guard.predicted = state[static_cast<std::size_t>(model_->observed_states()[guard.row])];
     guard.slow_reading = guard.slow_reference = guard.reading;
     guard.own = guard.both = guard.motion = guard.calm = guard.silent = 0;
-    guard.off = guard.usual_off = guard.apart = guard.usual_apart = 0;
+    guard.off = guard.usual_off = guard.apart = guard.usual_apart = guard.usual_gain = guard.moved = 0;
   }
   age_ = 0;
   quiet_ = true;
@@ -129,22 +130,31 @@ void GuardedFilter::look(double dt) {
   }
 }
 
+bool GuardedFilter::tells(const Guard& guard) const {
+  return guard.motion > kLeastMotion * kLeastMotion * guard.least * guard.least;
+}
+
 void GuardedFilter::follow(double dt) {
   if (age_ < average_) return;
   const double gain = std::min(1.0, dt / std::min(memory_, age_ - average_ + dt));
   for (Guard& guard : guards_) {
     guard.usual_off += gain * (guard.off - guard.usual_off);
     guard.usual_apart += gain * (guard.apart - guard.usual_apart);
+    double sigma = 0;
+    if (age_ < learn_ || !tells(guard) || follows(guard, sigma) < kFollows) continue;
+    guard.moved += dt;
+    guard.usual_gain +=
+        std::min(1.0, dt / std::min(memory_, guard.moved)) * (guard.both / guard.motion - guard.usual_gain);
   }
 }
 
-// How much of the motion a reading follows; sigma infinite where there is too little.
-double GuardedFilter::gain(const Guard& guard, double& sigma) const {
+// How much of the motion a reading follows, in parts of what is usual; sigma infinite where there is too little.
+double GuardedFilter::follows(const Guard& guard, double& sigma) const {
   sigma = INFINITY;
-  if (guard.motion < 0.25 * guard.least * guard.least) return 1;
+  if (!tells(guard) || !(guard.usual_gain > 0)) return 1;
   const double gain = guard.both / guard.motion, rest = std::max(0.0, guard.own - gain * guard.both - guard.noise);
-  sigma = std::sqrt((rest * average_ + guard.noise * period_) / (2 * learn_ * guard.motion));
-  return gain;
+  sigma = std::sqrt((rest * average_ + guard.noise * period_) / (2 * learn_ * guard.motion)) / guard.usual_gain;
+  return gain / guard.usual_gain;
 }
 
 void GuardedFilter::accuse() {
@@ -167,9 +177,12 @@ void GuardedFilter::accuse() {
   quiet_ = trusted == guards_.size() && !(alone && most > 0.5);
   for (Guard& guard : guards_) {
     if (!guard.trusted) continue;
-    double sigma = 0;
-    const double follows = gain(guard, sigma);
-    guard.frozen = follows + kSigmas * sigma < kFollows;
+    double sigma = 0, another = 0;
+    const double gain = follows(guard, sigma);
+    const bool others_follow = std::all_of(guards_.begin(), guards_.end(), [&](const Guard& other) {
+      return &other == &guard || !other.trusted || follows(other, another) > kFollows;
+    });
+    guard.frozen = others_follow && gain + kSigmas * sigma < kFollows;
     if (!guard.frozen && guard.silent < average_ && !(&guard == worst && alone && most > 1)) continue;
     guard.trusted = false;
     guard.calm = 0;
@@ -180,8 +193,8 @@ void GuardedFilter::forgive(double dt) {
   for (Guard& guard : guards_) {
     if (guard.trusted) continue;
     double sigma = 0;
-    const double follows = gain(guard, sigma);
-    const bool moves = !guard.frozen || follows - kSigmas * sigma > kFollows;
+    const double gain = follows(guard, sigma);
+    const bool moves = !guard.frozen || gain - kSigmas * sigma > kFollows;
     const bool agrees = guard.readable && moves && std::abs(guard.apart - guard.usual_apart) < 0.5 * guard.least;
     guard.calm = agrees ? guard.calm + dt : 0;
     if (guard.calm < release_ || !agrees) continue;

@@ -9,9 +9,10 @@
 //
 //   |d_c| > least_c  and  |d_j|/least_j < others |d_c|/least_c for every other trusted j
 //
-// as long as two are trusted; when its reading r follows less than half of the motion that the reference p predicts,
+// as long as two are trusted; when its reading r follows the motion that the reference p predicts less than half as much
+// as usual while the others do,
 //
-//   gain = cov(r, p)/var(p),  gain + 3 sigma < 1/2,  var(p) > (least/2)^2,
+//   gain = cov(r, p)/var(p),  gain + 2 sigma < usual gain/2,  var(p) > (least/4)^2,
 //   sigma^2 = ((var(r - gain p) - R) average/(2 learn) + R T/(2 learn))/var(p)
 //
 // (variances over `learn`: what is beyond the transducer's noise R is taken to last `average`); or when it stands at an
@@ -55,7 +56,8 @@ class GuardedFilter : public Estimator {
     double slow_reading = 0, slow_reference = 0, own = 0, both = 0, motion = 0;  // means; (co)variances about them
     double off = 0, usual_off = 0;      // mean of reading - reference; the same on the healthy rig
     double apart = 0, usual_apart = 0;  // mean of reading - predicted, likewise
-    double noise = 0;  // R
+    double noise = 0;                   // R
+    double usual_gain = 0, moved = 0;   // of that motion, and s in which there was enough
     double calm = 0, silent = 0;        // s, for which it has agreed, has stood at an end of its range
   };
 
@@ -63,7 +65,8 @@ class GuardedFilter : public Estimator {
   void follow(double dt);  // what is usual
   void accuse();
   void forgive(double dt);
-  double gain(const Guard& guard, double& sigma) const;
+  bool tells(const Guard& guard) const;  // whether the motion is enough
+  double follows(const Guard& guard, double& sigma) const;
 
   std::unique_ptr<ProcessModel> model_;
   std::unique_ptr<StateEstimator> main_, reference_;
