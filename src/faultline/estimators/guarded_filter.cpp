@@ -41,6 +41,7 @@ GuardedFilter::GuardedFilter(const Datasheet& sheet, const StageSpec& spec)
     guards_.emplace_back();
     Guard& guard = guards_.back();
     guard.row = row;
+    guard.state = static_cast<std::size_t>(model_->observed_states()[row]);
     guard.channel = channel.name;
     guard.unit = channel.unit;
     guard.least = least[row];
@@ -60,7 +61,7 @@ void GuardedFilter::begin(const double* channels) {
     guard.without->reset(state.data(), variance.data());
     guard.trusted = guard.readable = true;
     guard.frozen = false;
-    guard.reading = guard.predicted = state[static_cast<std::size_t>(model_->observed_states()[guard.row])];
+    guard.reading = guard.predicted = state[guard.state];
     guard.slow_reading = guard.slow_reference = guard.reading;
     guard.own = guard.both = guard.motion = guard.calm = guard.silent = 0;
     guard.off = guard.usual_off = guard.apart = guard.usual_apart = guard.usual_gain = guard.moved = 0;
@@ -112,7 +113,7 @@ void GuardedFilter::look(double dt) {
   const double soon = std::min(1.0, dt / std::min(average_, age_)), late = std::min(1.0, dt / std::min(learn_, age_));
   std::array<double, kMaximumStates * kMaximumStates> covariance;
   for (Guard& guard : guards_) {
-    const auto state = static_cast<std::size_t>(model_->observed_states()[guard.row]);
+    const std::size_t state = guard.state;
     guard.without->covariance(covariance.data());
     guard.predicted = guard.without->state()[state];
     guard.predicted_variance = covariance[state * (states_ + 1)];
@@ -194,7 +195,7 @@ void GuardedFilter::forgive(double dt) {
     if (guard.trusted) continue;
     double sigma = 0;
     const double gain = follows(guard, sigma);
-    const bool moves = !guard.frozen || gain - kSigmas * sigma > kFollows;
+    const bool moves = !guard.frozen || (std::isfinite(sigma) && gain > kFollows);
     const bool agrees = guard.readable && moves && std::abs(guard.apart - guard.usual_apart) < 0.5 * guard.least;
     guard.calm = agrees ? guard.calm + dt : 0;
     if (guard.calm < release_ || !agrees) continue;

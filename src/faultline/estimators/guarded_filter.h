@@ -47,7 +47,7 @@ class GuardedFilter : public Estimator {
 
  private:
   struct Guard {
-    std::size_t row;  // of y
+    std::size_t row, state;  // of y; the state that it is
     std::string channel, unit;
     double least;
     std::unique_ptr<StateEstimator> without;
