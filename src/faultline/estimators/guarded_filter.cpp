@@ -13,7 +13,7 @@ constexpr double kShortest = 1e-6, kLongest = 1e8;  // s, of times that a datash
 constexpr double kFollows = 0.5;                    // of the motion that it usually shows, at least
 constexpr double kLeastMotion = 0.25;               // of `least`: of a motion that tells whether a reading follows
 constexpr double kSigmas = 2;                       // by which a gain is below that
-constexpr std::size_t kPerGuard = 4;                // quantities
+constexpr std::size_t kPerGuard = 3;                // quantities
 
 }  // namespace
 
@@ -218,8 +218,7 @@ void GuardedFilter::write(const double* channels, bool begun, Estimate& estimate
     for (const Guard& guard : guards_) {
       estimate.quantities.push_back({guard.channel + "_best", guard.unit, 0, 0});
       estimate.quantities.push_back({guard.channel + "_virtual", guard.unit, 0, 0});
-      estimate.quantities.push_back({guard.channel + "_replaced", "1", 0, 0});
-      estimate.quantities.push_back({guard.channel + "_error", guard.unit, 0, 0});
+      estimate.quantities.push_back({guard.channel + "_replaced", guard.unit, 0, 0});
     }
   auto at = estimate.quantities.end() - static_cast<std::ptrdiff_t>(kPerGuard * guards_.size());
   for (const Guard& guard : guards_) {
@@ -228,8 +227,7 @@ void GuardedFilter::write(const double* channels, bool begun, Estimate& estimate
     at[0].std = guard.trusted ? 0 : std;
     at[1].value = guard.predicted;
     at[1].std = std;
-    at[2].value = guard.trusted ? 0 : 1;
-    at[3].value = guard.apart - guard.usual_apart;
+    at[2].value = guard.trusted ? 0 : guard.apart - guard.usual_apart;
     at += kPerGuard;
   }
 }

@@ -22,8 +22,8 @@
 // Settings: filter (a state estimator), model and its own; least (per channel that the model measures, in its unit; 0:
 // not watched; two watched or more), others, average, learn, memory, release (s).
 // Quantities after the model's, per watched channel: CHANNEL_best, the reading while trusted, else the estimate without
-// it with its standard deviation; CHANNEL_virtual, that estimate always; CHANNEL_replaced, 1 while it is; CHANNEL_error,
-// reading minus that estimate, averaged, less what is usual.
+// it with its standard deviation; CHANNEL_virtual, that estimate always; CHANNEL_replaced, 0 while trusted, else by how
+// much it lies: reading minus that estimate, averaged, less what is usual.
 // Fails where the rig begins with a transducer that lies, and where a process moves one reading alone.
 #pragma once
 

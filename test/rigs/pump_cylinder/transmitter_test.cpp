@@ -46,11 +46,11 @@ Seen watch(const Recording& measured, const Recording& truth, int channel, const
       best = find_quantity(e, kChannels[channel] + "_best");
     }
     for (int c = 0; c < 2; ++c) {
-      const bool now = e.quantities[at[c]].value > 0.5;
+      const bool now = e.quantities[at[c]].value != 0;
       if (now && seen.replaced[c] < 0) seen.replaced[c] = sample.time;
       if (!now && seen.replaced[c] >= 0 && seen.returned[c] < 0) seen.returned[c] = sample.time;
     }
-    if (e.quantities[at[channel]].value < 0.5 || sample.time >= kEnd) continue;
+    if (e.quantities[at[channel]].value == 0 || sample.time >= kEnd) continue;
     seen.error += std::pow(e.quantities[best].value - truth.at(k, column), 2);
     seen.widest = std::max(seen.widest, e.quantities[best].std);
     ++count;
