@@ -231,6 +231,10 @@ class NonlinearModel : public PressureModel {
     const double h = dt / steps;
     Eigen::Vector4d x = Eigen::Map<const Eigen::Vector4d>(state);
     for (int i = 0; i < steps; ++i) {
+      // Held over a step, in which they change by less than 1 %.
+      const double stiff_a = p_.oil.value(x[kPressureA]) / (p_.volume_a + p_.cap_area * x[kPosition]);
+      const double stiff_b = p_.oil.value(x[kPressureB]) / (p_.volume_b - p_.rod_area * x[kPosition]);
+      const auto rate = [&](const Eigen::Vector4d& at) { return this->rate(at, stiff_a, stiff_b); };
       const Eigen::Vector4d k1 = rate(x), k2 = rate(x + 0.5 * h * k1), k3 = rate(x + 0.5 * h * k2),
                             k4 = rate(x + h * k3);
       x += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
@@ -275,14 +279,11 @@ class NonlinearModel : public PressureModel {
     return p_.rod_area * x[kVelocity] - p_.displacement * speed2_ + p_.internal * x[kPressureA] -
            (p_.internal + p_.external_b) * x[kPressureB];
   }
-  // (23)
-  Eigen::Vector4d rate(const Eigen::Vector4d& x) const {
+  // (23); stiff: beta/V of a side
+  Eigen::Vector4d rate(const Eigen::Vector4d& x, double stiff_a, double stiff_b) const {
     const double dry = constant_ + (signed_ > 0 ? signed_ * std::tanh(x[kVelocity] / width_) : 0.0);
-    return {x[kVelocity],
-            (p_.cap_area * x[kPressureA] - p_.rod_area * x[kPressureB] - p_.viscous * x[kVelocity] - dry - weight_) /
-                p_.mass,
-            p_.oil.value(x[kPressureA]) / (p_.volume_a + p_.cap_area * x[kPosition]) * inflow_a(x),
-            p_.oil.value(x[kPressureB]) / (p_.volume_b - p_.rod_area * x[kPosition]) * inflow_b(x)};
+    const double force = p_.cap_area * x[kPressureA] - p_.rod_area * x[kPressureB] - p_.viscous * x[kVelocity];
+    return {x[kVelocity], (force - dry - weight_) / p_.mass, stiff_a * inflow_a(x), stiff_b * inflow_b(x)};
   }
 
   double signed_ = 0, constant_ = 0, width_;
