@@ -26,7 +26,7 @@ import sizes
 import twins
 from datasheet import Datasheet
 
-RIGS = ["servo_actuator", "hydraulic_drive"]  # those with a truth_RIG.py
+RIGS = ["servo_actuator", "hydraulic_drive", "pump_cylinder"]  # those with a truth_RIG.py
 PARTS = ["closed", "open", "none", "two"]
 SEEDS = {
     "development": 41000,
@@ -97,6 +97,9 @@ class Case:
         else:
             self.keys, wanted = [], None
         self.templates = {key: sizes.template(key, sheet.bounds[key], random) for key in self.keys}
+        for fixed in self.templates.values():
+            if "from" in fixed:  # drawn for runs of 20 s or more
+                fixed["from"] *= min(1.0, self.rig.DURATION / 20)
         if wanted:
             low, high = SEVERITY[wanted]
             self.target = low * (high / low) ** random.random()

@@ -176,3 +176,29 @@ class Sensor:
                     self.held = y
                 return self.held
         return y
+
+
+class Transducers:
+    """Channels on their way into a recording: noise of `noise_scale` times the datasheet's, rounding, range. A
+    controller reads `seen`: its own, quieter path (one times the datasheet's noise, unrounded)."""
+
+    def __init__(self, sheet, names, sensors, record, noise_scale, seed):
+        count = len(record[names[0]])
+        self.sheet, self.names, self.sensors, self.record, self.scale = sheet, names, sensors, record, noise_scale
+        random = np.random.default_rng(seed)
+        self.white, self.more = random.standard_normal((2, count, len(names)))
+        self.more *= math.sqrt(max(noise_scale**2 - 1, 0.0))
+        self.seen = {}
+
+    def read(self, k, t, n, value, slope=0.0):
+        """Channel n of sample k; returns what it says without noise."""
+        name, sensor, sheet = self.names[n], self.sensors[n], self.sheet
+        clean = sensor(t, value, slope)
+        noise = min(self.scale, 1.0) * self.white[k, n] * sheet.noise[name]
+        own = logged = sensor.last(t, clean + noise)
+        if self.scale > 1 and "stuck" not in sensor.e:
+            logged = sensor.last(t, clean + noise + self.more[k, n] * sheet.noise[name])
+        low, high = sheet.range[name]
+        logged = math.floor(logged / sheet.resolution[name] + 0.5) * sheet.resolution[name]
+        self.seen[name], self.record[name][k] = own, min(max(logged, low), high)
+        return clean

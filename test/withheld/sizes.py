@@ -25,6 +25,7 @@ def main_parameter(effect):
         "ripple": "amplitude",
         "elasticity": "compliance",
         "stuck": "from",
+        "relief_opening": "slope",
     }.get(effect)
 
 

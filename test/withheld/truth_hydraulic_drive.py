@@ -28,7 +28,7 @@ import numpy as np
 
 import excitation_hydraulic_drive as excitation
 import rate_hydraulic_drive as rate
-from signal_paths import CommandPath, Sensor, split
+from signal_paths import CommandPath, Sensor, Transducers, split
 
 DURATION = 30.0  # s, of a run
 OUTPUTS = ["motor_pressure", "shaft_speed"]
@@ -219,12 +219,10 @@ class Truth:
         """
         sheet, h = self.sheet, self.period
         count = int(round(duration / h))
-        random = np.random.default_rng(seed)
         names = OUTPUTS + INPUTS
-        white, more = random.standard_normal((2, count, len(names)))
-        more *= math.sqrt(max(noise_scale**2 - 1, 0.0))
-        sensors, path = {name: self.sensor(name) for name in names}, self.path()
+        path = self.path()
         record = {c: np.zeros(count) for c in sheet.channels}
+        shown = Transducers(sheet, names, [self.sensor(n) for n in names], record, noise_scale, seed)
         states, clean = np.empty((count, rate.STATES)), np.empty((count, 2))
         supply, load = np.empty(count), np.empty(count)
         c = self.constants[0]
@@ -240,23 +238,14 @@ class Truth:
             flutter = rate.tones(load_a, load_w, load_p, t)
             supply[k], load[k] = y[6], y[9] + flutter
             dy = np.zeros(rate.MOST_STATES)
-            rate.rate(t, y, c, drive, np.zeros(4), t, dy)
+            rate.rate(t, y, c, (drive, np.zeros(4), t), dy)
             tone_slope = float(np.sum(load_a * load_w * np.cos(load_w * t + load_p)))
             slopes = [dy[2], dy[3], dy[6], dy[9] + tone_slope]
             values = [
-                sensors[name](t, v, s) for name, v, s in zip(names, (y[2], y[3], supply[k], load[k]), slopes)
+                shown.read(k, t, n, v, s) for n, (v, s) in enumerate(zip((y[2], y[3], supply[k], load[k]), slopes))
             ]
             clean[k] = values[:2]
-            seen = {}
-            for n, name in enumerate(names):
-                noise = min(noise_scale, 1.0) * white[k, n] * sheet.noise[name]
-                own = logged = sensors[name].last(t, values[n] + noise)
-                if noise_scale > 1 and "stuck" not in sensors[name].e:
-                    logged = sensors[name].last(t, values[n] + noise + more[k, n] * sheet.noise[name])
-                low, high = sheet.range[name]
-                logged = math.floor(logged / sheet.resolution[name] + 0.5) * sheet.resolution[name]
-                seen[name], record[name][k] = own, min(max(logged, low), high)
-            volts, record["speed_setpoint"][k] = controller(k, seen)
+            volts, record["speed_setpoint"][k] = controller(k, shown.seen)
             volts = dac * math.floor(min(max(volts, -5.0), 5.0) / dac + 0.5)
             record["valve_voltage"][k] = volts
             self.advance(y, path.pieces(k, volts))

@@ -49,6 +49,14 @@ PARAMETER_TWINS = {
     "scale@sensor.pump_pressure",
     "load_dependent_friction@force.shaft",
     "viscosity_drift@source.oil",
+    # pump-controlled cylinder
+    "laminar_leakage@flow.pump2_a_b",
+    "laminar_leakage@flow.pump2_a_tank",
+    "laminar_leakage@flow.pump2_b_tank",
+    "laminar_leakage@flow.pump1_a_tank",
+    "laminar_leakage@flow.chamber_a_chamber_b",
+    "compliance_factor@compliance.chamber_a",
+    "compliance_factor@compliance.chamber_b",
 }
 # Parameter that does exactly what the effect does: effect -> (parameter, its relative shift from the effect and its
 # value).
@@ -72,7 +80,13 @@ EXACT_TWIN = {
     "scale@transmission.pump": ("pump_efficiency", lambda e, nominal: 1 / e["factor"] - 1),
     "scale@transmission.displacement": ("displacement", lambda e, nominal: e["factor"] - 1),
     "scale@sensor.pump_pressure": ("pump_efficiency", lambda e, nominal: e["factor"] - 1),
+    # pump-controlled cylinder; C_ea is at both pumps
+    "laminar_leakage@flow.pump2_b_tank": ("external_leakage_b", lambda e, nominal: e["coefficient"] / nominal),
+    "laminar_leakage@flow.pump2_a_tank": ("external_leakage_a", lambda e, nominal: e["coefficient"] / (2 * nominal)),
+    "laminar_leakage@flow.pump1_a_tank": ("external_leakage_a", lambda e, nominal: e["coefficient"] / (2 * nominal)),
 }
+# Other rigs' names for the same parameter.
+SAME_PARAMETER = {"viscous_damping": "viscous_friction"}
 
 
 def twin_tolerances(key, values, parameters, tolerance):
@@ -80,6 +94,10 @@ def twin_tolerances(key, values, parameters, tolerance):
     if key not in EXACT_TWIN:
         return float("inf")
     name, shift = EXACT_TWIN[key]
+    if name not in parameters:
+        name = SAME_PARAMETER.get(name)
+    if name not in parameters:
+        return float("inf")
     return abs(shift(values, parameters[name])) / tolerance[name]
 
 
@@ -148,6 +166,37 @@ _GROUPS = [
     ["offset@sensor.shaft_speed", "drift@sensor.shaft_speed"],
     ["offset@sensor.motor_pressure", "drift@sensor.motor_pressure"],
     ["offset@sensor.motor_pressure", "scale@sensor.motor_pressure"],
+    # pump-controlled cylinder: the notes, and what follows from its equations
+    [
+        "laminar_leakage@flow.pump2_a_tank",
+        "laminar_leakage@flow.pump1_a_tank",
+        "orifice_leakage@flow.pump1_a_tank",
+        "speed_leakage@flow.pump1_a_tank",
+    ],
+    [
+        "laminar_leakage@flow.pump2_a_b",
+        "laminar_leakage@flow.chamber_a_chamber_b",
+        "orifice_leakage@flow.pump2_a_b",
+        "orifice_leakage@flow.chamber_a_chamber_b",
+        "speed_leakage@flow.pump2_a_b",
+    ],
+    [
+        "laminar_leakage@flow.pump2_b_tank",
+        "orifice_leakage@flow.pump2_b_tank",
+        "relief_opening@flow.pump2_b_tank",
+    ],
+    ["viscosity_drift@source.oil", "laminar_leakage@flow.pump2_a_b", "viscous_friction@force.piston"],
+    ["offset@sensor.pump2_speed", "laminar_leakage@flow.pump2_a_b", "viscosity_drift@source.oil"],
+    ["offset@sensor.pump1_speed", "laminar_leakage@flow.pump1_a_tank", "viscosity_drift@source.oil"],
+    ["scale@sensor.pump2_speed", "scale@command.pump2_speed", "displacement_ripple@source.pump2"],
+    ["lag@command.pump2_speed", "rate_limit@command.pump2_speed"],
+    ["offset@sensor.chamber_a_pressure", "drift@sensor.chamber_a_pressure"],
+    ["offset@sensor.chamber_b_pressure", "scale@sensor.chamber_b_pressure", "drift@sensor.chamber_b_pressure"],
+    ["entrained_air@compliance.chamber_a", "compliance_factor@compliance.chamber_a"],
+    ["entrained_air@compliance.chamber_b", "compliance_factor@compliance.chamber_b"],
+    ["line_inertia@line.a", "compliance_factor@compliance.chamber_a"],
+    ["line_inertia@line.b", "compliance_factor@compliance.chamber_b"],
+    ["backlash@transmission.plate", "lag@sensor.position"],
 ]
 
 def rivals(key, known):

@@ -30,8 +30,9 @@ START = 1000  # samples that are left out
 
 def estimator(sheet, pressures, settings):
     """The datasheet with this filter alone."""
-    noise = {k: v for k, v in sheet["estimators"][0].items() if k not in ("model", "friction", "friction_width")}
-    stage = {**noise, **settings, "pressures": pressures}
+    kept = ("name", "process_noise", "measurement_noise", "initial_variance", "gap", "jump")
+    stage = {"type": "extended_kalman", **{k: sheet["estimators"][0][k] for k in kept}}
+    stage.update(settings, pressures=pressures)
     return {**sheet, "estimators": [stage], "detectors": [], "isolators": []}
 
 

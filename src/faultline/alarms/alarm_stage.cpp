@@ -326,6 +326,7 @@ bool AlarmStage::explained(const Watched& w) const {
 
 bool AlarmStage::judgement_awaited(const Watched& w) const {
   if (w.finding.kind == AlarmKind::sensor && !w.finding.effect.empty()) return false;
+  if (w.finding.kind == AlarmKind::data) return false;  // what is done with a reading, whatever the cause is
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     return i.isolator->overrules() && i.isolator->judged_until() < w.detection.since;
   });

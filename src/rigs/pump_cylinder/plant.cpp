@@ -46,8 +46,28 @@ double BulkModulus::slope(double pressure) const {
   return pressure < kLowestPressure ? 0.0 : 1 / c2 - 1 - std::log1p(pressure / c1);
 }
 
+CylinderParameters::CylinderParameters(const Datasheet& sheet, const std::vector<double>& values) {
+  const auto value = [&](const char* name) { return values[static_cast<std::size_t>(sheet.parameter(name))]; };
+  mass = value("mass");
+  cap_area = value("cap_area");
+  rod_area = value("rod_area");
+  volume_a = value("chamber_a_volume");
+  volume_b = value("chamber_b_volume");
+  displacement = value("pump_displacement");
+  internal = value("internal_leakage");
+  external_a = value("external_leakage_a");
+  external_b = value("external_leakage_b");
+  viscous = value("viscous_friction");
+  coulomb = value("coulomb_friction");
+  gravity = value("gravity");
+  line_volume_a = value("line_volume_a");
+  line_volume_b = value("line_volume_b");
+  oil = {value("bulk_c1"), value("bulk_c2")};
+}
+
 PumpCylinder::PumpCylinder(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects)
-    : force_(effects.at("force.piston")),
+    : p_(sheet, parameters),
+      force_(effects.at("force.piston")),
       leak_2ab_(effects.at("flow.pump2_a_b")),
       leak_2a_(effects.at("flow.pump2_a_tank")),
       leak_2b_(effects.at("flow.pump2_b_tank")),
@@ -62,24 +82,7 @@ PumpCylinder::PumpCylinder(const Datasheet& sheet, const std::vector<double>& pa
       oil_port_(effects.at("source.oil")),
       has_force_(!force_.empty()) {
   check_state_names(sheet, {"position", "velocity", "chamber_a_pressure", "chamber_b_pressure"});
-  const auto value = [&](const char* name) { return parameters[static_cast<std::size_t>(sheet.parameter(name))]; };
-  mass_ = value("mass");
-  cap_area_ = value("cap_area");
-  rod_area_ = value("rod_area");
-  volume_a_ = value("chamber_a_volume");
-  volume_b_ = value("chamber_b_volume");
-  displacement_ = value("pump_displacement");
-  internal_ = value("internal_leakage");
-  external_a_ = value("external_leakage_a");
-  external_b_ = value("external_leakage_b");
-  viscous_ = value("viscous_friction");
-  coulomb_ = value("coulomb_friction");
-  gravity_ = value("gravity");
-  width_ = value("friction_width");
-  line_volume_a_ = value("line_volume_a");
-  line_volume_b_ = value("line_volume_b");
-  oil_ = {value("bulk_c1"), value("bulk_c2")};
-
+  width_ = parameters[static_cast<std::size_t>(sheet.parameter("friction_width"))];
   reference_ = sheet.channel("position_reference");
   pressure_sum_ = sheet.channel("pressure_sum_reference");
   speed1_ = sheet.channel("pump1_speed");
@@ -104,8 +107,8 @@ PumpCylinder::PumpCylinder(const Datasheet& sheet, const std::vector<double>& pa
 }
 
 void PumpCylinder::start(const double* channels, double* state) {
-  const double sum = channels[pressure_sum_], area_ratio = cap_area_ / rod_area_;
-  const double a = (sum + mass_ * gravity_ / rod_area_) / (1 + area_ratio);
+  const double sum = channels[pressure_sum_], area_ratio = p_.cap_area / p_.rod_area;
+  const double a = (sum + p_.mass * p_.gravity / p_.rod_area) / (1 + area_ratio);
   const double nominal[4] = {channels[reference_], 0, a, sum - a};
   start_at(nominal, channels, state);
 }
@@ -114,34 +117,34 @@ void PumpCylinder::start_at(const double* nominal_state, const double*, double* 
   std::copy_n(nominal_state, 4, state);
   if (side_a_ > 0) {
     state[side_a_] = state[kPressureA];
-    state[side_a_ + 1] = cap_area_ * state[kVelocity];
+    state[side_a_ + 1] = p_.cap_area * state[kVelocity];
   }
   if (side_b_ > 0) {
     state[side_b_] = state[kPressureB];
-    state[side_b_ + 1] = rod_area_ * state[kVelocity];
+    state[side_b_ + 1] = p_.rod_area * state[kVelocity];
   }
   if (rod_ > 0) {  // the plate rests on the rod
-    state[rod_] = state[kPosition] + plate_.coupling().gap / 2 + (mass_ - kRodMass) * gravity_ / kContactStiffness;
+    state[rod_] = state[kPosition] + plate_.coupling().gap / 2 + (p_.mass - kRodMass) * p_.gravity / kContactStiffness;
     state[rod_ + 1] = state[kVelocity];
   }
   if (angle_ > 0) state[angle_] = 0;
 }
 
 double PumpCylinder::modulus_a(double pressure) const {
-  return compliance_a_.bulk_modulus(oil_.value(pressure), pressure + kAtmosphere);
+  return compliance_a_.bulk_modulus(p_.oil.value(pressure), pressure + kAtmosphere);
 }
 
 double PumpCylinder::modulus_b(double pressure) const {
-  return compliance_b_.bulk_modulus(oil_.value(pressure), pressure + kAtmosphere);
+  return compliance_b_.bulk_modulus(p_.oil.value(pressure), pressure + kAtmosphere);
 }
 
 double PumpCylinder::resistance(double position, double velocity, double load, double share, bool loaded) const {
   const double viscosity = oil_port_.viscosity().factor;
   const double direction = std::tanh(velocity / width_);
-  if (!has_force_) return share * (viscosity * viscous_ * velocity + coulomb_ * direction);
+  if (!has_force_) return share * (viscosity * p_.viscous * velocity + p_.coulomb * direction);
   const BodyForces extra = force_.forces({position, velocity, load});
-  const double level = coulomb_ + (velocity > 0 ? extra.sliding_plus : extra.sliding_minus);
-  return share * (viscosity * viscous_ * velocity + extra.viscous + std::max(0.0, level) * direction) +
+  const double level = p_.coulomb + (velocity > 0 ? extra.sliding_plus : extra.sliding_minus);
+  return share * (viscosity * p_.viscous * velocity + extra.viscous + std::max(0.0, level) * direction) +
          (loaded ? extra.applied : 0.0);
 }
 
@@ -151,51 +154,53 @@ void PumpCylinder::derivative(double, const double* state, const double* channel
   const double thin = 1 / oil_port_.viscosity().factor;
   const double w1 = channels[speed1_], w2 = channels[speed2_];
 
-  const double delivered = pump2_.delivery(displacement_ * w2, angle_ > 0 ? state[angle_] : 0.0);
-  const double across = thin * internal_ * (pump_a - pump_b) + leak_2ab_.flow({pump_a - pump_b, pump_a, w2});
-  const double case_a = thin * external_a_ * pump_a;
+  const double delivered = pump2_.delivery(p_.displacement * w2, angle_ > 0 ? state[angle_] : 0.0);
+  const double across = thin * p_.internal * (pump_a - pump_b) + leak_2ab_.flow({pump_a - pump_b, pump_a, w2});
+  const double case_a = thin * p_.external_a * pump_a;
   const double q_2a = delivered - across - case_a - leak_2a_.flow({pump_a, pump_a, w2});
-  const double q_b = delivered - across + thin * external_b_ * pump_b + leak_2b_.flow({pump_b, pump_b, w2});
-  const double q_1a = displacement_ * w1 - thin * internal_ * pump_a - case_a - leak_1a_.flow({pump_a, pump_a, w1});
+  const double q_b = delivered - across + thin * p_.external_b * pump_b + leak_2b_.flow({pump_b, pump_b, w2});
+  const double q_1a = p_.displacement * w1 - thin * p_.internal * pump_a - case_a - leak_1a_.flow({pump_a, pump_a, w1});
   const double q_a = q_1a + q_2a;
 
   const double position = rod_ > 0 ? state[rod_] : state[kPosition];
   const double velocity = rod_ > 0 ? state[rod_ + 1] : state[kVelocity];
   const double past_seal = seal_.flow({a - b, a, 0});
-  double into_a = q_a, out_of_b = q_b, cylinder_a = volume_a_ + cap_area_ * position,
-         cylinder_b = volume_b_ - rod_area_ * position;
+  double into_a = q_a, out_of_b = q_b, cylinder_a = p_.volume_a + p_.cap_area * position,
+         cylinder_b = p_.volume_b - p_.rod_area * position;
   if (side_a_ > 0) {
     const double inertance = std::max(line_a_.line().inertance, kSmallestInertance);
     into_a = state[side_a_ + 1];
-    cylinder_a -= line_volume_a_;
-    rate[side_a_] = modulus_a(pump_a) / line_volume_a_ * (q_a - into_a);
+    cylinder_a -= p_.line_volume_a;
+    rate[side_a_] = modulus_a(pump_a) / p_.line_volume_a * (q_a - into_a);
     rate[side_a_ + 1] = (pump_a - a) / inertance - kLineDamping * into_a;
   }
   if (side_b_ > 0) {
     const double inertance = std::max(line_b_.line().inertance, kSmallestInertance);
     out_of_b = state[side_b_ + 1];
-    cylinder_b -= line_volume_b_;
-    rate[side_b_] = modulus_b(pump_b) / line_volume_b_ * (out_of_b - q_b);
+    cylinder_b -= p_.line_volume_b;
+    rate[side_b_] = modulus_b(pump_b) / p_.line_volume_b * (out_of_b - q_b);
     rate[side_b_ + 1] = (b - pump_b) / inertance - kLineDamping * out_of_b;
   }
-  rate[kPressureA] = modulus_a(a) / cylinder_a * (into_a - cap_area_ * velocity - past_seal);
-  rate[kPressureB] = modulus_b(b) / cylinder_b * (rod_area_ * velocity - out_of_b + past_seal);
+  rate[kPressureA] = modulus_a(a) / cylinder_a * (into_a - p_.cap_area * velocity - past_seal);
+  rate[kPressureB] = modulus_b(b) / cylinder_b * (p_.rod_area * velocity - out_of_b + past_seal);
 
-  const double push = cap_area_ * a - rod_area_ * b - contact_beyond(position, kStroke, velocity),
+  const double push = p_.cap_area * a - p_.rod_area * b - contact_beyond(position, kStroke, velocity),
                load = std::abs(a - b);
   const double extra_mass = has_force_ ? force_.forces({position, velocity, load}).mass : 0.0;
   rate[kPosition] = state[kVelocity];
   if (rod_ > 0) {
-    const double plate_mass = mass_ - kRodMass;
+    const double plate_mass = p_.mass - kRodMass;
     const double lift = contact_beyond(state[rod_] - state[kPosition], plate_.coupling().gap / 2,
                                        state[rod_ + 1] - state[kVelocity]);  // on the plate, up
     rate[kVelocity] = (lift - resistance(state[kPosition], state[kVelocity], load, 1 - kFrictionShare, true)) /
                           (plate_mass + extra_mass) -
-                      gravity_ * plate_mass / (plate_mass + extra_mass);
+                      p_.gravity * plate_mass / (plate_mass + extra_mass);
     rate[rod_] = velocity;
-    rate[rod_ + 1] = (push - lift - resistance(position, velocity, load, kFrictionShare, false)) / kRodMass - gravity_;
+    rate[rod_ + 1] =
+        (push - lift - resistance(position, velocity, load, kFrictionShare, false)) / kRodMass - p_.gravity;
   } else {
-    rate[kVelocity] = (push - mass_ * gravity_ - resistance(position, velocity, load, 1, true)) / (mass_ + extra_mass);
+    rate[kVelocity] =
+        (push - p_.mass * p_.gravity - resistance(position, velocity, load, 1, true)) / (p_.mass + extra_mass);
   }
   if (angle_ > 0) rate[angle_] = w2;
 }

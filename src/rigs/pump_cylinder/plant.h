@@ -30,6 +30,14 @@ struct BulkModulus {
   double slope(double pressure) const;
 };
 
+// The datasheet's parameters that plant and observers share; SI units, `values` in the datasheet's order.
+struct CylinderParameters {
+  CylinderParameters(const Datasheet& sheet, const std::vector<double>& values);
+  double mass, cap_area, rod_area, volume_a, volume_b, displacement, internal, external_a, external_b, viscous, coulomb,
+      gravity, line_volume_a, line_volume_b;
+  BulkModulus oil;
+};
+
 class PumpCylinder : public Rig {
  public:
   PumpCylinder(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
@@ -51,9 +59,8 @@ class PumpCylinder : public Rig {
   double modulus_a(double pressure) const;
   double modulus_b(double pressure) const;
 
-  double mass_, cap_area_, rod_area_, volume_a_, volume_b_, displacement_, internal_, external_a_, external_b_,
-      viscous_, coulomb_, gravity_, width_, line_volume_a_, line_volume_b_;
-  BulkModulus oil_;
+  CylinderParameters p_;
+  double width_;
   int speed1_, speed2_, pressure_sum_, reference_;      // channels that drive
   int out_position_, out_pressure_a_, out_pressure_b_;  // channels that come out
   const EffectChain &force_, &leak_2ab_, &leak_2a_, &leak_2b_, &leak_1a_, &seal_, &compliance_a_, &compliance_b_,

@@ -41,21 +41,11 @@ using Rows = Eigen::Matrix<double, kStates, kStates, Eigen::RowMajor>;
 
 class PressureModel : public ProcessModel {
  public:
-  PressureModel(const Datasheet& sheet, const Settings& settings) {
+  PressureModel(const Datasheet& sheet, const Settings& settings) : p_(sheet, sheet.nominal()) {
     const std::vector<double> nominal = sheet.nominal();
     const auto value = [&](const char* name) { return nominal[static_cast<std::size_t>(sheet.parameter(name))]; };
-    mass_ = value("mass");
-    cap_area_ = value("cap_area");
-    rod_area_ = value("rod_area");
-    volume_a_ = value("chamber_a_volume");
-    volume_b_ = value("chamber_b_volume");
-    displacement_ = value("pump_displacement");
-    internal_ = value("internal_leakage");
-    external_a_ = value("external_leakage_a");
-    external_b_ = value("external_leakage_b");
-    viscous_ = value("viscous_friction");
-    weight_ = mass_ * value("gravity");
-    area_ratio_ = cap_area_ / rod_area_;
+    weight_ = p_.mass * p_.gravity;
+    area_ratio_ = p_.cap_area / p_.rod_area;
     offset_ratio_ = value("offset_ratio");
     offset_gain_ = value("offset_gain");
     process_noise_ = settings.list("process_noise", kStates, 0, 1e300);
@@ -98,7 +88,7 @@ class PressureModel : public ProcessModel {
     const double sum = has_sum_ ? sum_ : offset_speed(channels) / offset_gain_;
     state[kPosition] = channels[sensors_[0]];
     state[kVelocity] = 0;
-    state[kPressureA] = (sum + weight_ / rod_area_) / (1 + area_ratio_);
+    state[kPressureA] = (sum + weight_ / p_.rod_area) / (1 + area_ratio_);
     state[kPressureB] = sum - state[kPressureA];
     for (std::size_t i = 0; i < rows_.size(); ++i) state[observed_[i]] = channels[measured_[i]];
     std::copy(initial_variance_.begin(), initial_variance_.end(), variance);
@@ -158,8 +148,8 @@ class PressureModel : public ProcessModel {
     return (channels[driving_[0]] - (area_ratio_ - 1) * channels[driving_[1]]) / (offset_ratio_ - area_ratio_ + 1);
   }
 
-  double mass_, cap_area_, rod_area_, volume_a_, volume_b_, displacement_, internal_, external_a_, external_b_,
-      viscous_, weight_, area_ratio_, offset_ratio_, offset_gain_;
+  CylinderParameters p_;
+  double weight_, area_ratio_, offset_ratio_, offset_gain_;
   double speed1_ = 0, speed2_ = 0;
 
  private:
@@ -175,20 +165,20 @@ class LinearModel : public PressureModel {
  public:
   LinearModel(const Datasheet& sheet, const Settings& settings) : PressureModel(sheet, settings) {
     const double modulus = settings.number("bulk_modulus", 1e6, 1e11);
-    const double a = modulus / volume_a_, b = modulus / volume_b_;
+    const double a = modulus / p_.volume_a, b = modulus / p_.volume_b;
     system_.setZero();
     system_(kPosition, kVelocity) = 1;
-    system_(kVelocity, kVelocity) = -viscous_ / mass_;
-    system_(kVelocity, kPressureA) = cap_area_ / mass_;
-    system_(kVelocity, kPressureB) = -rod_area_ / mass_;
-    system_(kPressureA, kVelocity) = -cap_area_ * a;
-    system_(kPressureA, kPressureA) = -2 * (internal_ + external_a_) * a;
-    system_(kPressureA, kPressureB) = internal_ * a;
-    system_(kPressureB, kVelocity) = rod_area_ * b;
-    system_(kPressureB, kPressureA) = internal_ * b;
-    system_(kPressureB, kPressureB) = -(internal_ + external_b_) * b;
-    system_(kPressureA, kStates) = system_(kPressureA, kStates + 1) = displacement_ * a;
-    system_(kPressureB, kStates + 1) = -displacement_ * b;
+    system_(kVelocity, kVelocity) = -p_.viscous / p_.mass;
+    system_(kVelocity, kPressureA) = p_.cap_area / p_.mass;
+    system_(kVelocity, kPressureB) = -p_.rod_area / p_.mass;
+    system_(kPressureA, kVelocity) = -p_.cap_area * a;
+    system_(kPressureA, kPressureA) = -2 * (p_.internal + p_.external_a) * a;
+    system_(kPressureA, kPressureB) = p_.internal * a;
+    system_(kPressureB, kVelocity) = p_.rod_area * b;
+    system_(kPressureB, kPressureA) = p_.internal * b;
+    system_(kPressureB, kPressureB) = -(p_.internal + p_.external_b) * b;
+    system_(kPressureA, kStates) = system_(kPressureA, kStates + 1) = p_.displacement * a;
+    system_(kPressureB, kStates + 1) = -p_.displacement * b;
     discretise(sheet.sample_period);
   }
 
@@ -228,14 +218,11 @@ class LinearModel : public PressureModel {
 class NonlinearModel : public PressureModel {
  public:
   NonlinearModel(const Datasheet& sheet, const Settings& settings) : PressureModel(sheet, settings) {
-    const std::vector<double> nominal = sheet.nominal();
-    const auto value = [&](const char* name) { return nominal[static_cast<std::size_t>(sheet.parameter(name))]; };
-    oil_ = {value("bulk_c1"), value("bulk_c2")};
     const std::string friction = settings.word("friction");
     if (friction != "signed" && friction != "unsigned" && friction != "none")
       throw InputError(settings.where() + ": 'friction' is '" + friction + "'; it is signed, unsigned or none");
-    if (friction == "signed") signed_ = value("coulomb_friction");
-    if (friction == "unsigned") constant_ = value("coulomb_friction");
+    if (friction == "signed") signed_ = p_.coulomb;
+    if (friction == "unsigned") constant_ = p_.coulomb;
     width_ = friction == "signed" ? settings.number("friction_width", 1e-3, 1) : 1.0;
   }
 
@@ -244,6 +231,10 @@ class NonlinearModel : public PressureModel {
     const double h = dt / steps;
     Eigen::Vector4d x = Eigen::Map<const Eigen::Vector4d>(state);
     for (int i = 0; i < steps; ++i) {
+      // Held over a step, in which they change by less than 1 %.
+      const double stiff_a = p_.oil.value(x[kPressureA]) / (p_.volume_a + p_.cap_area * x[kPosition]);
+      const double stiff_b = p_.oil.value(x[kPressureB]) / (p_.volume_b - p_.rod_area * x[kPosition]);
+      const auto rate = [&](const Eigen::Vector4d& at) { return this->rate(at, stiff_a, stiff_b); };
       const Eigen::Vector4d k1 = rate(x), k2 = rate(x + 0.5 * h * k1), k3 = rate(x + 0.5 * h * k2),
                             k4 = rate(x + h * k3);
       x += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
@@ -252,23 +243,25 @@ class NonlinearModel : public PressureModel {
   }
 
   bool jacobian(const double* x, double dt, double* a) const override {
-    const double volume_a = volume_a_ + cap_area_ * x[kPosition], volume_b = volume_b_ - rod_area_ * x[kPosition];
-    const double beta_a = oil_.value(x[kPressureA]), beta_b = oil_.value(x[kPressureB]);
+    const double volume_a = p_.volume_a + p_.cap_area * x[kPosition],
+                 volume_b = p_.volume_b - p_.rod_area * x[kPosition];
+    const double beta_a = p_.oil.value(x[kPressureA]), beta_b = p_.oil.value(x[kPressureB]);
     const double into_a = inflow_a(x), into_b = inflow_b(x), level = std::tanh(x[kVelocity] / width_);
     Square f = Square::Zero();  // (25)
     f(kPosition, kVelocity) = 1;
-    f(kVelocity, kVelocity) = -(viscous_ + signed_ * (1 - level * level) / width_) / mass_;
-    f(kVelocity, kPressureA) = cap_area_ / mass_;
-    f(kVelocity, kPressureB) = -rod_area_ / mass_;
-    f(kPressureA, kPosition) = -cap_area_ * beta_a * into_a / (volume_a * volume_a);
-    f(kPressureA, kVelocity) = -cap_area_ * beta_a / volume_a;
+    f(kVelocity, kVelocity) = -(p_.viscous + signed_ * (1 - level * level) / width_) / p_.mass;
+    f(kVelocity, kPressureA) = p_.cap_area / p_.mass;
+    f(kVelocity, kPressureB) = -p_.rod_area / p_.mass;
+    f(kPressureA, kPosition) = -p_.cap_area * beta_a * into_a / (volume_a * volume_a);
+    f(kPressureA, kVelocity) = -p_.cap_area * beta_a / volume_a;
     f(kPressureA, kPressureA) =
-        (oil_.slope(x[kPressureA]) * into_a - 2 * (internal_ + external_a_) * beta_a) / volume_a;
-    f(kPressureA, kPressureB) = internal_ * beta_a / volume_a;
-    f(kPressureB, kPosition) = rod_area_ * beta_b * into_b / (volume_b * volume_b);
-    f(kPressureB, kVelocity) = rod_area_ * beta_b / volume_b;
-    f(kPressureB, kPressureA) = internal_ * beta_b / volume_b;
-    f(kPressureB, kPressureB) = (oil_.slope(x[kPressureB]) * into_b - (internal_ + external_b_) * beta_b) / volume_b;
+        (p_.oil.slope(x[kPressureA]) * into_a - 2 * (p_.internal + p_.external_a) * beta_a) / volume_a;
+    f(kPressureA, kPressureB) = p_.internal * beta_a / volume_a;
+    f(kPressureB, kPosition) = p_.rod_area * beta_b * into_b / (volume_b * volume_b);
+    f(kPressureB, kVelocity) = p_.rod_area * beta_b / volume_b;
+    f(kPressureB, kPressureA) = p_.internal * beta_b / volume_b;
+    f(kPressureB, kPressureB) =
+        (p_.oil.slope(x[kPressureB]) * into_b - (p_.internal + p_.external_b) * beta_b) / volume_b;
     const Square scaled = dt * kSizes.cwiseInverse().asDiagonal() * f * kSizes.asDiagonal();
     const Square exponential = scaled.exp();
     Eigen::Map<Rows>{a} = kSizes.asDiagonal() * exponential * kSizes.cwiseInverse().asDiagonal();
@@ -278,24 +271,21 @@ class NonlinearModel : public PressureModel {
  private:
   template <class Vector>
   double inflow_a(const Vector& x) const {
-    return displacement_ * (speed1_ + speed2_) - 2 * (internal_ + external_a_) * x[kPressureA] +
-           internal_ * x[kPressureB] - cap_area_ * x[kVelocity];
+    return p_.displacement * (speed1_ + speed2_) - 2 * (p_.internal + p_.external_a) * x[kPressureA] +
+           p_.internal * x[kPressureB] - p_.cap_area * x[kVelocity];
   }
   template <class Vector>
   double inflow_b(const Vector& x) const {
-    return rod_area_ * x[kVelocity] - displacement_ * speed2_ + internal_ * x[kPressureA] -
-           (internal_ + external_b_) * x[kPressureB];
+    return p_.rod_area * x[kVelocity] - p_.displacement * speed2_ + p_.internal * x[kPressureA] -
+           (p_.internal + p_.external_b) * x[kPressureB];
   }
-  // (23)
-  Eigen::Vector4d rate(const Eigen::Vector4d& x) const {
+  // (23); stiff: beta/V of a side
+  Eigen::Vector4d rate(const Eigen::Vector4d& x, double stiff_a, double stiff_b) const {
     const double dry = constant_ + (signed_ > 0 ? signed_ * std::tanh(x[kVelocity] / width_) : 0.0);
-    return {x[kVelocity],
-            (cap_area_ * x[kPressureA] - rod_area_ * x[kPressureB] - viscous_ * x[kVelocity] - dry - weight_) / mass_,
-            oil_.value(x[kPressureA]) / (volume_a_ + cap_area_ * x[kPosition]) * inflow_a(x),
-            oil_.value(x[kPressureB]) / (volume_b_ - rod_area_ * x[kPosition]) * inflow_b(x)};
+    const double force = p_.cap_area * x[kPressureA] - p_.rod_area * x[kPressureB] - p_.viscous * x[kVelocity];
+    return {x[kVelocity], (force - dry - weight_) / p_.mass, stiff_a * inflow_a(x), stiff_b * inflow_b(x)};
   }
 
-  BulkModulus oil_;
   double signed_ = 0, constant_ = 0, width_;
 };
 

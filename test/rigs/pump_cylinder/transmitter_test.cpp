@@ -1,0 +1,151 @@
+// The guarded filter on the cylinder: a pressure transmitter that is dead, stuck, biased or drifting is found and
+// replaced by what the others say, and given back when it recovers; what happens in the process replaces none.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+#include "allocations.h"
+#include "faultline/detectors/detector.h"
+#include "faultline/estimators/estimator_stage.h"
+#include "faultline/signal/error.h"
+#include "rigs/pump_cylinder/runs.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kFault = 12, kEnd = 30;  // s
+const std::string kChannels[] = {"chamber_a_pressure", "chamber_b_pressure"};
+
+const StageSpec& filter() { return cylinder().estimators.front(); }
+
+// Changes a reading from kFault to kEnd: (reading, s since kFault) -> reading.
+using Lie = std::function<double(double, double)>;
+
+struct Seen {
+  double replaced[2] = {-1, -1}, returned[2] = {-1, -1};  // s; -1: never
+  double error = 0;                                       // Pa, RMS of the channel's `best` while it is replaced
+  double widest = 0;                                      // Pa, standard deviation then at most
+};
+
+// `truth` without noise and lies; channel: 0 is A, 1 is B.
+Seen watch(const Recording& measured, const Recording& truth, int channel, const Lie& lie) {
+  EstimatorStage stage(cylinder(), filter());
+  Estimate e;
+  Seen seen;
+  const std::size_t column = cylinder_column(kChannels[channel]);
+  std::size_t at[2] = {0, 0}, best = 0;
+  int count = 0;
+  for (std::size_t k = 0; k < measured.rows(); ++k) {
+    Sample sample = measured.sample(k);
+    if (lie && sample.time >= kFault && sample.time < kEnd)
+      sample.values[column] = std::min(1e7, std::max(0.0, lie(sample.values[column], sample.time - kFault)));
+    stage.process(sample, e);
+    if (k == 0) {
+      for (int c = 0; c < 2; ++c) at[c] = find_quantity(e, kChannels[c] + "_replaced");
+      best = find_quantity(e, kChannels[channel] + "_best");
+    }
+    for (int c = 0; c < 2; ++c) {
+      const bool now = e.quantities[at[c]].value != 0;
+      if (now && seen.replaced[c] < 0) seen.replaced[c] = sample.time;
+      if (!now && seen.replaced[c] >= 0 && seen.returned[c] < 0) seen.returned[c] = sample.time;
+    }
+    if (e.quantities[at[channel]].value == 0 || sample.time >= kEnd) continue;
+    seen.error += std::pow(e.quantities[best].value - truth.at(k, column), 2);
+    seen.widest = std::max(seen.widest, e.quantities[best].std);
+    ++count;
+  }
+  seen.error = std::sqrt(seen.error / std::max(count, 1));
+  return seen;
+}
+
+// A rig off its datasheet with the small effects of every recording, measured and as it is.
+struct Runs {
+  explicit Runs(const std::string& profile, std::uint64_t seed, double duration = 45) {
+    SimulationSetup setup = cylinder_off_nominal(profile, seed);
+    measured = simulate(cylinder(), setup, duration);
+    setup.noise = false;
+    truth = simulate(cylinder(), setup, duration);
+  }
+  Recording measured, truth;
+};
+const Runs& steps() {
+  static const Runs runs("steps", 71);
+  return runs;
+}
+
+void expect_found(int channel, const Lie& lie, double within, double error) {
+  const Seen seen = watch(steps().measured, steps().truth, channel, lie);
+  EXPECT_GE(seen.replaced[channel], kFault);
+  EXPECT_LE(seen.replaced[channel], kFault + within);
+  EXPECT_EQ(seen.replaced[1 - channel], -1) << "the other one is replaced";
+  EXPECT_GE(seen.returned[channel], kEnd) << "it is given back before it recovers";
+  EXPECT_LE(seen.returned[channel], kEnd + 10);
+  EXPECT_LT(seen.error, error);
+  EXPECT_LT(seen.widest, 2e5);
+}
+
+TEST(Transmitter, Dead) {
+  for (int channel = 0; channel < 2; ++channel)
+    expect_found(
+        channel, [](double, double) { return 0.0; }, 1.5, 1.6e5);
+}
+
+TEST(Transmitter, Biased) {
+  for (int channel = 0; channel < 2; ++channel)
+    for (const double bias : {4e5, -4e5})
+      expect_found(
+          channel, [bias](double y, double) { return y + bias; }, 2.5, 1.6e5);
+}
+
+TEST(Transmitter, Drifting) {
+  for (int channel = 0; channel < 2; ++channel)
+    expect_found(
+        channel, [](double y, double t) { return y + 4e4 * t; }, 10, 1.6e5);
+}
+
+TEST(Transmitter, StuckAtItsLastReading) {
+  for (int channel = 0; channel < 2; ++channel) {
+    double held = -1;
+    expect_found(
+        channel, [&](double y, double) { return held < 0 ? held = y : held; }, 14, 1.6e5);
+  }
+}
+
+TEST(Transmitter, NoneIsReplacedOnHealthyRigs) {
+  for (const char* profile : {"steps", "multisine", "cycle"}) {
+    const Seen seen = watch(simulate(cylinder(), cylinder_off_nominal(profile, 81), 30), steps().truth, 0, {});
+    for (int c = 0; c < 2; ++c) EXPECT_EQ(seen.replaced[c], -1) << profile;
+  }
+}
+
+TEST(Transmitter, NoneIsReplacedForWhatHappensInTheProcess) {
+  for (const char* effect :
+       {"laminar_leakage@flow.pump2_a_b:coefficient=4e-13,from=12", "offset@sensor.pump2_speed:value=0.3,from=12",
+        "coulomb_friction@force.piston:force=300,from=12"}) {
+    SimulationSetup setup = cylinder_off_nominal("steps", 82);
+    setup.effects.push_back(parse_effect(effect));
+    const Seen seen = watch(simulate(cylinder(), setup, 25), steps().truth, 0, {});
+    for (int c = 0; c < 2; ++c) EXPECT_EQ(seen.replaced[c], -1) << effect;
+  }
+}
+
+TEST(Transmitter, AStepAllocatesNothing) {
+  EstimatorStage stage(cylinder(), filter());
+  Estimate e;
+  for (std::size_t k = 0; k < 10; ++k) stage.process(steps().measured.sample(k), e);
+  std::vector<Sample> samples;
+  for (std::size_t k = 10; k < 7010; ++k) samples.push_back(steps().measured.sample(k));
+  const std::size_t before = allocations();
+  for (const Sample& sample : samples) stage.process(sample, e);
+  EXPECT_EQ(allocations(), before);
+}
+
+TEST(Transmitter, RefusesABankThatWatchesOne) {
+  Datasheet sheet = cylinder();
+  sheet.estimators.front().settings.set("least", std::vector<double>{0, 2e5, 0});
+  EXPECT_THROW(EstimatorStage(sheet, sheet.estimators.front()), InputError);
+}
+
+}  // namespace
+}  // namespace faultline
