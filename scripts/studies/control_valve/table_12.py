@@ -2,7 +2,7 @@
 """Table 12 of the rig's source cell by cell, on valves whose parameters are drawn within their tolerances: each learns
 some hours of its own healthy run, then meets every fault of the datasheet, which grows and stays.
 
-table_12.py [--valves 3] [--first 101] [--learn 7] [--growth 1] [--rig FILE] [--work FOLDER]
+table_12.py [--valves 3] [--first 101] [--learn 7] [--growth 1] [--size dn50] [--work FOLDER]
 
 Per fault and variable: 1 high, -1 low, ±1 both in turn at the end of the run, valve by valve (. is none), and in
 brackets what the source has. Per fault: modules named at the end, how often right (no other module at any time counts as
@@ -10,21 +10,18 @@ wrong before), and where the ramp stood when it was told and when control was de
 Degraded: the flow lies 1.5 times as far from its set point (RMS over 300 s, 15 s and more after each step) as in the same run
 without the fault, in two stretches one after the other; position the same.
 
---growth K: grow on at the same rate to K times the size. --rig: a datasheet of a valve of another size, with the stages
-that ship. What is done stays in FOLDER: stopped, it goes on where it was; a valve takes three minutes of processor time.
+--growth K: grow on at the same rate to K times the size. --size: a valve of another size (valve_sizes.py) with the
+stages that ship. What is done stays in FOLDER: stopped, it goes on where it was; a valve takes three minutes of processor time.
 The numbers in stages.yaml were chosen on valve 1."""
 
 import argparse
-import pathlib
 import re
 import sys
 
 import numpy as np
-import yaml
 
-from valve_runs import CONTROL, PUBLISHED, RIG, Valves, control_error, course, pattern, told
-
-import rig_runs
+from valve_runs import CONTROL, PUBLISHED, RIG, Valves, control_error, course, pattern, rig_runs, told
+from valve_sizes import SIZES, sized
 
 FROM, TO, STAY = 600, 3600, 600  # s: every fault's ramp, and how long it stays
 SHORT = {1: "1", -1: "-1", "+-1": "±1", None: ""}
@@ -78,7 +75,7 @@ def one_run(valves, valve, effects, growth):
     run = valves.record(valve, 10 * valve + 2, seconds, "--profile", "paper", *arguments)
     report, rows = course(valves, valve, run, CONTROL, seconds)
     run.unlink()
-    ends, errors = control_error(rows)
+    ends, errors = control_error(rows, valves.demand_flow)
     named, signs, ever = set(), {}, set()
     for alarm in told(report):
         places, shifts = pattern(alarm["text"])
@@ -115,11 +112,12 @@ def main():
     parser.add_argument("--learn", type=float, default=7, help="hours; histograms and shares take six")
     parser.add_argument("--growth", type=float, default=1)
     parser.add_argument("--faults", help="of the datasheet, with commas between (default: all)")
-    parser.add_argument("--rig", type=pathlib.Path)
+    parser.add_argument("--size", choices=sorted(SIZES))
     parser.add_argument("--work", default="catkin_ws/valve_runs")
     options = parser.parse_args()
-    shipped = rig_runs.datasheet(RIG)
-    sheet = {**shipped, **(yaml.safe_load(options.rig.read_text()) if options.rig else {})}
+    sheet = rig_runs.datasheet(RIG)
+    if options.size:
+        sheet = sized(sheet, options.size)
     if options.growth != 1:
         sheet = widened(sheet, options.growth)
     names = [fault["name"] for fault in sheet["faults"]]
@@ -127,7 +125,7 @@ def main():
     faults = options.faults.split(",") if options.faults else names
     chain = [stage for stage in sheet["isolators"] if stage["type"] == "chain"][0]
     variables = re.split(r",\s*", chain["chain"])
-    valves = Valves(options.work, options.learn, sheet)
+    valves = Valves(options.work, options.learn, sheet, [] if options.growth > 1 else ["--substep", 0.001])
     seeds = range(options.first, options.first + options.valves)
     growth, results, healthy = options.growth, {fault: [] for fault in faults}, []
     for valve in seeds:

@@ -28,15 +28,14 @@ def histograms_alone(sheet):
 
 
 class Valves:
-    """Valves of one rig and one set of stages, with what was measured on them."""
+    """Valves of one datasheet with its stages, and what was measured on them; `always`: arguments of every simulation."""
 
-    def __init__(self, work, hours, rig=None, stages=None):
-        self.rig = rig or rig_runs.datasheet(RIG)
-        sheet = histograms_alone(stages or self.rig)
-        sheet["hours"] = hours
-        mark = hashlib.sha256(json.dumps(sheet, sort_keys=True).encode()).hexdigest()[:12]
-        del sheet["hours"]
-        self.hours = hours
+    def __init__(self, work, hours, sheet, always=()):
+        sheet = histograms_alone(sheet)
+        told = json.dumps([sheet, hours, *always], sort_keys=True)
+        mark = hashlib.sha256(told.encode()).hexdigest()[:12]
+        self.hours, self.always = hours, always
+        self.demand_flow = sheet["controllers"]["flow"]["demand_flow"]
         self.folder = pathlib.Path(work) / mark
         self.folder.mkdir(parents=True, exist_ok=True)
         self.sheet = rig_runs.write_datasheet(sheet, self.folder / "sheet.yaml")
@@ -50,12 +49,11 @@ class Valves:
             part.rename(file)
         return json.loads(file.read_text())
 
-    def record(self, valve, seed, seconds, *more):
+    def record(self, valve, seed, seconds, *more, sheet=None):
         file = self.folder / f"{valve}_{seed}.bag"
-        base = ["--config", self.sheet, "--off-nominal", "--rig-seed", valve, "--nuisance", "--compression", "lz4"]
-        rig_runs.faultline(
-            "simulate", RIG, *base, "--seed", seed, "--duration", seconds, *more, "--quiet", "-o", file
-        )
+        valve = ["--config", sheet or self.sheet, "--off-nominal", "--rig-seed", valve, "--nuisance", "--seed", seed]
+        form = ["--duration", seconds, "--compression", "lz4", "--quiet", "-o", file]
+        rig_runs.faultline("simulate", RIG, *valve, *more, *self.always, *form)
         return file
 
     def learnt(self, valve):
@@ -104,15 +102,15 @@ def course(valves, valve, run, columns, seconds):
 CONTROL = ["t", "flow_setpoint", "flow", "valve_setpoint", "valve_position"]
 
 
-def control_error(rows, length=300, settling=15):
+def control_error(rows, full=0.028, length=300, settling=15):
     """Ends of stretches of `length` s, and per stretch the RMS of position and flow from their set points, relative to the
-    range of these, over what lies `settling` s and more behind the last step of the demand."""
+    range of these (`full`: the flow of the highest demand), over what lies `settling` s and more behind each step."""
     t, goal = rows["t"], rows["flow_setpoint"]
     second = max(1, int(round(1 / np.median(np.diff(t)))))
     moved = np.zeros(len(t), bool)
     moved[second:] = np.abs(goal[second:] - goal[:-second]) > 1.1e-3  # far more than its noise
     settled = t - np.maximum.accumulate(np.where(moved, t, t[0])) > settling
-    position, flow = rows["valve_position"] - rows["valve_setpoint"], (rows["flow"] - goal) / 0.028
+    position, flow = rows["valve_position"] - rows["valve_setpoint"], (rows["flow"] - goal) / full
     ends = np.arange(length, t[-1] + 1, length)
     answers = []
     for end in ends:
