@@ -4,6 +4,7 @@ the hours of learning, so that a study that was stopped goes on where it was and
 
 import hashlib
 import json
+import os
 import pathlib
 import re
 import sys
@@ -50,7 +51,7 @@ class Valves:
         return json.loads(file.read_text())
 
     def record(self, valve, seed, seconds, *more, sheet=None):
-        file = self.folder / f"{valve}_{seed}.bag"
+        file = self.folder / f"{valve}_{seed}_{os.getpid()}.bag"  # studies may run at a time
         valve = ["--config", sheet or self.sheet, "--off-nominal", "--rig-seed", valve, "--nuisance", "--seed", seed]
         form = ["--duration", seconds, "--compression", "lz4", "--quiet", "-o", file]
         rig_runs.faultline("simulate", RIG, *valve, *more, *self.always, *form)
