@@ -44,7 +44,7 @@ class Plant {
   const Sample& next(double shift = 0, double supply_offset = 0) {
     if (sample_.sequence % static_cast<std::uint64_t>(std::lround(2 / period_)) == 0)
       demand_ = random_.uniform(0.05, 0.95);
-    const double supply = 1 + supply_offset + 0.5 * std::sin(0.1 * sample_.time);
+    const double supply = 1 + supply_offset + swing * std::sin(0.1 * sample_.time);
     sample_.values = {demand_, supply, 3 * demand_ + 2 * supply + shift + 0.05 * random_.normal()};
     sample_.time += period_;
     ++sample_.sequence;
@@ -59,6 +59,7 @@ class Plant {
     throw std::logic_error(name);
   }
   Estimate estimate;
+  double swing = 0.5;  // of the supply
 
  private:
   double period_, demand_ = 0;
@@ -105,6 +106,27 @@ TEST(HistogramStage, WithoutFreezingAShiftBecomesNormal) {
   plant_.run(stage, 400);
   plant_.run(stage, 2000, 0.8);
   EXPECT_LT(plant_.quantity("flow.above"), 0.25);
+}
+
+TEST(HistogramStage, NothingIsFrozenWhileACommonCauseIsElsewhere) {
+  // The supply goes where it never was and stays; the flow that only the demand explains goes with it.
+  const auto after = [](Words words) {
+    words.insert({{"flow_by", "demand"}, {"supply_by", "demand"}});
+    Plant plant_;
+    plant_.swing = 0.1;
+    EstimatorStage stage(plant(), spec({{"freeze", 0.6}}, words));
+    plant_.run(stage, 400);
+    plant_.run(stage, 40, 0, 0.7);
+    EXPECT_GT(plant_.quantity("supply.above"), 0.6);
+    plant_.run(stage, 2000, 0, 0.7);
+    return plant_.quantity("flow.above");
+  };
+  EXPECT_GT(after({}), 0.6);
+  EXPECT_LT(after({{"common", "supply"}}), 0.25);
+  EXPECT_NE(refusal([] {
+              EstimatorStage(plant(), spec({}, {{"flow_by", "demand"}, {"common", "supply"}}));
+            }).find("'common' names 'supply', which is not observed"),
+            std::string::npos);
 }
 
 TEST(HistogramStage, BadValuesAreLeftOut) {

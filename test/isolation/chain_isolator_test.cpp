@@ -140,15 +140,48 @@ TEST_F(Chain, ACommonCauseExplainsShifts) {
   pattern(".....");
   hear();
   pattern("hl...");
-  set("supply.average", 1.6);
+  set("supply.below", 0.5);
   EXPECT_FALSE(hear().active);
-  set("supply.average", 1.4);
-  EXPECT_TRUE(hear().active);
+  set("supply.below", 0.21);  // until it is below half of the limit
+  EXPECT_FALSE(hear().active);
+  set("supply.below", 0.19);
+  EXPECT_FALSE(hear(9).active);  // from then on a shift must last
+  EXPECT_TRUE(hear(2).active);
   // What was named stays, and becomes nothing else.
-  set("supply.average", -0.6);
+  set("supply.above", 0.5);
   pattern("hlh..");
   EXPECT_TRUE(hear().active);
   EXPECT_EQ(finding_.port, "flow.pilot_ambient");
+}
+
+TEST_F(Chain, ACommonCauseThatWandersByItselfExplainsNothing) {
+  make({{"learn", 1000}, {"sigmas", 3}});
+  hear(20);
+  for (int k = 0; k < 100; ++k) {
+    set("supply.below", k % 2 ? 0.6 : 0.4);
+    hear(10);
+  }
+  const Reference learnt = *isolator_->reference();
+  const auto told = [&](double below) {
+    make({{"learn", 1000}, {"sigmas", 3}});
+    isolator_->restore(learnt);
+    pattern("hl...");
+    set("supply.below", below);
+    return hear().active;
+  };
+  EXPECT_TRUE(told(0.78));
+  EXPECT_FALSE(told(0.83));
+}
+
+TEST_F(Chain, WhatLiesBehindAVariableThatIsHeldNoMoreNamesNothing) {
+  auto with = words();
+  with["held"] = "pressure";
+  make({}, with);
+  EXPECT_EQ(of("h.hl.").port, "");  // the pressure itself: a place without an effect
+  EXPECT_EQ(finding_.text, "Actuator: shifted are demand high, spool high, pressure low");
+  EXPECT_EQ(of("h.hlb").text,
+            "Actuator: shifted are demand high, spool high, pressure low, torque high and low in turn");
+  EXPECT_EQ(of("h.h.b").port, "force.valve");
 }
 
 TEST_F(Chain, AShiftMustLastAndEndsBelowHalf) {
@@ -205,6 +238,7 @@ TEST_F(Chain, BadSettingsAreNamed) {
   };
   EXPECT_NE(said("chain", "demand, wind").find("wind"), std::string::npos);
   EXPECT_NE(said("chain", "").find("'chain' is missing"), std::string::npos);
+  EXPECT_NE(said("held", "supply").find("'held' is 'supply'"), std::string::npos);
   EXPECT_NE(said("pilot_high", "clogging@force.valve").find("clogging@force.valve"), std::string::npos);
   EXPECT_NE(said("pilot_high", "clogging").find("'clogging' is no effect@port"), std::string::npos);
   EXPECT_EQ(said("pilot_high", "clogging@restriction.nozzle"), "");

@@ -15,6 +15,7 @@
 //   learn          time over which it learns before anything is judged; then it goes on learning
 //   average, window   times of the moving average and of the shares; rounded to a power of two of `every`
 //   freeze [1]     share of an explained channel above which nothing is learnt, lest a fault become normal
+//   common         observed channels that move others from outside: while one is above that share, learning goes on
 //   arithmetic     floating or integer [floating]
 #include <algorithm>
 #include <array>
@@ -47,6 +48,7 @@ struct Observed {
   Scale scale;
   std::string name, unit;
   std::vector<std::size_t> by;  // places among the explanatory scales, 0 to 2
+  bool common = false;
 };
 
 struct HistogramSettings {
@@ -115,6 +117,14 @@ HistogramSettings read_settings(const Datasheet& sheet, const Settings& s) {
       throw InputError(
           fmt::format("{}: '{}' names {} channels; allowed are one, two or none", s.where(), key, o.by.size()));
     result.observed.push_back(std::move(o));
+  }
+  for (const std::string& name : split_words(s.word_or("common", ""))) {
+    const auto found =
+        std::find_if(result.observed.begin(), result.observed.end(), [&](const Observed& o) { return o.name == name; });
+    if (found == result.observed.end())
+      throw InputError(
+          fmt::format("{}: 'common' names '{}', which is not observed; give '{}_by'", s.where(), name, name));
+    found->common = true;
   }
   if (result.observed.empty())
     throw InputError(s.where() + ": no channel is observed; give CHANNEL_by for each, with what explains it or none");
@@ -251,11 +261,14 @@ class HistogramStage : public Estimator {
 
   // What nothing explains may move without a fault.
   bool frozen() const {
-    for (std::size_t i = 0; i < histograms_.size(); ++i)
-      if (!settings_.observed[i].by.empty() &&
-          std::max(histograms_[i].above(), histograms_[i].below()) > settings_.freeze)
-        return true;
-    return false;
+    bool beyond = false;
+    for (std::size_t i = 0; i < histograms_.size(); ++i) {
+      const Observed& o = settings_.observed[i];
+      if (std::max(histograms_[i].above(), histograms_[i].below()) <= settings_.freeze) continue;
+      if (o.common) return false;
+      beyond = beyond || !o.by.empty();
+    }
+    return beyond;
   }
 
   // What the numbers of a reference mean, beside them, so that they are not taken for others.

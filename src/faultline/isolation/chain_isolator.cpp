@@ -14,13 +14,18 @@
 //                            is not the same. Where just one variable goes both ways, the one before it in the chain is
 //                            what drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
-// While a common cause (a supply, a temperature) is itself outside of what was learnt, by half its width between the
-// limits, shifts are laid to it: what was named before stays, nothing else is named.
+// Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
+// that: then it and what lies before it are looked at alone.
 //
-// Settings: stage; chain, its observed channels in the order of cause, from the controller on; common; share, both,
-// sigmas, learn [0 s], settle (s from the first shift until it is named, and after a start); place [1] or 2; per
-// channel CHANNEL_place, the module in words (none: it names none), and CHANNEL_high, CHANNEL_low, CHANNEL_both: the
-// effect@port, with commas between, that shift it so; the first is told, the others as what it cannot be told from.
+// While a common cause (a supply, a temperature) has itself shifted, by the same limits, shifts are laid to it: what was
+// named before stays, nothing else is named. Its histogram should forget no faster than those of what it moves: give it
+// the same explanatory channel.
+//
+// Settings: stage; chain, its observed channels in the order of cause, from the controller on; held, the one of them that
+// the loops hold [none]; common; share, both, sigmas, learn [0 s], settle (s from the first shift until it is named, and
+// after a start); place [1] or 2; per channel CHANNEL_place, the module in words (none: it names none), and
+// CHANNEL_high, CHANNEL_low, CHANNEL_both: the effect@port, with commas between, that shift it so; the first is told, the
+// others as what it cannot be told from.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -35,8 +40,7 @@ namespace faultline {
 namespace {
 
 constexpr const char* kType = "chain";
-constexpr int kVersion = 1;         // of the reference
-constexpr double kFarBeyond = 0.5;  // of a common cause's scaled average
+constexpr int kVersion = 2;  // of the reference
 
 enum class Shift { none, high, low, both };
 constexpr std::array<const char*, 4> kWords = {"", "high", "low", "both"};
@@ -82,17 +86,25 @@ class ChainIsolator : public Isolator {
       throw InputError(s.where() + ": 'chain' is missing; list observed channels in the order of cause");
     for (const std::string& name : split_words(s.word_or("common", ""))) {
       sheet.channel(name);
-      common_.push_back({name, 0});
+      common_.emplace_back().name = name;
+    }
+    held_ = static_cast<int>(chain_.size()) - 1;
+    if (const std::string held = s.word_or("held", ""); !held.empty()) {
+      const auto found = std::find_if(chain_.begin(), chain_.end(), [&](const Link& l) { return l.name == held; });
+      if (found == chain_.end())
+        throw InputError(fmt::format("{}: 'held' is '{}'; it must be one of the chain", s.where(), held));
+      held_ = static_cast<int>(found - chain_.begin());
     }
   }
 
   bool rests_on_model() const override { return false; }
 
   void reset() override {
-    for (Link& link : chain_) {
-      link.shift = Shift::none;
-      link.high.beyond = link.low.beyond = false;
-    }
+    for (std::vector<Link>* links : {&chain_, &common_})
+      for (Link& link : *links) {
+        link.shift = Shift::none;
+        link.high.beyond = link.low.beyond = false;
+      }
     running_ = false;
   }
 
@@ -115,34 +127,31 @@ class ChainIsolator : public Isolator {
       learn(estimate, dt);
       return;
     }
-    bool shifted = false;
-    for (Link& link : chain_) {
-      link.shift = shift(link, estimate);
-      shifted = shifted || link.shift != Shift::none;
-    }
-    if (!shifted) since_ = estimate.time;
-    for (const auto& [name, average] : common_)
-      if (std::abs(estimate.quantities[average].value - 0.5) > 0.5 + kFarBeyond) return;
+    const bool shifted = follow(chain_, estimate), explained = follow(common_, estimate);
+    if (explained && finding.active) return;
+    if (!shifted || explained) since_ = estimate.time;
     finding.active = false;
-    if (shifted && estimate.time - since_ >= settle_) tell(finding);
+    if (shifted && !explained && estimate.time - since_ >= settle_) tell(finding);
   }
 
   std::optional<Reference> reference() const override {
     if (learn_ == 0 || learnt_ < learn_) return {};
     Reference r{kType, kVersion, names(), {}};
-    for (const Link& link : chain_)
-      for (const Side* side : {&link.high, &link.low}) r.numbers.insert(r.numbers.end(), {side->mean, side->square});
+    for (const std::vector<Link>* links : {&chain_, &common_})
+      for (const Link& link : *links)
+        for (const Side* side : {&link.high, &link.low}) r.numbers.insert(r.numbers.end(), {side->mean, side->square});
     return r;
   }
 
   void restore(const Reference& given) override {
     check_reference(given, kType, kVersion, names());
     const double* next = given.numbers.data();
-    for (Link& link : chain_)
-      for (Side* side : {&link.high, &link.low}) {
-        side->mean = *next++;
-        side->square = *next++;
-      }
+    for (std::vector<Link>* links : {&chain_, &common_})
+      for (Link& link : *links)
+        for (Side* side : {&link.high, &link.low}) {
+          side->mean = *next++;
+          side->square = *next++;
+        }
     learnt_ = learn_;
   }
 
@@ -158,8 +167,9 @@ class ChainIsolator : public Isolator {
 
   std::vector<std::string> names() const {
     std::vector<std::string> names;
-    for (const Link& link : chain_)
-      for (const char* what : {"high", "high_square", "low", "low_square"}) names.push_back(link.name + "." + what);
+    for (const std::vector<Link>* links : {&chain_, &common_})
+      for (const Link& link : *links)
+        for (const char* what : {"high", "high_square", "low", "low_square"}) names.push_back(link.name + "." + what);
     return names;
   }
 
@@ -172,23 +182,34 @@ class ChainIsolator : public Isolator {
           name));
     };
     judging_ = place("judging");
-    for (Link& link : chain_) {
-      link.above = place(link.name + ".above");
-      link.below = place(link.name + ".below");
-    }
-    for (auto& [name, average] : common_) average = place(name + ".average");
+    for (std::vector<Link>* links : {&chain_, &common_})
+      for (Link& link : *links) {
+        link.above = place(link.name + ".above");
+        link.below = place(link.name + ".below");
+      }
     found_ = true;
   }
 
   void learn(const Estimate& estimate, double dt) {
     learnt_ += dt;
     const double part = learnt_ > 0 ? dt / learnt_ : 1;
-    for (Link& link : chain_)
-      for (const auto& [side, quantity] : {std::pair(&link.high, link.above), std::pair(&link.low, link.below)}) {
-        const double value = estimate.quantities[quantity].value;
-        side->mean += part * (value - side->mean);
-        side->square += part * (value * value - side->square);
-      }
+    for (std::vector<Link>* links : {&chain_, &common_})
+      for (Link& link : *links)
+        for (const auto& [side, quantity] : {std::pair(&link.high, link.above), std::pair(&link.low, link.below)}) {
+          const double value = estimate.quantities[quantity].value;
+          side->mean += part * (value - side->mean);
+          side->square += part * (value * value - side->square);
+        }
+  }
+
+  // Whether any has shifted.
+  bool follow(std::vector<Link>& links, const Estimate& estimate) const {
+    bool shifted = false;
+    for (Link& link : links) {
+      link.shift = shift(link, estimate);
+      shifted = shifted || link.shift != Shift::none;
+    }
+    return shifted;
   }
 
   Shift shift(Link& link, const Estimate& estimate) const {
@@ -207,12 +228,14 @@ class ChainIsolator : public Isolator {
   bool placed(int i) const { return !chain_[static_cast<std::size_t>(i)].place.empty(); }
   Shift shift_at(int i) const { return i < 0 ? Shift::none : chain_[static_cast<std::size_t>(i)].shift; }
 
+  // The last one that is looked at.
+  int end() const { return shift_at(held_) == Shift::none ? static_cast<int>(chain_.size()) - 1 : held_; }
+
   void tell(Finding& finding) const {
-    int turn = static_cast<int>(chain_.size()) - 1, first = -1, second = -1;
-    const int last = turn;
+    int turn = end(), first = -1, second = -1;
     while (turn >= 0 && !(shift_at(turn) == Shift::both && placed(turn))) --turn;
     const bool alone = turn >= 0 && shift_at(turn - 1) != Shift::both;
-    for (int i = last; i >= 0 && second < 0; --i) {
+    for (int i = end(); i >= 0 && second < 0; --i) {
       if (shift_at(i) == Shift::none || shift_at(i) == Shift::both || !placed(i)) continue;
       const bool same =
           turn >= 0 && chain_[static_cast<std::size_t>(i)].place == chain_[static_cast<std::size_t>(turn)].place;
@@ -251,8 +274,8 @@ class ChainIsolator : public Isolator {
     finding.equivalent.assign(causes.begin() + 1, causes.end());
   }
 
-  std::vector<Link> chain_;
-  std::vector<std::pair<std::string, std::size_t>> common_;  // and its average among the quantities
+  std::vector<Link> chain_, common_;
+  int held_ = 0;
   double share_, both_, sigmas_, learn_, settle_;
   bool second_, found_ = false, running_ = false;
   std::size_t judging_ = 0;
