@@ -26,7 +26,7 @@ import sizes
 import twins
 from datasheet import Datasheet
 
-RIGS = ["servo_actuator", "hydraulic_drive"]  # those with a truth_RIG.py
+RIGS = ["servo_actuator", "hydraulic_drive", "control_valve"]  # those with a truth_RIG.py
 PARTS = ["closed", "open", "none", "two"]
 SEEDS = {
     "development": 41000,
@@ -46,6 +46,11 @@ def severity_class(lift):
 def truth_of(rig):
     """The module of a rig's truth: Truth, DURATION, draw_nuisance and excitation."""
     return importlib.import_module("truth_" + rig)
+
+
+def datasheet_of(rig, path=None):
+    """As the truth's recordings have it: a period of their own, channels that nobody records."""
+    return getattr(truth_of(rig), "as_recorded", lambda sheet: sheet)(Datasheet(rig, path))
 
 
 def draw_parameters(sheet, names, random, off):
@@ -208,7 +213,7 @@ def write_csv(path, output, channels):
 
 def _one(task):
     out, rig, seed, part, number, name, third, path, exact_inputs = task
-    sheet = Datasheet(rig, path)
+    sheet = datasheet_of(rig, path)
     if exact_inputs:
         sheet.noise.update((c, 0.0) for c in sheet.channels if sheet.role[c] == "input")
     began = time.perf_counter()
@@ -295,7 +300,7 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0],
         raise
     finally:
         pool.join()
-    sheet = Datasheet(rig, path)
+    sheet = datasheet_of(rig, path)
     manifest = []
     for (part, number), name in names.items():
         if name in home:

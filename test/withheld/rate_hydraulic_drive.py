@@ -10,6 +10,8 @@ import math
 import numpy as np
 from numba import njit
 
+from stepping import dormand_prince
+
 ORIFICE_LAMINAR = 8.0e3  # Pa
 AMBIENT = 101325.0
 RETURN = 2.0e5  # Pa, absolute, behind the motor
@@ -142,71 +144,7 @@ def rate(t, y, c, drive, given, since, dy):
         dy[9] = (y[8] - y[9]) / LOAD_TIME
 
 
-@njit
-def integrate(y, start, end, step, c, drive, given, tolerance, scale):
-    """Error per step below tolerance times (scale + |y|/1000), each state by itself."""
-    n = int(c.size)
-    since = start
-    k = np.zeros((7, MOST_STATES))
-    mid, high = np.zeros(MOST_STATES), np.zeros(MOST_STATES)
-    t = start
-    rate(t, y, c, drive, given, since, k[0])
-    trials = 0
-    while t < end - 1e-12:
-        h = min(step, end - t)
-        for i in range(n):
-            mid[i] = y[i] + h * k[0, i] / 5
-        rate(t + h / 5, mid, c, drive, given, since, k[1])
-        for i in range(n):
-            mid[i] = y[i] + h * (3 * k[0, i] + 9 * k[1, i]) / 40
-        rate(t + 0.3 * h, mid, c, drive, given, since, k[2])
-        for i in range(n):
-            mid[i] = y[i] + h * (44 * k[0, i] / 45 - 56 * k[1, i] / 15 + 32 * k[2, i] / 9)
-        rate(t + 0.8 * h, mid, c, drive, given, since, k[3])
-        for i in range(n):
-            mid[i] = y[i] + h * (
-                19372 * k[0, i] / 6561 - 25360 * k[1, i] / 2187 + 64448 * k[2, i] / 6561 - 212 * k[3, i] / 729
-            )
-        rate(t + 8 * h / 9, mid, c, drive, given, since, k[4])
-        for i in range(n):
-            mid[i] = y[i] + h * (
-                9017 * k[0, i] / 3168
-                - 355 * k[1, i] / 33
-                + 46732 * k[2, i] / 5247
-                + 49 * k[3, i] / 176
-                - 5103 * k[4, i] / 18656
-            )
-        rate(t + h, mid, c, drive, given, since, k[5])
-        for i in range(n):
-            high[i] = y[i] + h * (
-                35 * k[0, i] / 384
-                + 500 * k[2, i] / 1113
-                + 125 * k[3, i] / 192
-                - 2187 * k[4, i] / 6784
-                + 11 * k[5, i] / 84
-            )
-        rate(t + h, high, c, drive, given, since, k[6])
-        worst = 0.0
-        for i in range(n):
-            error = h * (
-                71 * k[0, i] / 57600
-                - 71 * k[2, i] / 16695
-                + 71 * k[3, i] / 1920
-                - 17253 * k[4, i] / 339200
-                + 22 * k[5, i] / 525
-                - k[6, i] / 40
-            )
-            worst = max(worst, abs(error) / (tolerance * (scale[i] + 1e-3 * abs(high[i]))))
-        trials += 1
-        if not worst < 1e12 or trials > 100000:
-            return -1.0
-        if worst <= 1.0:
-            t += h
-            for i in range(n):
-                y[i] = high[i]
-                k[0, i] = k[6, i]
-        step = h * min(4.0, max(0.2, 0.9 * max(worst, 1e-10) ** -0.2))
-    return step
+integrate = dormand_prince(rate, MOST_STATES)
 
 
 @njit
