@@ -263,9 +263,7 @@ def plan(parts, cases, seed):
     return {item: f"case_{order[i] + 1:04d}" for i, item in enumerate(items)}
 
 
-def generate(
-    out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0], exact_inputs=False, first=None
-):
+def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0], exact_inputs=False, first=None):
     """Makes the cases that are not there yet; returns the sealed labels' path."""
     names = plan(parts, cases, seed)
     sealed = os.path.join(out, "sealed")
