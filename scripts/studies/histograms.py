@@ -57,8 +57,8 @@ class Study:
             self.runs[text] = rig_runs.record(self.rig, file, *text.split()[1:])
         return self.runs[text]
 
-    def judge(self, **settings):
-        """{recording: {"shares": {variable: [above, below]}, "alarms": [(time, text)]}}"""
+    def learn(self, **settings):
+        """(datasheet, reference)"""
         stages = stages_of(self.study)
         stages["estimators"] = [{**s, **settings} for s in stages["estimators"]]
         sheet = rig_runs.write_datasheet({**self.facts, **stages}, self.folder / "sheet.yaml")
@@ -69,6 +69,11 @@ class Study:
             run = self.recording(text)
             rig_runs.faultline("diagnose", run, "--config", sheet, *before, "--keep-reference", more)
             more.replace(learnt)
+        return sheet, learnt
+
+    def judge(self, **settings):
+        """{recording: {"shares": {variable: [above, below]}, "alarms": [(time, text)]}}"""
+        sheet, learnt = self.learn(**settings)
         result = {}
         for name, text in self.study["judge"].items():
             target = self.folder / "judged.bag"
@@ -119,7 +124,9 @@ def draw(result, path, title):
     axis.set_xticks(range(len(variables)), variables, rotation=40, ha="right", fontsize=8)
     axis.set_yticks(range(len(names)), names, fontsize=8)
     axis.set_title(title, fontsize=9)
-    figure.colorbar(shown, label="largest share of the window above (+), below (-) the limits", fraction=0.04)
+    scale = figure.colorbar(shown, fraction=0.04)
+    scale.set_label("largest share of the window\nabove (+), below (-) the limits", fontsize=8)
+    scale.ax.tick_params(labelsize=8)
     figure.savefig(path, dpi=110)
 
 
