@@ -1,61 +1,185 @@
 #!/usr/bin/env python3
 """What histograms learn of a rig from its healthy recordings, and what they find in others.
 
-histograms.py STUDY.yaml [--json FILE]
+histograms.py STUDY.yaml [--picture FILE.png] [--json FILE]
+histograms.py STUDY.yaml --vary KEY=A,B,.. [--vary ..] [--picture FILE.png] [--json FILE]
 
-STUDY.yaml names the rig, stages for its datasheet (estimators of type histogram, isolators or none), the recordings to
-learn from, in turn, and those to judge: files of bags/, or `simulate` and its options. Per recording: of every observed
-variable the largest share of time above and below its limits, and the alarms."""
+STUDY.yaml names the rig; its stages, written out or (`own`) names of those in the rig's stages.yaml; the recordings to
+learn from, in turn; and those to judge: files of bags/, or `simulate` and its options. Per recording: of every observed
+variable the largest share of time above and below its limits, and the alarms. Those whose names begin with `healthy`
+say how large a share is without a fault.
+
+With --vary, the same for other values of the histograms' settings, each by itself: the largest share of a healthy
+recording, and of each other one the largest share beyond what healthy ones have in that variable."""
 
 import argparse
 import json
 import pathlib
 import tempfile
 
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
 import yaml
 
 import rig_runs
 
+SIDES = ["above", "below"]
 
-def recording(rig, text, folder):
-    if text.startswith("simulate "):
-        return rig_runs.record(rig, pathlib.Path(folder) / "run.bag", *text.split()[1:])
-    return rig_runs.ROOT / "bags" / text
+
+def stages_of(study):
+    given = study["stages"]
+    if "own" not in given:
+        return given
+    names = given["own"]
+    own = yaml.safe_load((rig_runs.ROOT / "config" / study["rig"] / "stages.yaml").read_text())
+    return {
+        kind: [s for s in own.get(kind) or [] if s["name"] in names] for kind in ("estimators", "detectors", "isolators")
+    }
+
+
+class Study:
+    """Recordings are made once; every setting learns and judges the same ones."""
+
+    def __init__(self, path, folder):
+        self.study, self.folder = yaml.safe_load(pathlib.Path(path).read_text()), pathlib.Path(folder)
+        self.rig = self.study["rig"]
+        self.facts = yaml.safe_load((rig_runs.ROOT / "config" / self.rig / "rig.yaml").read_text())
+        self.runs = {}
+
+    def recording(self, text):
+        if not text.startswith("simulate "):
+            return rig_runs.ROOT / "bags" / text
+        if text not in self.runs:
+            file = self.folder / f"run_{len(self.runs)}.bag"
+            self.runs[text] = rig_runs.record(self.rig, file, *text.split()[1:])
+        return self.runs[text]
+
+    def learn(self, **settings):
+        """(datasheet, reference)"""
+        stages = stages_of(self.study)
+        stages["estimators"] = [{**s, **settings} for s in stages["estimators"]]
+        sheet = rig_runs.write_datasheet({**self.facts, **stages}, self.folder / "sheet.yaml")
+        learnt, more = self.folder / "learnt.reference", self.folder / "learnt.more"
+        learnt.unlink(missing_ok=True)
+        for text in self.study["learn"]:
+            before = ["--reference", learnt] if learnt.exists() else []
+            run = self.recording(text)
+            rig_runs.faultline("diagnose", run, "--config", sheet, *before, "--keep-reference", more)
+            more.replace(learnt)
+        return sheet, learnt
+
+    def judge(self, **settings):
+        """{recording: {"shares": {variable: [above, below]}, "alarms": [(time, text)]}}"""
+        sheet, learnt = self.learn(**settings)
+        result = {}
+        for name, text in self.study["judge"].items():
+            target = self.folder / "judged.bag"
+            target.write_bytes(self.recording(text).read_bytes())
+            report, series = rig_runs.diagnose(target, "--config", sheet, "--reference", learnt, series=True)
+            shares = {}
+            for column, values in series.items():
+                variable, _, side = column[2:].rpartition(".")
+                if side in SIDES:
+                    shares.setdefault(variable, [0, 0])[SIDES.index(side)] = float(values.max())
+            result[name] = {"shares": shares, "alarms": [(a["raised"], a["text"]) for a in report["alarms"]]}
+        return result
+
+
+def usual(result):
+    """Largest shares of the healthy recordings: {variable: [above, below]}"""
+    healthy = [r["shares"] for name, r in result.items() if name.startswith("healthy")]
+    return {v: [max(h[v][k] for h in healthy) for k in (0, 1)] for v in healthy[0]}
+
+
+def told(result, least):
+    """Markdown: per recording the variables beyond their limits for `least` more of the window than in any healthy one."""
+    base = usual(result)
+    lines = ["| recording | beyond the limits, share of the window | alarms |", "|---|---|---|"]
+    for name, found in result.items():
+        words = [
+            (share - (0 if name.startswith("healthy") else base[v][k]), f"{v} {('high', 'low')[k]} {share:.2f}")
+            for v, both in found["shares"].items()
+            for k, share in enumerate(both)
+        ]
+        words = [text for more, text in sorted(words, reverse=True) if more >= least]
+        alarms = "; ".join(f"{at:.0f} s: {text}" for at, text in found["alarms"]) or "-"
+        lines.append(f"| {name} | {', '.join(words) or '-'} | {alarms} |")
+    return "\n".join(lines)
+
+
+def draw(result, path, title):
+    names = list(result)
+    variables = list(result[names[0]]["shares"])
+    high, low = (np.array([[result[n]["shares"][v][k] for v in variables] for n in names]) for k in (0, 1))
+    figure, axis = plt.subplots(figsize=(2.8 + 0.62 * len(variables), 1.8 + 0.42 * len(names)), layout="constrained")
+    shown = axis.imshow(np.where(high >= low, high, -low), cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
+    for i in range(len(names)):
+        for k in range(len(variables)):
+            parts = [f"{s}{v[i, k]:.2f}"[0:5] for s, v in (("+", high), ("-", low)) if v[i, k] >= 0.05]
+            dark = max(high[i, k], low[i, k]) > 0.6
+            axis.text(k, i, "\n".join(parts), ha="center", va="center", fontsize=7, color="white" if dark else "black")
+    axis.set_xticks(range(len(variables)), variables, rotation=40, ha="right", fontsize=8)
+    axis.set_yticks(range(len(names)), names, fontsize=8)
+    axis.set_title(title, fontsize=9)
+    scale = figure.colorbar(shown, fraction=0.04)
+    scale.set_label("largest share of the window\nabove (+), below (-) the limits", fontsize=8)
+    scale.ax.tick_params(labelsize=8)
+    figure.savefig(path, dpi=110)
+
+
+def vary(study, changes, picture):
+    rows, curves = [], {}
+    for key, values in changes:
+        for value in values:
+            result = study.judge(**{key: value})
+            base = usual(result)
+            row = {"setting": key, "value": value, "healthy": max(max(both) for both in base.values())}
+            for name, found in result.items():
+                if not name.startswith("healthy"):
+                    pairs = [(s, base[v][k]) for v, both in found["shares"].items() for k, s in enumerate(both)]
+                    row[name] = max(s - b for s, b in pairs)
+            rows.append(row)
+            numbers = [f"{v:.2f}" for k, v in row.items() if k not in ("setting", "value")]
+            print("|", " | ".join([key, f"{value:g}", *numbers]), "|", flush=True)
+    print("|", " | ".join(rows[0]), "|")
+    if picture:
+        figure, axes = plt.subplots(1, len(changes), figsize=(4.2 * len(changes), 3.6), layout="constrained", sharey=True)
+        for axis, (key, values) in zip(np.atleast_1d(axes), changes):
+            for name in list(rows[0])[2:]:
+                axis.plot(
+                    values,
+                    [r[name] for r in rows if r["setting"] == key],
+                    "k--" if name == "healthy" else "o-",
+                    label="largest of healthy" if name == "healthy" else name,
+                )
+            axis.set_xscale("log", base=2)
+            axis.set_xlabel(key)
+        np.atleast_1d(axes)[0].set_ylabel("share of the window beyond healthy ones")
+        np.atleast_1d(axes)[-1].legend(fontsize=7)
+        figure.savefig(picture, dpi=110)
+    return rows
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("study")
+    parser.add_argument("--vary", action="append", default=[], metavar="KEY=A,B")
+    parser.add_argument("--picture")
     parser.add_argument("--json")
     arguments = parser.parse_args()
-    study = yaml.safe_load(pathlib.Path(arguments.study).read_text())
-    rig = study["rig"]
-    facts = yaml.safe_load((rig_runs.ROOT / "config" / rig / "rig.yaml").read_text())
-    result = {}
     with tempfile.TemporaryDirectory() as folder:
-        sheet = rig_runs.write_datasheet({**facts, **study["stages"]}, pathlib.Path(folder) / "sheet.yaml")
-        learnt = pathlib.Path(folder) / "learnt.reference"
-        for text in study["learn"]:
-            before = ["--reference", learnt] if learnt.exists() else []
-            more = learnt.with_suffix(".more")
-            run = recording(rig, text, folder)
-            rig_runs.faultline("diagnose", run, "--config", sheet, *before, "--keep-reference", more)
-            more.replace(learnt)
-        for name, text in study["judge"].items():
-            run = recording(rig, text, folder)
-            target = pathlib.Path(folder) / "judged.bag"
-            target.write_bytes(run.read_bytes())
-            report, series = rig_runs.diagnose(target, "--config", sheet, "--reference", learnt, series=True)
-            shares = {}
-            for column, values in series.items():
-                if column.endswith((".above", ".below")):
-                    shares[column[2:]] = float(values.max())
-            result[name] = {"shares": shares, "alarms": [(a["raised"], a["text"]) for a in report["alarms"]]}
-            least = study.get("share_worth_telling", 0.15)
-            told = ", ".join(f"{key} {value:.2f}" for key, value in shares.items() if value >= least) or "none"
-            print(f"{name} ({text})\n  beyond for {least:g} of the window or more: {told}")
-            for raised, words in result[name]["alarms"]:
-                print(f"  {raised:.1f} s: {words}")
+        study = Study(arguments.study, folder)
+        if arguments.vary:
+            changes = [(k, [float(x) for x in v.split(",")]) for k, v in (text.split("=") for text in arguments.vary)]
+            result = vary(study, changes, arguments.picture)
+        else:
+            result = study.judge()
+            print(told(result, study.study.get("share_worth_telling", 0.1)))
+            if arguments.picture:
+                draw(result, arguments.picture, f"{study.rig}: shares beyond the limits that histograms learnt")
     if arguments.json:
         pathlib.Path(arguments.json).write_text(json.dumps(result, indent=1))
 

@@ -168,6 +168,23 @@ TEST(HistogramStage, SecondsAreSecondsAtEveryRate) {
   EXPECT_GE(alike, 20);
 }
 
+TEST(HistogramStage, ADriftIsFollowedToTheEndOfTheRange) {
+  for (const char* arithmetic : {"floating", "integer"}) {
+    Plant plant_(0.1);
+    EstimatorStage stage(plant(0.1), spec({{"freeze", 0.3}, {"horizon", 300}},
+                                          {{"flow_by", "demand, supply"}, {"arithmetic", arithmetic}}));
+    plant_.run(stage, 900);
+    EXPECT_GT(plant_.quantity("flow.saturation"), 3000);
+    // 20 less 5.85 at the highest operating point are left (a little more: limits hold 90 %), at 0.007 a second; what was
+    // before the ramp is not quite forgotten.
+    double shift = 0;
+    for (int k = 0; k < 900; ++k) plant_.run(stage, 1, shift += 0.007);
+    EXPECT_NEAR(plant_.quantity("flow.saturation"), (20 - 5.85 - shift) / 0.007, 200);
+    EXPECT_LT(plant_.quantity("flow.saturation_low"), plant_.quantity("flow.saturation"));
+    EXPECT_GT(plant_.quantity("flow.saturation_high"), plant_.quantity("flow.saturation"));
+  }
+}
+
 TEST(HistogramStage, IntegersTellTheSame) {
   Plant a, b;
   EstimatorStage floating(plant(), spec()),

@@ -3,7 +3,10 @@
 #include "faultline/rig/reference.h"
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <unistd.h>
+
+#include <csignal>
 
 #include <filesystem>
 #include <fstream>
@@ -102,6 +105,41 @@ TEST_F(ReferenceFile, WhatIsNoReferenceOfThisRigIsNotReplaced) {
   later.stages[0].reference.numbers[0] = 7;
   write_references(later, file_);
   EXPECT_EQ(content(), to_text(later));
+}
+
+// Killed at any moment of saving, the file holds what was there or what was to be, whole.
+TEST_F(ReferenceFile, AKillWhileSavingLeavesAWholeFile) {
+  References first = some(), second = some();
+  for (References* r : {&first, &second}) {
+    r->stages.push_back({"bins", {"histogram", 1, {}, {}}});
+    Reference& large = r->stages.back().reference;
+    large.names.assign(20000, "count");
+    large.numbers.assign(20000, r == &first ? 1 : 2);
+  }
+  write_references(first, file_);
+  for (int n = 0; n < 8; ++n) {
+    int told[2];
+    ASSERT_EQ(::pipe(told), 0);
+    const pid_t child = ::fork();
+    ASSERT_GE(child, 0);
+    if (child == 0)
+      for (int k = 0;; ++k) {
+        write_references(k % 2 == 0 ? second : first, file_);
+        if (k == 0 && ::write(told[1], "s", 1) != 1) ::_exit(1);
+      }
+    char saved = 0;
+    ASSERT_EQ(::read(told[0], &saved, 1), 1);  // it is at it
+    ::usleep(static_cast<useconds_t>(3701 * n));
+    ASSERT_EQ(::kill(child, SIGKILL), 0);
+    ASSERT_EQ(::waitpid(child, nullptr, 0), child);
+    const References kept = read_references(file_, "mill");
+    ASSERT_EQ(kept.stages.size(), 4u);
+    const std::vector<double>& numbers = kept.stages[3].reference.numbers;
+    ASSERT_EQ(numbers.size(), 20000u);
+    EXPECT_EQ(numbers.front(), numbers.back());
+    ::close(told[0]);
+    ::close(told[1]);
+  }
 }
 
 TEST_F(ReferenceFile, APlaceThatCannotBeWrittenIsNamed) {

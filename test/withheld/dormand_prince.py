@@ -57,9 +57,10 @@ def integrate(rate, y, start, end, step, n, c, inputs, tolerance, scale):
                 + 22 * k[5, i] / 525
                 - k[6, i] / 40
             )
-            worst = max(worst, abs(error) / (tolerance * (scale[i] + 1e-3 * abs(high[i]))))
+            error = abs(error) / (tolerance * (scale[i] + 1e-3 * abs(high[i])))
+            worst = max(worst, error if error < 1e12 else 1e12)  # not a number: far beyond where the method is stable
         trials += 1
-        if not worst < 1e12 or trials > 100000:
+        if trials > 100000 or h < 1e-12:
             return -1.0
         if worst <= 1.0:
             t += h

@@ -26,7 +26,7 @@ import sizes
 import twins
 from datasheet import Datasheet
 
-RIGS = ["servo_actuator", "hydraulic_drive", "pump_cylinder"]  # those with a truth_RIG.py
+RIGS = ["servo_actuator", "hydraulic_drive", "pump_cylinder", "control_valve"]  # those with a truth_RIG.py
 PARTS = ["closed", "open", "none", "two"]
 SEEDS = {
     "development": 41000,
@@ -46,6 +46,11 @@ def severity_class(lift):
 def truth_of(rig):
     """The module of a rig's truth: Truth, DURATION, draw_nuisance and excitation."""
     return importlib.import_module("truth_" + rig)
+
+
+def datasheet_of(rig, path=None):
+    """As the truth's recordings have it: a period of their own, channels that nobody records."""
+    return getattr(truth_of(rig), "as_recorded", lambda sheet: sheet)(Datasheet(rig, path))
 
 
 def draw_parameters(sheet, names, random, off):
@@ -211,7 +216,7 @@ def write_csv(path, output, channels):
 
 def _one(task):
     out, rig, seed, part, number, name, third, path, exact_inputs = task
-    sheet = Datasheet(rig, path)
+    sheet = datasheet_of(rig, path)
     if exact_inputs:
         sheet.noise.update((c, 0.0) for c in sheet.channels if sheet.role[c] == "input")
     began = time.perf_counter()
@@ -261,7 +266,7 @@ def plan(parts, cases, seed):
     return {item: f"case_{order[i] + 1:04d}" for i, item in enumerate(items)}
 
 
-def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0], exact_inputs=False):
+def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0], exact_inputs=False, first=None):
     """Makes the cases that are not there yet; returns the sealed labels' path."""
     names = plan(parts, cases, seed)
     sealed = os.path.join(out, "sealed")
@@ -276,10 +281,11 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0],
         made = before
     home = {}  # open case -> name of the folder it shares with the closed case
     tasks = []
+    asked = sorted(names, key=names.get)[:first]  # names are shuffled over the parts
     for (part, number), name in names.items():
         if part == "open" and ("closed", number) in names:
             home[name] = names[("closed", number)]
-        elif name not in made["cases"]:
+        elif name not in made["cases"] and ((part, number) in asked or ("open", number) in asked and part == "closed"):
             tasks.append((out, rig, seed, part, number, name, third, path, exact_inputs))
     began, done = time.perf_counter(), 0
     bar(0, len(tasks), began, "cases  ")
@@ -298,9 +304,10 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0],
         raise
     finally:
         pool.join()
-    sheet = Datasheet(rig, path)
+    sheet = datasheet_of(rig, path)
     manifest = []
-    for (part, number), name in names.items():
+    for part, number in asked:
+        name = names[(part, number)]
         if name in home:
             made["cases"][name] = dict(made["cases"][home[name]], part="open")
         without = []
@@ -332,6 +339,7 @@ def add_arguments(parser):
         "--exact-inputs", action="store_true", help="measured inputs without noise: what is lost to theirs"
     )
     parser.add_argument("--cases", type=int, default=10, help="cases in each part (default 10)")
+    parser.add_argument("--first", type=int, help="only so many, in shuffled order; the same command with more goes on")
     parser.add_argument("--part", action="append", choices=PARTS, help="only this part; may be repeated (default: all)")
     parser.add_argument("--set", choices=sorted(SEEDS), default="development", help="which seed (default development)")
     parser.add_argument("--seed", type=int, help="another seed in place of --set")
@@ -348,7 +356,7 @@ if __name__ == "__main__":
     end_on_signals()
     try:
         seed = given.seed or SEEDS[given.set]
-        more = {"rig": given.rig, "exact_inputs": given.exact_inputs}
+        more = {"rig": given.rig, "exact_inputs": given.exact_inputs, "first": given.first}
         generate(given.out, given.part or PARTS, given.cases, seed, given.jobs, given.third, **more)
     except KeyboardInterrupt:
         sys.exit("\nstopped; run the same command again to go on")

@@ -146,7 +146,7 @@ def main():
         sys.exit(f"{given.program}: cannot be run; build first, or give --program or --no-faultline")
     seed = given.seed if given.seed is not None else generate.SEEDS[given.set]
     parts = given.part or generate.PARTS
-    more = {"rig": given.rig, "exact_inputs": given.exact_inputs}
+    more = {"rig": given.rig, "exact_inputs": given.exact_inputs, "first": given.first}
     generate.generate(given.out, parts, given.cases, seed, given.jobs, given.third, **more)
     with open(os.path.join(given.out, "runs.json"), encoding="utf-8") as stream:
         manifest = json.load(stream)
@@ -168,8 +168,9 @@ def main():
         + (f" --set {given.set}" if given.seed is None else f" --seed {given.seed}")
         + (" --exact-inputs" if given.exact_inputs else "")
         + (" --third" if given.third else "")
+        + (f" --first {given.first}" if given.first else "")
     )
-    table = score.score(given.out, f"Made by `{command}` (seed {seed}).")
+    table = score.score(given.out, f"Made by `{command}` (seed {seed}).", given.first is not None)
     with open(given.table or os.path.join(given.out, "table.md"), "w", encoding="utf-8") as stream:
         stream.write(table)
     print(table)

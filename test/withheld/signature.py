@@ -12,8 +12,10 @@ COUNT = 6  # windows in a run
 
 def windows(samples, length, shift, count=COUNT):
     """Evenly spread; shifted from run to run so that cycles are met at other phases."""
-    stride = (samples - length - 100) // count
-    return [(60 + shift % 37 + n * stride, 60 + shift % 37 + n * stride + length) for n in range(count)]
+    lead, spread = min(60, samples // 6), min(37, samples // 12 + 1)  # the lesser ones: runs of a slow recorder
+    stride = (samples - length - min(100, lead + spread + 3)) // count
+    first = lead + shift % spread
+    return [(first + n * stride, first + n * stride + length) for n in range(count)]
 
 
 class Run:

@@ -40,6 +40,7 @@ def template(key, bounds, random):
         if effect == "load_force":
             fixed[name] = 0.0
         else:
+            low = low or 1e-3 * high
             fixed[name] = low * (high / low) ** random.random()
     if effect == "load_force" and "stiffness" in bounds and random.random() < 0.35:
         fixed["main"], fixed["sign"], fixed["constant"] = "stiffness", 1, 0.0

@@ -57,6 +57,26 @@ PARAMETER_TWINS = {
     "laminar_leakage@flow.chamber_a_chamber_b",
     "compliance_factor@compliance.chamber_a",
     "compliance_factor@compliance.chamber_b",
+    # control valve: the datasheet's list
+    "offset@command.coil_voltage",
+    "scale@command.coil_voltage",
+    "lag@command.coil_voltage",
+    "coulomb_friction@force.spool",
+    "asymmetric_friction@force.spool",
+    "load_force@force.spool",
+    "coulomb_friction@force.actuator",
+    "asymmetric_friction@force.actuator",
+    "viscous_friction@force.actuator",
+    "load_force@force.actuator",
+    "coulomb_friction@force.valve",
+    "orifice_leakage@flow.prestage_ambient",
+    "clogging@restriction.fixed_restrictor",
+    "clogging@restriction.nozzle",
+    "clogging@restriction.spool_ports",
+    "clogging@restriction.process_valve",
+    "area_curve@restriction.process_valve",
+    "compliance_factor@compliance.cylinder",
+    "elasticity@transmission.linkage",
 }
 # Parameter that does exactly what the effect does: effect -> (parameter, its relative shift from the effect and its
 # value).
@@ -84,6 +104,13 @@ EXACT_TWIN = {
     "laminar_leakage@flow.pump2_b_tank": ("external_leakage_b", lambda e, nominal: e["coefficient"] / nominal),
     "laminar_leakage@flow.pump2_a_tank": ("external_leakage_a", lambda e, nominal: e["coefficient"] / (2 * nominal)),
     "laminar_leakage@flow.pump1_a_tank": ("external_leakage_a", lambda e, nominal: e["coefficient"] / (2 * nominal)),
+    # control valve
+    "scale@command.coil_voltage": ("coil_force_factor", lambda e, nominal: e["factor"] - 1),
+    "coulomb_friction@force.spool": ("spool_coulomb", lambda e, nominal: e["force"] / nominal),
+    "viscous_friction@force.actuator": ("actuator_viscous", lambda e, nominal: e["coefficient"] / nominal),
+    "clogging@restriction.fixed_restrictor": ("restrictor_cd", lambda e, nominal: -e["fraction"]),
+    "clogging@restriction.nozzle": ("nozzle_cd_factor", lambda e, nominal: -e["fraction"]),
+    "clogging@restriction.spool_ports": ("port_area", lambda e, nominal: -e["fraction"]),
 }
 # Other rigs' names for the same parameter.
 SAME_PARAMETER = {"viscous_damping": "viscous_friction"}
@@ -197,6 +224,35 @@ _GROUPS = [
     ["line_inertia@line.a", "compliance_factor@compliance.chamber_a"],
     ["line_inertia@line.b", "compliance_factor@compliance.chamber_b"],
     ["backlash@transmission.plate", "lag@sensor.position"],
+    # control valve: the notes, and what follows where the spool is not measured
+    [
+        "orifice_leakage@flow.prestage_ambient",
+        "clogging@restriction.fixed_restrictor",
+        "clogging@restriction.nozzle",
+        "offset@command.coil_voltage",
+        "scale@command.coil_voltage",
+    ],
+    ["asymmetric_friction@force.spool", "load_force@force.spool"],
+    ["asymmetric_friction@force.actuator", "load_force@force.actuator"],
+    [
+        "coulomb_friction@force.actuator",
+        "asymmetric_friction@force.actuator",
+        "viscous_friction@force.actuator",
+        "stribeck_friction@force.actuator",
+    ],
+    ["coulomb_friction@force.spool", "hysteresis@force.spool"],
+    ["coulomb_friction@force.valve", "load_dependent_friction@force.valve", "scale@sensor.load_torque"],
+    ["orifice_leakage@flow.cylinder_ambient", "load_force@force.spool", "asymmetric_friction@force.spool"],
+    ["clogging@restriction.spool_ports", "deadband@restriction.spool_ports", "droop@source.supply"],
+    ["droop@source.supply", "offset@source.supply"],
+    ["scale@sensor.flow", "clogging@restriction.process_valve"],
+    ["offset@sensor.flow", "scale@sensor.flow", "area_curve@restriction.process_valve"],
+    ["lag@sensor.flow", "delay@sensor.flow"],
+    ["lag@sensor.cylinder_pressure", "compliance_factor@compliance.cylinder"],
+    ["offset@sensor.prestage_pressure", "scale@sensor.prestage_pressure"],
+    ["offset@sensor.cylinder_pressure", "scale@sensor.cylinder_pressure", "load_force@force.actuator"],
+    ["offset@sensor.valve_position", "scale@sensor.valve_position"],
+    ["backlash@transmission.linkage", "elasticity@transmission.linkage"],
 ]
 
 def rivals(key, known):

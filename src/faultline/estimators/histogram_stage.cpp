@@ -2,6 +2,9 @@
 //
 // Quantities: judging (1 once it judges, else 0); then per observed channel CHANNEL.average, the scaled moving average
 // (0 and 1 are the limits), and CHANNEL.above, CHANNEL.below, the shares of the window in which that was beyond them.
+// With `horizon` also CHANNEL.saturation, CHANNEL.saturation_low, CHANNEL.saturation_high, in s: when it will reach an
+// end of its range, with the bounds of its 90 % interval (histogram_saturation.h); anchors are the bins as they are when
+// judging begins, or when they may judge for the first time after that.
 // What was learnt belongs to the rig and outlives gaps, jumps and resets; averages begin anew there.
 //
 // Settings, times in s:
@@ -17,6 +20,7 @@
 //   freeze [1]     share of an explained channel above which nothing is learnt, lest a fault become normal
 //   common         observed channels that move others from outside: while one is above that share, learning goes on
 //   arithmetic     floating or integer [floating]
+//   horizon [0]    time over which a drift is followed; 0: no prognosis. CHANNEL_ends: [the channel's range]
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -26,6 +30,7 @@
 
 #include "faultline/estimators/estimator.h"
 #include "faultline/estimators/histogram.h"
+#include "faultline/estimators/histogram_saturation.h"
 #include "faultline/signal/error.h"
 #include "faultline/signal/text.h"
 
@@ -49,6 +54,7 @@ struct Observed {
   std::string name, unit;
   std::vector<std::size_t> by;  // places among the explanatory scales, 0 to 2
   bool common = false;
+  std::vector<double> ends;
 };
 
 struct HistogramSettings {
@@ -57,7 +63,7 @@ struct HistogramSettings {
   std::vector<std::string> explanatory_names, explanatory_units;
   int bins = 8, single_bins = 8;
   HistogramShape shape;  // without its bins
-  double every = 0, learn = 0, freeze = 1;
+  double every = 0, learn = 0, freeze = 1, horizon = 0;
 };
 
 int samples(const Settings& s, const std::string& key, double every, int least, int most) {
@@ -69,6 +75,14 @@ int shift(const Settings& s, const std::string& key, double every) {
   return static_cast<int>(std::lround(std::log2(s.number(key, every, most) / every)));
 }
 
+// Two increasing numbers within the channel's range.
+std::vector<double> span(const Settings& s, const std::string& key, const Channel& c) {
+  if (!s.has(key)) return {c.minimum, c.maximum};
+  std::vector<double> range = s.list(key, 2, c.minimum, c.maximum);
+  if (range[0] >= range[1]) throw InputError(fmt::format("{}: '{}' must be a low and a higher end", s.where(), key));
+  return range;
+}
+
 std::size_t explanatory_place(const Datasheet& sheet, const Settings& s, const std::string& name,
                               HistogramSettings& result) {
   const auto& names = result.explanatory_names;
@@ -76,10 +90,7 @@ std::size_t explanatory_place(const Datasheet& sheet, const Settings& s, const s
   if (found != names.end()) return static_cast<std::size_t>(found - names.begin());
   const auto channel = static_cast<std::size_t>(sheet.channel(name));
   const Channel& c = sheet.channels[channel];
-  std::vector<double> range = {c.minimum, c.maximum};
-  if (s.has(name + "_range")) range = s.list(name + "_range", 2, c.minimum, c.maximum);
-  if (range[0] >= range[1])
-    throw InputError(fmt::format("{}: '{}_range' must be a low and a higher end", s.where(), name));
+  const std::vector<double> range = span(s, name + "_range", c);
   result.explanatory.push_back({channel, range[0], (range[1] - range[0]) / kExplanatoryQuanta});
   result.explanatory_names.push_back(name);
   result.explanatory_units.push_back(c.unit);
@@ -99,6 +110,7 @@ HistogramSettings read_settings(const Datasheet& sheet, const Settings& s) {
   result.shape.window_shift = shift(s, "window", result.every);
   result.learn = s.number("learn", 0, 1e9);
   result.freeze = s.number_or("freeze", 1, 0, 1);
+  result.horizon = s.number_or("horizon", 0, 0, 1e9);
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     const Channel& channel = sheet.channels[c];
     const std::string key = channel.name + "_by";
@@ -110,6 +122,7 @@ HistogramSettings read_settings(const Datasheet& sheet, const Settings& s) {
                std::max(channel.resolution, (channel.maximum - channel.minimum) / (kExplanatoryQuanta - 1))};
     o.name = channel.name;
     o.unit = channel.unit;
+    o.ends = span(s, channel.name + "_ends", channel);
     if (s.word(key) != "none")
       for (const std::string& name : split_words(s.word(key)))
         o.by.push_back(explanatory_place(sheet, s, name, result));
@@ -139,6 +152,8 @@ class HistogramStage : public Estimator {
       HistogramShape shape = settings_.shape;
       for (std::size_t i = 0; i < o.by.size(); ++i) shape.bins[i] = bins_of(o);
       histograms_.emplace_back(shape);
+      if (settings_.horizon > 0)
+        watches_.emplace_back(histograms_.back().bins().size(), o.ends[0], o.ends[1], shape.minimum, settings_.horizon);
     }
     explanatory_.resize(settings_.explanatory.size());
     bins_.assign(histograms_.size(), -1);
@@ -150,6 +165,7 @@ class HistogramStage : public Estimator {
 
   void begin(const double*) override {
     for (Histogram<A>& h : histograms_) h.restart();
+    for (SaturationWatch& w : watches_) w.restart();
     due_ = 0;
     judging_ = learnt_ >= settings_.learn;
   }
@@ -172,12 +188,13 @@ class HistogramStage : public Estimator {
         good = good && status[settings_.explanatory[o.by[k]].channel] == ChannelStatus::good;
       }
       bins_[i] = -1;
+      if (!watches_.empty() && judging_) watches_[i].pass(passed);
       if (!good) continue;
       const std::size_t bin = histograms_[i].bin_of(point.data());
       bins_[i] = static_cast<int>(bin);
       values_[i] = channels[o.scale.channel];
       const typename A::Value q = value(o.scale.quanta(values_[i]));
-      if (judging_) histograms_[i].judge(bin, q);
+      if (judging_ && histograms_[i].judge(bin, q) && !watches_.empty()) watch(i, bin);
       if (learning) histograms_[i].learn(bin, q);
     }
     if (learning) learnt_ += passed;
@@ -191,12 +208,22 @@ class HistogramStage : public Estimator {
       for (const Observed& o : settings_.observed)
         for (const char* what : {".average", ".above", ".below"})
           estimate.quantities.push_back({o.name + what, "1", 0, 0});
+      for (std::size_t i = 0; i < watches_.size(); ++i)
+        for (const char* what : {".saturation", ".saturation_low", ".saturation_high"})
+          estimate.quantities.push_back({settings_.observed[i].name + what, "s", kNever, 0});
     }
     estimate.quantities[0].value = judging_;
     for (std::size_t i = 0; i < histograms_.size(); ++i) {
       estimate.quantities[3 * i + 1].value = histograms_[i].average();
       estimate.quantities[3 * i + 2].value = histograms_[i].above();
       estimate.quantities[3 * i + 3].value = histograms_[i].below();
+    }
+    for (std::size_t i = 0; i < watches_.size(); ++i) {
+      const Crossing crossing = watches_[i].crossing();
+      Quantity* first = &estimate.quantities[3 * (histograms_.size() + i) + 1];
+      first[0].value = crossing.value;
+      first[1].value = crossing.low;
+      first[2].value = crossing.high;
     }
     estimate.observed = 0;
   }
@@ -257,6 +284,23 @@ class HistogramStage : public Estimator {
       return quanta;
   }
 
+  double plain(const Observed& o, double quanta) const { return o.scale.low + quanta * o.scale.quantum; }
+
+  void anchor(std::size_t i, std::size_t bin) {
+    const auto& b = histograms_[i].bins()[bin];
+    const auto value = [&](typename A::Value q) { return plain(settings_.observed[i], static_cast<double>(q)); };
+    watches_[i].anchor(bin, value(b.mean), value(b.low), value(b.high));
+  }
+
+  // All bins that know enough at the first judged sample, others when they do.
+  void watch(std::size_t i, std::size_t bin) {
+    if (!watches_[i].started())
+      for (std::size_t b = 0; b < histograms_[i].bins().size(); ++b)
+        if (histograms_[i].ready(b)) anchor(i, b);
+    if (!watches_[i].anchored(bin)) anchor(i, bin);
+    watches_[i].add(bin, values_[i]);
+  }
+
   int bins_of(const Observed& o) const { return o.by.size() > 1 ? settings_.bins : settings_.single_bins; }
 
   // What nothing explains may move without a fault.
@@ -306,16 +350,15 @@ class HistogramStage : public Estimator {
     }
     v.sections = settings_.shape.sections;
     const double none = std::numeric_limits<double>::quiet_NaN();
-    const auto plain = [&](double q) { return o.scale.low + q * o.scale.quantum; };
     for (std::size_t b = 0; b < h.bins().size(); ++b) {
       const auto& bin = h.bins()[b];
       const double wide = std::ldexp(1.0, bin.shift);
       v.population.push_back(bin.population);
-      v.start.push_back(bin.population > 0 ? plain(bin.first * wide - 0.5) : none);
+      v.start.push_back(bin.population > 0 ? plain(o, bin.first * wide - 0.5) : none);
       v.width.push_back(bin.population > 0 ? wide * o.scale.quantum : none);
-      v.mean.push_back(h.ready(b) ? plain(static_cast<double>(bin.mean)) : none);
-      v.low.push_back(h.ready(b) ? plain(static_cast<double>(bin.low)) : none);
-      v.high.push_back(h.ready(b) ? plain(static_cast<double>(bin.high)) : none);
+      v.mean.push_back(h.ready(b) ? plain(o, static_cast<double>(bin.mean)) : none);
+      v.low.push_back(h.ready(b) ? plain(o, static_cast<double>(bin.low)) : none);
+      v.high.push_back(h.ready(b) ? plain(o, static_cast<double>(bin.high)) : none);
       for (int k = 0; k < v.sections; ++k) v.counts.push_back(static_cast<double>(h.counts(b)[k]));
     }
     v.bin = bins_[i];
@@ -328,6 +371,7 @@ class HistogramStage : public Estimator {
 
   HistogramSettings settings_;
   std::vector<Histogram<A>> histograms_;
+  std::vector<SaturationWatch> watches_;  // none without a horizon
   std::vector<typename A::Value> explanatory_;
   std::vector<int> bins_;  // of the last sample
   std::vector<double> values_;
