@@ -469,7 +469,7 @@ struct DrivenModel::Parts {
     for (const auto& [channel, chain] : plant.input_sensors()) {
       const double at = time(recording, row);
       const double value = look && chain->remembers() ? chain->undo(course(recording, row, channel), at).value
-                                                : chain->undo_signal(values[channel], at);
+                                                      : chain->undo_signal(values[channel], at);
       if (!std::isnan(value)) values[channel] = value;
     }
   }
