@@ -1,5 +1,6 @@
 // Units of effects speak of the port ("port", "port/s") where they depend on it: that is the port's `unit` in the
-// datasheet, else the channel's, or that of a force. "N s/m or N m s/rad": the second on a rig that turns and has nothing that slides.
+// datasheet, else the channel's, or that of a force. "N s/m or N m s/rad": the second on a rig that turns and has
+// nothing that slides.
 #pragma once
 
 #include <string>
