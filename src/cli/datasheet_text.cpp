@@ -19,7 +19,7 @@ std::string datasheet_text(const Datasheet& sheet) {
   if (!sheet.stages_file.empty()) text += "\n" + read_text(sheet.stages_file);
   // Files that stages name stand beside the sheet they were read from, and a copy may lie anywhere.
   const std::string& named_in = sheet.stages_file.empty() ? sheet.file : sheet.stages_file;
-  const std::string folder = resolved((std::filesystem::path(named_in).parent_path() / "").string());
+  const std::string folder = std::filesystem::path(resolved(named_in)).parent_path().string();
   return std::regex_replace(text, std::regex("(\\n *weights: *)([^/\"'\\s#][^\\n#]*)"), "$1" + folder + "/$2");
 }
 

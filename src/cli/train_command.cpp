@@ -149,6 +149,9 @@ class Training {
     }
     scale(answer_.model.inputs, answer_.model.outputs, training_);
     scale(answer_.model.inputs, answer_.model.outputs, validation_);
+    if (std::filesystem::exists(options.output))
+      for (StageReference& other : read_references(options.output, sheet.rig).stages)
+        if (other.stage != spec.name && other.stage != progress_name(spec.name)) others_.push_back(std::move(other));
     fingerprint_ = fingerprint(options, shape_, training_, validation_, answer_.model.weights);
   }
 
@@ -230,7 +233,7 @@ class Training {
     throw InputError(fmt::format("{}: this training has ended; there is nothing to resume", options_.output));
   }
 
-  // The best so far; until the end with what --resume needs.
+  // The best so far, beside other stages' networks in the file; until the end with what --resume needs.
   void keep(bool ended) {
     NetworkModel& model = answer_.model;
     model.weights = answer_.state.best;
@@ -238,6 +241,7 @@ class Training {
     References kept;
     kept.rig = sheet_.rig;
     kept.stages.push_back({spec_.name, faultline::to_reference(model)});
+    kept.stages.insert(kept.stages.end(), others_.begin(), others_.end());
     if (!ended) kept.stages.push_back({progress_name(spec_.name), to_reference(answer_.state, fingerprint_)});
     write_references(kept, options_.output);
   }
@@ -247,6 +251,7 @@ class Training {
   const StageSpec& spec_;
   NetworkShape shape_;
   std::vector<NetworkRun> training_, validation_;
+  std::vector<StageReference> others_;
   std::uint32_t fingerprint_ = 0;
   Answer answer_;
 };

@@ -34,11 +34,11 @@ class Train(ProgramTest):
         self.run_program("simulate", RIG, *common, "-o", "run.bag")
         self.run_program("simulate", RIG, *common, "--seed", 2, "-o", "other.csv")
 
-    def config(self, name, **changes):
+    def config(self, file, **changes):
         folder = ROOT / "config" / RIG
         sheet = yaml.safe_load((folder / "rig.yaml").read_text())
         sheet.update(estimators=[{**STAGE, **changes}], detectors=[], isolators=[])
-        (self.folder / name).write_text(yaml.safe_dump(sheet, sort_keys=False))
+        (self.folder / file).write_text(yaml.safe_dump(sheet, sort_keys=False))
 
     def arguments(self, output, *more, config="net.yaml"):
         return ["train", RIG, "run.bag", "--config", config, "-o", output, *more]
@@ -109,6 +109,21 @@ class Train(ProgramTest):
         again = ["--from", "second.txt", "--horizon", 0.5, "--cold", 0.1, "--epochs", 3]
         self.run_program(*self.arguments("third.txt", *again, config="cold.yaml"))
         self.assertIn("feedback 2\n", self.text("third.txt"))
+
+    def test_copies_of_a_datasheet_find_the_weights(self):
+        self.run_program(*self.arguments("sensor.txt", "--epochs", 1))
+        self.run_program("simulate", RIG, "--profile", "steps", "--duration", 4, "--quiet", "-o", "steps.bag")
+        (self.folder / "copies").mkdir()
+        self.run_program("fit", RIG, "steps.bag", "--config", "net.yaml", "--patch", "copies/mine.yaml")
+        self.assertTrue(f"weights: {self.folder.resolve()}/sensor.txt" in self.text("copies/mine.yaml"))
+        self.run_program("diagnose", "run.bag", "--config", "copies/mine.yaml", "--json", "-")
+
+    def test_keeps_what_is_another_stages(self):
+        self.run_program(*self.arguments("sensor.txt", "--epochs", 1))
+        self.config("second.yaml", name="second")
+        self.run_program(*self.arguments("sensor.txt", "--epochs", 1, config="second.yaml"))
+        heads = [line.split()[1] for line in self.text("sensor.txt").splitlines() if line.startswith("stage ")]
+        self.assertEqual(sorted(heads), ["second", "sensor"])
 
     def test_refusals(self):
         self.run_program(*self.arguments("sensor.txt", "--epochs", 1))
