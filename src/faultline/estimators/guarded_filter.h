@@ -9,8 +9,8 @@
 //
 //   |d_c| > least_c  and  |d_j|/least_j < others |d_c|/least_c for every other trusted j
 //
-// as long as two are trusted; when its reading r follows the motion that the reference p predicts less than half as much
-// as usual while the others do,
+// as long as two are trusted; when its reading r follows the motion that the reference p predicts less than half as
+// much as usual while the others do,
 //
 //   gain = cov(r, p)/var(p),  gain + 2 sigma < usual gain/2,  var(p) > (least/4)^2,
 //   sigma^2 = ((var(r - gain p) - R) average/(2 learn) + R T/(2 learn))/var(p)
