@@ -2,8 +2,8 @@
 """Error of the pressure that stands in for each transmitter over ten minutes: no drift.
 
 A rig off its datasheet with the small effects of every recording, machine cycle, oil that warms (viscosity down to
-0.8). RMS in MPa, minute by minute, of the estimate without the transmitter against its reading, whose own noise is taken off;
-and the same of the open-loop model under the measured speeds.
+0.8). RMS in MPa, minute by minute, of the estimate without the transmitter against its reading, whose own noise is
+taken off; and the same of the open-loop model under the measured speeds.
 
     scripts/studies/pump_cylinder/ten_minutes.py [--seconds 600]
 """
