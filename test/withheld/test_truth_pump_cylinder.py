@@ -84,7 +84,7 @@ class Physics(unittest.TestCase):
             self.assertLess(size.max(), 0.6, kind)
 
     def test_a_leak_lowers_the_level_by_what_flows(self):
-        # At rest with the position held 2 (C_i + C_ea) P_A - C_i P_B and (C_i + C_eb) P_B - C_i P_A are the pumps' flows.
+        # In the mean what the pumps deliver leaks, or moves the piston.
         leak = 2e-13
         held = run({"laminar_leakage@flow.pump2_b_tank": {"coefficient": leak}}, 6.0, "duty")
         w1, w2 = (np.mean(held["clean"][-4000:, 3 + n]) for n in range(2))

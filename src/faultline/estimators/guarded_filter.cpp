@@ -65,6 +65,7 @@ void GuardedFilter::begin(const double* channels) {
     guard.slow_reading = guard.slow_reference = guard.reading;
     guard.own = guard.both = guard.motion = guard.calm = guard.silent = 0;
     guard.off = guard.usual_off = guard.apart = guard.usual_apart = guard.usual_gain = guard.moved = 0;
+    guard.spread = 0;
   }
   age_ = 0;
   quiet_ = true;
@@ -141,6 +142,8 @@ void GuardedFilter::follow(double dt) {
   for (Guard& guard : guards_) {
     guard.usual_off += gain * (guard.off - guard.usual_off);
     guard.usual_apart += gain * (guard.apart - guard.usual_apart);
+    const double missed = guard.reading - guard.predicted;
+    if (guard.readable) guard.spread += gain * (missed * missed - guard.spread);
     double sigma = 0;
     if (age_ < learn_ || !tells(guard) || follows(guard, sigma) < kFollows) continue;
     guard.moved += dt;
@@ -222,7 +225,7 @@ void GuardedFilter::write(const double* channels, bool begun, Estimate& estimate
     }
   auto at = estimate.quantities.end() - static_cast<std::ptrdiff_t>(kPerGuard * guards_.size());
   for (const Guard& guard : guards_) {
-    const double std = std::sqrt(std::max(0.0, guard.predicted_variance));
+    const double std = std::sqrt(std::max({0.0, guard.predicted_variance, guard.spread - guard.noise}));
     at[0].value = guard.trusted ? guard.reading : guard.predicted;
     at[0].std = guard.trusted ? 0 : std;
     at[1].value = guard.predicted;

@@ -9,8 +9,8 @@
 //
 //   |d_c| > least_c  and  |d_j|/least_j < others |d_c|/least_c for every other trusted j
 //
-// as long as two are trusted; when its reading r follows the motion that the reference p predicts less than half as much
-// as usual while the others do,
+// as long as two are trusted; when its reading r follows the motion that the reference p predicts less than half as
+// much as usual while the others do,
 //
 //   gain = cov(r, p)/var(p),  gain + 2 sigma < usual gain/2,  var(p) > (least/4)^2,
 //   sigma^2 = ((var(r - gain p) - R) average/(2 learn) + R T/(2 learn))/var(p)
@@ -22,8 +22,9 @@
 // Settings: filter (a state estimator), model and its own; least (per channel that the model measures, in its unit; 0:
 // not watched; two watched or more), others, average, learn, memory, release (s).
 // Quantities after the model's, per watched channel: CHANNEL_best, the reading while trusted, else the estimate without
-// it with its standard deviation; CHANNEL_virtual, that estimate always; CHANNEL_replaced, 0 while trusted, else by how
-// much it lies: reading minus that estimate, averaged, less what is usual.
+// it with its standard deviation (the filter's, or what it missed the healthy reading by beyond R, if that is more:
+// a filter does not know its model's error); CHANNEL_virtual, that estimate always; CHANNEL_replaced, 0 while trusted,
+// else by how much it lies: reading minus that estimate, averaged, less what is usual.
 // Fails where the rig begins with a transducer that lies, and where a process moves one reading alone.
 #pragma once
 
@@ -57,6 +58,7 @@ class GuardedFilter : public Estimator {
     double off = 0, usual_off = 0;      // mean of reading - reference; the same on the healthy rig
     double apart = 0, usual_apart = 0;  // mean of reading - predicted, likewise
     double noise = 0;                   // R
+    double spread = 0;                  // mean square of reading - predicted on the healthy rig
     double usual_gain = 0, moved = 0;   // of that motion, and s in which there was enough
     double calm = 0, silent = 0;        // s, for which it has agreed, has stood at an end of its range
   };
