@@ -154,14 +154,14 @@ BagWriter::BagWriter(const std::string& file, const std::string& shown, const Da
     : parts_(std::make_unique<Parts>()) {
   parts_->shown = shown;
   parts_->rig = sheet.rig;
-  parts_->sample_topic = topic(sheet.rig, "sample");
+  parts_->sample_topic = "/" + sheet.rig + "/sample";
   parts_->bag = std::make_unique<rosbag::Bag>();
   try {
     parts_->bag->open(file, rosbag::bagmode::Write);
     parts_->bag->setCompression(of(compression));
     faultline_msgs::RigDescription description = to_message(sheet, made_by);
     description.header.stamp = stamp_of(first_time);
-    parts_->bag->write(topic(sheet.rig, "description"), description.header.stamp, description);
+    parts_->bag->write("/" + sheet.rig + "/description", description.header.stamp, description);
   } catch (const rosbag::BagException& error) {
     parts_->fail(error.what());
   }

@@ -15,8 +15,9 @@ int main(int argc, char** argv) {
           fmt::format("{}: the datasheet names no estimator; this rig cannot be diagnosed yet", sheet.file));
     const double patience = parameters.number("patience", 0.5, 0, 60);
     const std::string reference = parameters.word("reference", "");
+    const std::string history = parameters.bytes("history");
     parameters.check_used();
-    AlarmPublisher publisher(sheet, patience, reference);
+    AlarmPublisher publisher(sheet, patience, reference, history);
     ros::spin();
     return 0;
   });

@@ -18,71 +18,19 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
-void add(DiagnosticStatus& status, const std::string& key, const std::string& value) {
-  diagnostic_msgs::KeyValue entry;
-  entry.key = key;
-  entry.value = value;
-  status.values.push_back(entry);
-}
-
-std::string title(const std::string& rig, const Alarm& alarm) {
-  std::string text = rig + ": " + to_string(alarm.kind);
-  if (!alarm.effect.empty()) text += " " + alarm.effect;
-  if (!alarm.port.empty()) text += " at " + alarm.port;
-  return text;
-}
+constexpr double kBehind = 1;  // s of estimates behind samples: what a person at the stand should know
 
 }  // namespace
 
-diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report) {
-  diagnostic_msgs::DiagnosticArray array;
-  DiagnosticStatus whole;
-  whole.name = report.rig + ": verdict";
-  whole.hardware_id = report.rig;
-  whole.level = static_cast<std::uint8_t>(worst(report));
-  whole.message = report.verdict;
-  const auto active =
-      std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
-  add(whole, "active alarms", fmt::format("{}", active));
-  add(whole, "alarms since the start", fmt::format("{}", report.alarms.size()));
-  add(whole, "last sample [s]", fmt::format("{:.6f}", report.time));
-  for (const Withheld& w : report.withheld)
-    add(whole, fmt::format("withheld: {} {}@{} ({})", to_string(w.kind), w.effect, w.port, w.stage), text_of(w.reason));
-  array.status.push_back(whole);
-
-  for (const Alarm& alarm : report.alarms) {
-    DiagnosticStatus status;
-    status.name = title(report.rig, alarm);
-    status.hardware_id = report.rig;
-    status.level =
-        alarm.active ? static_cast<std::uint8_t>(alarm.level) : static_cast<std::uint8_t>(DiagnosticStatus::OK);
-    status.message = alarm.active ? alarm.text : "over: " + alarm.text;
-    add(status, "since [s]", fmt::format("{:.6f}", alarm.since));
-    add(status, "raised [s]", fmt::format("{:.6f}", alarm.raised));
-    add(status, "until [s]", fmt::format("{:.6f}", alarm.until));
-    add(status, "confidence", fmt::format("{:.3f}", alarm.confidence));
-    if (alarm.has_size) {
-      add(status, fmt::format("{} [{}]", alarm.size_name, alarm.size_unit), fmt::format("{:.6g}", alarm.size));
-      add(status, "low", fmt::format("{:.6g}", alarm.low));
-      add(status, "high", fmt::format("{:.6g}", alarm.high));
-    }
-    // One status a name: the worst wins, of equals the latest.
-    const auto same = std::find_if(array.status.begin(), array.status.end(),
-                                   [&](const DiagnosticStatus& other) { return other.name == status.name; });
-    if (same == array.status.end())
-      array.status.push_back(status);
-    else if (status.level >= same->level)
-      *same = status;
-  }
-  return array;
-}
-
-AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience, const std::string& reference)
+AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience, const std::string& reference,
+                               const std::string& history)
     : sheet_(sheet),
+      name_(ros::this_node::getNamespace().size() > 1 ? ros::this_node::getNamespace().substr(1) : sheet.rig),
       stage_(sheet),
       join_(occasional_stages(sheet)),
       monitor_(sequence_settings(sheet)),
       silence_(patience),
+      before_(sheet.rig, history),
       reference_(reference),
       health_(sheet.rig, "alarms", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }) {
   if (!reference_.empty() && std::filesystem::exists(reference_)) {
@@ -94,17 +42,16 @@ AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience, const st
                               [&](const StageSpec& spec) { return spec.name == kept.stage; });
         }));
   }
-  alarms_ = node_.advertise<faultline_msgs::AlarmArray>(topic(sheet.rig, "alarms"), 100, true);
+  alarms_ = node_.advertise<faultline_msgs::AlarmArray>("alarms", 100, true);
   diagnostics_ = node_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 100);
   estimates_ = node_.subscribe<faultline_msgs::Estimate>(
-      topic(sheet.rig, "estimate"), kQueue,
-      [this](const boost::shared_ptr<const faultline_msgs::Estimate>& message) { take(*message); }, ros::VoidConstPtr(),
-      ros::TransportHints().tcpNoDelay());
-  watch_timer_ = node_.createWallTimer(ros::WallDuration(0.1), [this](const ros::WallTimerEvent&) { watch(); });
-  second_timer_ = node_.createWallTimer(ros::WallDuration(1), [this](const ros::WallTimerEvent&) {
-    keep_reference();
-    publish();
+      "estimate", kQueue, [this](const boost::shared_ptr<const faultline_msgs::Estimate>& message) { take(*message); },
+      ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+  end_ = node_.subscribe<std_msgs::Time>("end", 10, [this](const boost::shared_ptr<const std_msgs::Time>& message) {
+    run_end_ = to_seconds(message->data);
   });
+  watch_timer_ = node_.createWallTimer(ros::WallDuration(0.1), [this](const ros::WallTimerEvent&) { watch(); });
+  second_timer_ = node_.createWallTimer(ros::WallDuration(1), [this](const ros::WallTimerEvent&) { each_second(); });
   published_changes_ = stage_.changes();
   publish();
 }
@@ -128,34 +75,67 @@ void AlarmPublisher::take(const faultline_msgs::Estimate& message) {
     ++bad_;
     return;
   }
+  if (!samples_) hear_samples();
   const double time = estimate.time;
   const std::uint64_t sequence = estimate.sequence;
   const auto stage = static_cast<std::size_t>(from - sheet_.estimators.begin());
   if (!join_.add(stage, std::move(estimate), estimates_of_sample_)) return;
   monitor_.observe(sequence, time);
   stage_.process(estimates_of_sample_);
-  silence_.arrived(time, steady_seconds(), simulated_seconds());
+  judged_ = time;
+  judged_at_ = steady_seconds();
+  if (heard_ == 0) silence_.arrived(time, steady_seconds(), simulated_seconds());
   if (stage_.changes() != published_changes_) publish();
 }
 
+// From the first estimate on: a player that waits for subscribers of the samples is to wait for the estimators.
+void AlarmPublisher::hear_samples() {
+  samples_ = node_.subscribe<faultline_msgs::Sample>(
+      "sample", kQueue,
+      [this](const boost::shared_ptr<const faultline_msgs::Sample>& message) {
+        heard_ = to_seconds(message->header.stamp);
+        silence_.arrived(heard_, steady_seconds(), simulated_seconds());
+      },
+      ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+}
+
+double AlarmPublisher::behind() const { return heard_ > 0 ? std::max(0.0, heard_ - judged_) : 0; }
+
 void AlarmPublisher::watch() {
   const double now = silence_.now(steady_seconds(), simulated_seconds());
-  if (std::isnan(now)) return;
+  if (std::isnan(now) || behind() > 0 || (heard_ > 0 && heard_ == run_end_)) return;
   stage_.advance(now);
   if (stage_.changes() != published_changes_) publish();
 }
 
 void AlarmPublisher::publish() {
   published_changes_ = stage_.changes();
-  const AlarmReport& report = stage_.report();
+  const AlarmReport report = before_.with(stage_.report());
   alarms_.publish(to_message(report));
-  diagnostic_msgs::DiagnosticArray array = to_diagnostics(report);
+  diagnostic_msgs::DiagnosticArray array = to_diagnostics(report, name_);
+  closed_.close(array);
   array.header.stamp = ros::Time::now();
   if (monitor_.counts().received == 0) {
     array.status[0].level = DiagnosticStatus::STALE;
     array.status[0].message = "No estimate has come yet.";
+  } else if (const double waited = steady_seconds() - judged_at_;
+             behind() > kBehind || (behind() > 0 && waited > kBehind)) {
+    array.status[0].level = DiagnosticStatus::STALE;
+    array.status[0].message = fmt::format(
+        "Not judged yet: the estimates are {:.1f} s behind the samples, the last came {:.1f} s ago.", behind(), waited);
   }
   diagnostics_.publish(array);
+}
+
+void AlarmPublisher::each_second() {
+  keep_reference();
+  if (kept_changes_ != stage_.changes()) {
+    // A call to the master: here and not in the path of an estimate.
+    std::vector<std::uint8_t> bytes = to_bytes(before_.with(stage_.report()));
+    private_node_.setParam("history", XmlRpc::XmlRpcValue(bytes.data(), static_cast<int>(bytes.size())));
+    kept_changes_ = stage_.changes();
+  }
+  publish();
 }
 
 void AlarmPublisher::keep_reference() {
@@ -180,6 +160,7 @@ void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("not understood", bad_);
   status.add("of other stages", other_stage_);
   status.add("samples that an estimator left out", join_.dropped());
+  status.add("behind the samples [s]", behind());
   if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some estimates do not fit this rig");
   if (!reference_.empty()) status.add("stages with a kept reference", kept_);
   if (!reference_trouble_.empty()) status.mergeSummary(DiagnosticStatus::WARN, reference_trouble_);

@@ -127,6 +127,12 @@ ros::Time to_stamp(double seconds) {
   return ros::Time(static_cast<std::uint32_t>(whole), static_cast<std::uint32_t>(nanoseconds));
 }
 
+std_msgs::Time end_of_run(double last_sample) {
+  std_msgs::Time message;
+  message.data = to_stamp(last_sample);
+  return message;
+}
+
 double to_seconds(const ros::Time& stamp) { return stamp.toSec(); }
 
 faultline_msgs::Sample to_message(const Sample& sample, const std::string& rig) {
@@ -290,7 +296,5 @@ AlarmReport from_message(const faultline_msgs::AlarmArray& message) {
 std::vector<std::size_t> check_description(const Datasheet& sheet, const faultline_msgs::RigDescription& message) {
   return match_channels(sheet, from_message(message));
 }
-
-std::string topic(const std::string& rig, const std::string& name) { return "/" + rig + "/" + name; }
 
 }  // namespace faultline

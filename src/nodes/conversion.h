@@ -8,6 +8,8 @@
 
 #include <string>
 
+#include <std_msgs/Time.h>
+
 #include "faultline/alarms/alarm.h"
 #include "faultline/estimators/estimate.h"
 #include "faultline/estimators/histogram_view.h"
@@ -17,6 +19,9 @@
 #include "nodes/messages.h"
 
 namespace faultline {
+
+// What a source says on NAME/end when a run of a length of its own is over: the stamp of its last sample.
+std_msgs::Time end_of_run(double last_sample);
 
 ros::Time to_stamp(double seconds);
 double to_seconds(const ros::Time& stamp);
@@ -45,8 +50,5 @@ AlarmReport from_message(const faultline_msgs::AlarmArray& message);
 
 // match_channels for a message: where each channel of the datasheet stands in Sample.values. Throws InputError.
 std::vector<std::size_t> check_description(const Datasheet& sheet, const faultline_msgs::RigDescription& message);
-
-// /RIG/sample, /RIG/description, /RIG/estimate, /RIG/histogram, /RIG/alarms
-std::string topic(const std::string& rig, const std::string& name);
 
 }  // namespace faultline

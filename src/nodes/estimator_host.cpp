@@ -61,7 +61,7 @@ EstimatorHost::EstimatorHost(const Datasheet& sheet, const std::vector<std::stri
     EstimateNames names = names_of(sheet, made);
     hosted_.push_back({std::move(made), std::move(names), Estimate(), occasional[i], false});
   }
-  estimates_ = node_.advertise<faultline_msgs::Estimate>(topic(sheet.rig, "estimate"), kQueue, listeners.heard());
+  estimates_ = node_.advertise<faultline_msgs::Estimate>("estimate", kQueue, listeners.heard());
   service_ = private_node_.advertiseService("reset", &EstimatorHost::reset, this);
   if (!reference_.empty()) {
     if (std::filesystem::exists(reference_)) {
@@ -72,7 +72,7 @@ EstimatorHost::EstimatorHost(const Datasheet& sheet, const std::vector<std::stri
                                              [this](const ros::WallTimerEvent&) { keep_reference(); });
   }
   if (std::any_of(hosted_.begin(), hosted_.end(), [](const Hosted& h) { return !h.stage.histograms().empty(); })) {
-    histograms_ = node_.advertise<faultline_msgs::Histogram>(topic(sheet.rig, "histogram"), 100);
+    histograms_ = node_.advertise<faultline_msgs::Histogram>("histogram", 100);
     histogram_timer_ = node_.createWallTimer(ros::WallDuration(kHistogramPeriod),
                                              [this](const ros::WallTimerEvent&) { publish_histograms(); });
   }

@@ -73,7 +73,7 @@ GapPublisher::GapPublisher(const Datasheet& sheet)
       input_(sheet, [this](const Sample& sample) { take(sample); }),
       health_(sheet.rig, "input", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }),
       gap_health_(sheet.rig, "gap", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell_gap(status); }) {
-  gaps_ = node_.advertise<faultline_msgs::Gap>(topic(sheet.rig, "gap"), 100, true);
+  gaps_ = node_.advertise<faultline_msgs::Gap>("gap", 100, true);
   worker_ = std::thread([this] { work(); });
 }
 

@@ -142,6 +142,16 @@ std::vector<std::string> Parameters::words(const std::string& key) {
   return result;
 }
 
+std::string Parameters::bytes(const std::string& key) {
+  const XmlRpcValue* value = find(key);
+  if (value == nullptr) return "";
+  XmlRpcValue copy = *value;
+  if (copy.getType() != XmlRpcValue::TypeBase64)
+    refuse(key, fmt::format("is {}; binary data are allowed, which the node itself writes", shown(copy)));
+  const XmlRpcValue::BinaryData& data = copy;
+  return std::string(data.begin(), data.end());
+}
+
 void Parameters::check_used() const {
   if (!values_.valid()) return;
   std::vector<std::string> allowed(asked_.begin(), asked_.end());

@@ -23,6 +23,7 @@ class Parameters {
   std::int64_t integer(const std::string& key, std::int64_t fallback, std::int64_t minimum, std::int64_t maximum);
   bool flag(const std::string& key, bool fallback);
   std::vector<std::string> words(const std::string& key);  // a list, or one text with ';' between; absent: none
+  std::string bytes(const std::string& key);               // binary data; absent: none
   bool has(const std::string& key) const;
 
   void check_used() const;  // InputError if a key was given that nobody asked for

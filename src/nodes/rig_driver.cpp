@@ -24,8 +24,9 @@ RigDriver::RigDriver(const Datasheet& sheet, const std::string& made_by, Listene
       gate_(sheet, kDescriptionWait, 2 * kQueue,
             [this](const Sample& sample, double arrival) { deliver(sample, arrival); }),
       monitor_(sequence_settings(sheet)) {
-  description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
-  samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue, listeners.heard());
+  description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
+  samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners.heard());
+  end_ = node_.advertise<std_msgs::Time>("end", 1);
   description_.publish(to_message(sheet, made_by));
 }
 
@@ -63,7 +64,13 @@ void RigDriver::flush(double arrival) {
 void RigDriver::deliver(const Sample& sample, double arrival) {
   if (!fit(monitor_.observe(sample.sequence, sample.time, arrival))) return;
   samples_.publish(to_message(sample, sheet_.rig));
+  last_time_ = sample.time;
   ++published_;
+}
+
+void RigDriver::tell_end() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (published_ > 0) end_.publish(end_of_run(last_time_));
 }
 
 std::uint64_t RigDriver::published() const {

@@ -67,6 +67,7 @@ int drive(Parameters& parameters) {
   }
   while (ros::ok() && !source.ended()) ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.05));
   if (!source.ended()) return 0;  // stopped from outside
+  driver.tell_end();
   linger();
   if (!source.trouble().empty()) throw InputError(source.trouble());
   if (driver.published() == 0)

@@ -46,14 +46,14 @@ RigInput::RigInput(const Datasheet& sheet, std::function<void(const Sample&)> de
 void RigInput::start() {
   const ros::TransportHints fast = ros::TransportHints().tcpNoDelay();
   description_ = node_.subscribe<faultline_msgs::RigDescription>(
-      topic(sheet_.rig, "description"), 10,
+      "description", 10,
       [this](const boost::shared_ptr<const faultline_msgs::RigDescription>& message) {
         gate_.describe(from_message(*message));
         if (!gate_.trouble().empty()) ROS_ERROR("%s", gate_.trouble().c_str());
       },
       ros::VoidConstPtr(), fast);
   samples_ = node_.subscribe<faultline_msgs::Sample>(
-      topic(sheet_.rig, "sample"), kQueue,
+      "sample", kQueue,
       [this](const boost::shared_ptr<const faultline_msgs::Sample>& message) {
         gate_.push(from_message(*message), steady_seconds());
       },

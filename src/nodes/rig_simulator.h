@@ -45,7 +45,7 @@ class RigSimulator {
   Simulator simulator_;
   Listeners listeners_;
   ros::NodeHandle node_;
-  ros::Publisher samples_, description_;
+  ros::Publisher end_, samples_, description_;
   std::unique_ptr<lcm::LCM> lcm_;
   std::uint64_t sent_ = 0, failed_ = 0;
   double behind_ = 0, most_behind_ = 0;  // s of wall time

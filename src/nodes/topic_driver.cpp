@@ -37,8 +37,8 @@ TopicDriver::TopicDriver(const Datasheet& sheet, const Mapping& mapping, const s
   for (const MappedChannel& mapped : mapping.channels)
     conversions_.push_back(mapped.conversion(sheet.channels[mapped.channel], mapped.unit));
   sample_.values.resize(sheet.channels.size());
-  description_ = node_.advertise<faultline_msgs::RigDescription>(topic(sheet.rig, "description"), 1, true);
-  samples_ = node_.advertise<faultline_msgs::Sample>(topic(sheet.rig, "sample"), kQueue, listeners.heard());
+  description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
+  samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners.heard());
   description_.publish(to_message(sheet, made_by));
 }
 

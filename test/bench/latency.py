@@ -169,8 +169,8 @@ def main():
                     break
             time.sleep(0.1)
         time.sleep(2)
-        begin(os.path.join(arguments.programs, 'alarm_node'), f'_rig:={arguments.rig}')
-        begin(os.path.join(arguments.programs, 'kalman_node'), f'_rig:={arguments.rig}')
+        begin(os.path.join(arguments.programs, 'alarm_node'), f'_rig:={arguments.rig}', f'__ns:={arguments.rig}')
+        begin(os.path.join(arguments.programs, 'kalman_node'), f'_rig:={arguments.rig}', f'__ns:={arguments.rig}')
         return measure(arguments)
     finally:
         for process in reversed(started):

@@ -95,7 +95,7 @@ def measure(seconds):
             values = [
                 status["values"]
                 for title, status in last.items()
-                if title.startswith(name + ":") and "received" in status["values"]
+                if title.startswith(f"{RIG}/{name}:") and "received" in status["values"]
             ]
             answer["nodes"][name] = {key: int(values[0][key]) for key in COUNTS} if values else None
         print(json.dumps(answer))

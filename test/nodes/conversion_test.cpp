@@ -356,7 +356,6 @@ TEST(ConversionLcm, DescriptionFits) {
   EXPECT_EQ(description.sample_period, 0.01);
   EXPECT_EQ(match_channels(sheet, description), (std::vector<std::size_t>{0, 1}));
   EXPECT_EQ(lcm_channel("small", "sample"), "small.sample");
-  EXPECT_EQ(topic("small", "sample"), "/small/sample");
 }
 
 }  // namespace

@@ -88,14 +88,18 @@ class Graph:
         return process
 
     def node(self, program, name, **parameters):
-        """Starts a node of the package; its parameters go through the parameter server, so that their types hold."""
+        """Starts a node of the package in its rig's namespace, as the launch files do; its parameters go through the
+        parameter server, so that their types hold."""
+        rig = parameters.get("rig")
+        space = f"/{rig}" if isinstance(rig, str) else ""
         try:
-            self.master.deleteParam("/test", f"/{name}")
+            self.master.deleteParam("/test", f"{space}/{name}")
         except xmlrpc.client.Fault:
             pass
         for key, value in parameters.items():
-            self.set(f"/{name}/{key}", value)
-        return self.start([str(devel_space() / "lib/faultline" / program), f"__name:={name}"])
+            self.set(f"{space}/{name}/{key}", value)
+        words = [f"__name:={name}"] + ([f"__ns:={space}"] if space else [])
+        return self.start([str(devel_space() / "lib/faultline" / program), *words])
 
     def wait(self, process, seconds):
         return process.wait(seconds), self.said(process)

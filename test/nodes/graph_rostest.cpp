@@ -52,12 +52,22 @@ class Graph : public ::testing::Test {
     diagnostics_ = node_.subscribe<diagnostic_msgs::DiagnosticArray>(
         "/diagnostics", 1000, [this](const diagnostic_msgs::DiagnosticArray::ConstPtr& message) {
           for (const diagnostic_msgs::DiagnosticStatus& status : message->status)
-            if (status.name == "servo_actuator: verdict") level_ = status.level;
+            if (status.name == "servo_actuator: verdict") {
+              level_ = status.level;
+              said_ = status.message;
+            }
         });
-    ASSERT_TRUE(until([this] { return samples_.getNumSubscribers() >= 1; }, 15));
+    // The alarm node hears samples, too, once it heard an estimate.
+    ASSERT_TRUE(until(
+        [this] {
+          return samples_.getNumSubscribers() >= (began_ ? 2u : 1u) && estimates_.getNumPublishers() >= 1 &&
+                 alarms_.getNumPublishers() >= 1 && diagnostics_.getNumPublishers() >= 1;
+        },
+        15));
+    began_ = true;
     std_srvs::Trigger trigger;
-    ASSERT_TRUE(ros::service::waitForService("/kalman/reset", 10000));
-    ASSERT_TRUE(ros::service::call("/kalman/reset", trigger));
+    ASSERT_TRUE(ros::service::waitForService("/servo_actuator/kalman/reset", 10000));
+    ASSERT_TRUE(ros::service::call("/servo_actuator/kalman/reset", trigger));
     EXPECT_TRUE(trigger.response.success);
   }
 
@@ -160,6 +170,7 @@ class Graph : public ::testing::Test {
   }
 
   static Datasheet* sheet_;
+  static bool began_;  // an earlier test sent samples
   ros::NodeHandle node_;
   ros::Publisher description_, samples_;
   ros::Subscriber estimates_, alarms_, diagnostics_;
@@ -167,12 +178,14 @@ class Graph : public ::testing::Test {
   std::vector<Estimate> heard_rankings_, expected_rankings_;
   AlarmReport report_;
   int level_ = -1;
+  std::string said_;
   std::vector<EstimatorStage> stages_;
   std::vector<Estimate> estimates_here_;
   AlarmStage alarm_stage_{*sheet_};
 };
 
 Datasheet* Graph::sheet_ = nullptr;
+bool Graph::began_ = false;
 
 // Every test starts before the last one's time, so that the alarm node begins anew by itself.
 TEST_F(Graph, Test1FindsALeakAndSaysTheSameAsTheStagesHere) {
@@ -220,7 +233,7 @@ TEST_F(Graph, Test3ResetBeginsAnew) {
   const Recording recording = record(5, 1, false);
   run(recording, kStart - 200, 0);
   std_srvs::Trigger trigger;
-  ASSERT_TRUE(ros::service::call("/kalman/reset", trigger));
+  ASSERT_TRUE(ros::service::call("/servo_actuator/kalman/reset", trigger));
   for (EstimatorStage& stage : stages_) stage.reset();
   run(recording, kStart - 198.999, 1001);
   expect_same_estimates();
@@ -260,6 +273,26 @@ TEST_F(Graph, Test5SilenceIsAnAlarmDatedFromTheLastSample) {
   ASSERT_TRUE(until([this] { return !report_.alarms.empty() && !report_.alarms.back().active; }, 3));
   EXPECT_NEAR(report_.alarms.back().until, start, 1e-6);
   expect_same_alarms();
+}
+
+TEST_F(Graph, Test6AnEstimatorThatIsBehindIsNoSilence) {
+  run(record(6, 1, false), kStart - 500, 0);
+  const std::size_t alarms = report_.alarms.size();
+  // A sample that the estimator leaves out, as it does not fit: the alarm node hears it, and then nothing.
+  Sample late;
+  late.time = to_seconds(to_stamp(report_.time + 3));
+  late.sequence = 4001;
+  late.values.assign(2, 0);
+  faultline_msgs::Sample message = to_message(late, "servo_actuator");
+  samples_.publish(message);
+  ASSERT_TRUE(until([this] { return said_.find("behind the samples") != std::string::npos; }, 8));
+  EXPECT_EQ(level_, diagnostic_msgs::DiagnosticStatus::STALE);
+  // Well beyond the patience of 2 s and the 0.1 s of a silence.
+  until([] { return false; }, 3);
+  EXPECT_EQ(report_.alarms.size(), alarms);
+  // The next sample is judged: what is told is true again.
+  run(record(6, 0.05, false), late.time + 0.001, 4002);
+  ASSERT_TRUE(until([this] { return said_.find("behind the samples") == std::string::npos; }, 3));
 }
 
 }  // namespace

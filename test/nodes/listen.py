@@ -14,7 +14,8 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from faultline.msg import AlarmArray, Estimate, Gap, Histogram, Sample
 
-rig, quiet, file_name, topics = sys.argv[1], float(sys.argv[2]), sys.argv[3], sys.argv[4:]
+words = rospy.myargv(sys.argv)
+rig, quiet, file_name, topics = words[1], float(words[2]), words[3], words[4:]
 file = open(file_name, "w")
 last = [time.monotonic() + 20]
 lock = threading.Lock()  # rospy calls back from a thread per publisher
@@ -117,13 +118,13 @@ def histogram(message):
     )
 
 
-def diagnostics(message):
+def diagnostics(message, topic="diagnostics"):
     entry = {
-        "topic": "diagnostics",
+        "topic": topic,
         "status": [
             {
                 "name": status.name,
-                "level": status.level,
+                "level": ord(status.level) if isinstance(status.level, bytes) else status.level,
                 "message": status.message,
                 "values": {value.key: value.value for value in status.values},
             }
@@ -145,8 +146,8 @@ kinds = {
     "histogram": (Histogram, histogram),
 }
 for topic in topics:
-    if topic == "diagnostics":
-        rospy.Subscriber("/diagnostics", DiagnosticArray, diagnostics, queue_size=1000)
+    if topic in ("diagnostics", "diagnostics_agg"):
+        rospy.Subscriber(f"/{topic}", DiagnosticArray, diagnostics, topic, queue_size=1000)
     else:
         rospy.Subscriber(f"/{rig}/{topic}", kinds[topic][0], kinds[topic][1], queue_size=20000, tcp_nodelay=True)
 while not stopped and time.monotonic() < last[0] + quiet:

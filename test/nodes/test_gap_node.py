@@ -41,8 +41,8 @@ class GapNode(unittest.TestCase):
         statuses = [status for entry in entries if entry["topic"] == "diagnostics" for status in entry["status"]]
         return (
             gaps,
-            [status for status in statuses if status["name"] == "gap: gap"],
-            [s for s in statuses if s["name"] == "gap: input"],
+            [status for status in statuses if status["name"] == f"{RIG}/gap: gap"],
+            [s for s in statuses if s["name"] == f"{RIG}/gap: input"],
         )
 
     def test_a_healthy_rig_stays_normal(self):

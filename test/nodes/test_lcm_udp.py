@@ -31,7 +31,7 @@ def inside(rig):
         listener = graph.start(
             ["python3", str(HERE.parent / "listen.py"), rig, "30", str(heard), "sample", "diagnostics"]
         )
-        driver = graph.node("rig_driver_node", "driver", rig=rig, lcm_url=URL, wait_for="listener")
+        driver = graph.node("rig_driver_node", "driver", rig=rig, lcm_url=URL, wait_for="/listener")
         simulator = graph.node(
             "rig_simulator_node", "simulator", rig=rig, output="lcm", lcm_url=URL, start=2000.0, duration=SECONDS
         )
@@ -46,7 +46,7 @@ def inside(rig):
             for entry in entries
             if entry["topic"] == "diagnostics"
             for status in entry["status"]
-            if status["name"] == "driver: driver"
+            if status["name"] == f"{rig}/driver: driver"
         ]
         print(
             json.dumps(

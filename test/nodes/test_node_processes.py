@@ -187,7 +187,7 @@ class LcmLog(unittest.TestCase):
                 "diagnostics",
             ]
         )
-        driver = self.graph.node("rig_driver_node", "driver", rig=RIG, log=str(path), rate=rate, wait_for="listener")
+        driver = self.graph.node("rig_driver_node", "driver", rig=RIG, log=str(path), rate=rate, wait_for="/listener")
         code, said = self.graph.wait(driver, seconds)
         self.graph.end(listener)
         heard = read_lines(lines)
@@ -197,7 +197,7 @@ class LcmLog(unittest.TestCase):
             for entry in heard
             if entry["topic"] == "diagnostics"
             for status in entry["status"]
-            if status["name"] == "driver: driver"
+            if status["name"] == f"{RIG}/driver: driver"
         ]
         return code, said, samples, status
 

@@ -17,7 +17,7 @@ PAUSER = """
 import sys, rospy
 from std_srvs.srv import SetBool
 rospy.init_node("pauser", disable_signals=True)
-call = rospy.ServiceProxy("/player/pause_playback", SetBool, persistent=True)
+call = rospy.ServiceProxy("/servo_actuator/player/pause_playback", SetBool, persistent=True)
 call.wait_for_service(20)
 print("ready", flush=True)
 for line in sys.stdin:
@@ -108,7 +108,8 @@ class ReplayModes(unittest.TestCase):
     def test_a_pause_is_no_silence(self):
         self.play(2, "pause:=true")
         limit = time.monotonic() + 20
-        while "/player/pause_playback" not in [name for name, _ in self.graph.master.getSystemState("/test")[2][2]]:
+        service = "/servo_actuator/player/pause_playback"
+        while service not in [name for name, _ in self.graph.master.getSystemState("/test")[2][2]]:
             self.assertLess(time.monotonic(), limit, self.graph.said(self.player))
             time.sleep(0.1)
         pauser = subprocess.Popen(
@@ -133,7 +134,7 @@ class ReplayModes(unittest.TestCase):
         self.assertLess(before, 1000 * LENGTH)
         # As the launch file says to go on.
         ran = subprocess.run(
-            ["rosservice", "call", "/player/pause_playback", "false"],
+            ["rosservice", "call", "/servo_actuator/player/pause_playback", "false"],
             env=self.graph.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

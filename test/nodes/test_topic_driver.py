@@ -94,7 +94,7 @@ class TopicDriver(unittest.TestCase):
 
     def live(self, bag, last, ahead, topics=TOPICS, rounds=1):
         self.graph.set("/use_sim_time", True)
-        driver = self.driver(wait_for="stand", wait=1.0)
+        driver = self.driver(wait_for="/stand", wait=1.0)
         heard = self.graph.path / "samples"
         player = self.graph.start(
             [
@@ -179,7 +179,8 @@ class TopicDriver(unittest.TestCase):
                 timeout=30,
                 check=True,
             )
-            self.assertEqual(set(ran.stdout.split()), {"/alarms", "/kalman", "/driver"})
+            wanted = {f"/servo_actuator/{name}" for name in ("alarms", "kalman", "driver")}
+            self.assertEqual(set(ran.stdout.split()), wanted)
 
     def test_a_field_that_is_not_there_ends_the_driver_in_one_line(self):
         self.map.write_text(MAPPING.replace("force/z", "fource/z"))
