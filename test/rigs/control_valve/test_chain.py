@@ -9,8 +9,9 @@ import unittest
 import yaml
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "test/cli"))
+sys.path[:0] = [str(ROOT / "test/cli"), str(ROOT / "scripts/studies/control_valve")]
 from program import ProgramTest
+from valve_sizes import SIZES, sized
 
 RIG = "control_valve"
 SHORTER = {
@@ -21,6 +22,13 @@ LEARN, RUN, BEGIN = 5400, 600, 200  # s
 PRESTAGE_LEAK = "orifice_leakage@flow.prestage_ambient:coefficient=1e-8"
 CYLINDER_LEAK = "orifice_leakage@flow.cylinder_ambient:coefficient=8e-7"
 VALVE_FRICTION = "coulomb_friction@force.valve:force=20"
+MODULES = {  # of the datasheet's faults
+    "nozzle_blockage": ["Nozzle-flapper"],
+    "spool_valve_friction": ["Spool valve"],
+    "actuator_friction": ["Actuator"],
+    "valve_friction": ["Valve"],
+    "prestage_leakage_and_valve_friction": ["Valve and nozzle-flapper", "Nozzle-flapper and valve"],
+}
 CLOGGED = "clogging@restriction.process_valve:fraction=0.1"
 
 
@@ -35,15 +43,20 @@ def datasheet():
 
 
 class Chain(ProgramTest):
+    kept = {}  # what a size learnt
+
     def setUp(self):
         super().setUp()
-        self.sheet = datasheet()
-        self.write(self.sheet, "sheet.yaml")
-        if not hasattr(Chain, "learnt"):
+        self.use(datasheet(), "as it ships")
+
+    def use(self, sheet, size):
+        self.sheet = sheet
+        self.write(sheet, "sheet.yaml")
+        if size not in self.kept:
             self.record("healthy.bag", 1, LEARN)
             self.run_program("diagnose", "healthy.bag", "--config", "sheet.yaml", "--keep-reference", "learnt")
-            Chain.learnt = (self.folder / "learnt").read_bytes()
-        (self.folder / "learnt").write_bytes(Chain.learnt)
+            self.kept[size] = (self.folder / "learnt").read_bytes()
+        (self.folder / "learnt").write_bytes(self.kept[size])
 
     def write(self, sheet, name):
         (self.folder / name).write_text(yaml.safe_dump(sheet, sort_keys=False, width=10000))
@@ -101,6 +114,17 @@ class Chain(ProgramTest):
                 other = self.write({**self.sheet, "inputs": inputs}, "other.yaml")
                 run = self.record("run.bag", 4, RUN, config=other)
                 self.assertEqual(self.alarms(run), [])
+
+    def test_other_sizes_without_retuning(self):
+        for size in SIZES:
+            with self.subTest(size):
+                self.use(sized(datasheet(), size), size)
+                self.assertEqual(self.alarms(self.record("run.bag", 2, RUN)), [])
+                faults = {fault["name"]: fault["effects"] for fault in self.sheet["faults"]}
+                for name, modules in MODULES.items():
+                    effects = [effect.partition(",from")[0] for effect in faults[name]]
+                    alarms = self.alarms(self.record("run.bag", 3, RUN, *effects))
+                    self.assertEqual([told for _, _, told in self.named(alarms)], modules, name)
 
     def test_what_fits_no_place_is_unknown(self):
         run = self.record("run.bag", 5, RUN, CLOGGED)
