@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""What becomes of faults while the supply or the temperature is not as it was learnt, and of faults that grow slowly: the
-histograms go on learning, so both are forgotten in time.
+"""What becomes of faults while the supply or the temperature is not as it was learnt, and of faults that grow slowly:
+the histograms go on learning, so both are forgotten in time.
 
 common_causes.py [--valve 201] [--learn 7] [--work FOLDER]
 
 A valve that learnt at 5 bar and 20 degrees runs three hours at another supply or temperature (which wander as before),
-without a fault and with the datasheet's prestage leak, cylinder leak or valve friction, growing from 600 s to 3600 s. Then
-the prestage leak growing over 8 and 24 hours instead. Printed: the alarms, and the highest share of a window in which a common cause lay on one side outside of
-what was learnt, in the first and in the last hour."""
+without a fault and with the datasheet's prestage leak, growing from 600 s to 3600 s.
+Then the prestage leak growing over 8 and 24 hours instead. Printed: the alarms, and the highest share of a window in
+which a common cause lay on one side outside of what was learnt, in the first and in the last hour."""
 
 import argparse
 
@@ -58,7 +58,8 @@ def main():
     for case, fault, to, seconds in rows:
         name = f"{options.valve}_{case}_{fault}_{to}".replace(" ", "_")
         found = valves.once(name, lambda: one(valves, options.valve, CASES[case], fault, to, seconds))
-        print(f"{case}, {fault} growing to {to} s; outside {found['far_first']:.2f}, {found['far_last']:.2f}", flush=True)
+        outside = f"{found['far_first']:.2f}, {found['far_last']:.2f}"
+        print(f"{case}, {fault} growing to {to} s; outside {outside}", flush=True)
         for raised, active, text in found["alarms"]:
             print(f"    {raised:.0f} s{'' if active else ', over'}: {text}", flush=True)
 

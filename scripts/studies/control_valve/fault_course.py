@@ -3,9 +3,9 @@
 
 fault_course.py [--valve 101] [--learn 7] [--work FOLDER] [-o docs/pictures]
 
-Figure 41: moving average of the flapper position, scaled by the limits of the bin it is in (0 and 1), and the diameter of
-the leak. Figure 43: the same of all variables, averaged over a minute; what shifted, with alarms; the leak. Numbers as
-JSON on standard output."""
+Figure 41: moving average of the flapper position, scaled by the limits of the bin it is in (0 and 1), and the diameter
+of the leak. Figure 43: the same of all variables, averaged over a minute; what shifted, with alarms; the leak. Numbers
+as JSON on standard output."""
 
 import argparse
 import json

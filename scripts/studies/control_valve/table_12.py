@@ -5,14 +5,14 @@ some hours of its own healthy run, then meets every fault of the datasheet, whic
 table_12.py [--valves 3] [--first 101] [--learn 7] [--growth 1] [--size dn50] [--work FOLDER]
 
 Per fault and variable: 1 high, -1 low, ±1 both in turn at the end of the run, valve by valve (. is none), and in
-brackets what the source has. Per fault: modules named at the end, how often right (no other module at any time counts as
-wrong before), and where the ramp stood when it was told and when control was degraded, in shares of the datasheet's size.
-Degraded: the flow lies 1.5 times as far from its set point (RMS over 300 s, 15 s and more after each step) as in the same run
-without the fault, in two stretches one after the other; position the same.
+brackets what the source has. Per fault: modules named at the end, how often right (no other module at any time counts
+as wrong before), and where the ramp stood when it was told and when control was degraded, in shares of the datasheet's
+size. Degraded: the flow lies 1.5 times as far from its set point (RMS over 300 s, 15 s and more after each step) as in
+the same run without the fault, in two stretches one after the other; position the same.
 
 --growth K: grow on at the same rate to K times the size. --size: a valve of another size (valve_sizes.py) with the
-stages that ship. What is done stays in FOLDER: stopped, it goes on where it was; a valve takes three minutes of processor time.
-The numbers in stages.yaml were chosen on valve 1."""
+stages that ship. What is done stays in FOLDER: stopped, it goes on where it was; a valve takes three minutes of
+processor time. The numbers in stages.yaml were chosen on valve 1."""
 
 import argparse
 import re
@@ -156,7 +156,7 @@ def main():
             cells.append(several([degraded(answer, before, which) for answer, before in zip(answers, healthy)]))
         print(f"| {number} {fault} | {' | '.join(cells)} |")
     flow = [np.median(np.array(answer["errors"])[:, 1]) for answer in healthy]
-    print(f"\nRMS of the settled flow from its set point without fault, of its range: {several(100 * f for f in flow)} %")
+    print(f"\nRMS of the settled flow from its set point without fault: {several(100 * f for f in flow)} % of its range")
     early = sum(a["raised"] is not None and a["raised"] < FROM for answers in results.values() for a in answers)
     print(f"told before the fault began: {early}; in the runs without fault: {sum(bool(a['raised']) for a in healthy)}")
 

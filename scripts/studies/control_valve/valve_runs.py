@@ -1,6 +1,7 @@
-"""Runs of the rig control_valve that its histograms learn from and judge, for the studies beside this file. A valve is a
-number: the seed of its parameters within their tolerances. What is done lies in a folder named by the stages, the rig and
-the hours of learning, so that a study that was stopped goes on where it was and no number is taken for another setting's."""
+"""Runs of the rig control_valve that its histograms learn from and judge, for the studies beside this file. A valve is
+a number: the seed of its parameters within their tolerances. What is done lies in a folder named by the stages, the rig
+and the hours of learning, so that a study that was stopped goes on where it was and no number is taken for another
+setting's."""
 
 import hashlib
 import json
@@ -29,7 +30,7 @@ def histograms_alone(sheet):
 
 
 class Valves:
-    """Valves of one datasheet with its stages, and what was measured on them; `always`: arguments of every simulation."""
+    """Valves of one datasheet with its stages, and what was measured on them; `always`: of every simulation."""
 
     def __init__(self, work, hours, sheet, always=()):
         sheet = histograms_alone(sheet)
@@ -104,8 +105,8 @@ CONTROL = ["t", "flow_setpoint", "flow", "valve_setpoint", "valve_position"]
 
 
 def control_error(rows, full=0.028, length=300, settling=15):
-    """Ends of stretches of `length` s, and per stretch the RMS of position and flow from their set points, relative to the
-    range of these (`full`: the flow of the highest demand), over what lies `settling` s and more behind each step."""
+    """Ends of stretches of `length` s, and per stretch the RMS of position and flow from their set points, relative to
+    the range of these (`full`: the flow of the highest demand), from `settling` s after each step on."""
     t, goal = rows["t"], rows["flow_setpoint"]
     second = max(1, int(round(1 / np.median(np.diff(t)))))
     moved = np.zeros(len(t), bool)

@@ -1,7 +1,7 @@
 """The datasheet of the rig control_valve for a valve and actuator of another size, with the positioner that it has: the
 same nozzle, spool valve and gains of the inner loops. Ratios to the size that ships: bore of the cylinder, stroke and
-flow. Pressures of the spring stay, so that forces grow with the area and torques with area and stroke; leaks stay the same
-hole. A larger cylinder behind the same ports is slower: time to open and close grows with area times stroke."""
+flow. Pressures of the spring stay, so that forces grow with the area and torques with area and stroke; leaks stay the
+same hole. A larger cylinder behind the same ports is slower: time to open and close grows with area times stroke."""
 
 SIZES = {  # bore, stroke, flow
     "dn50": (100 / 160, 0.625, 0.45),

@@ -17,15 +17,15 @@
 // Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
 // that: then it and what lies before it are looked at alone.
 //
-// While a common cause (a supply, a temperature) has itself shifted, by the same limits, shifts are laid to it: what was
-// named before stays, nothing else is named. Its histogram should forget no faster than those of what it moves: give it
-// the same explanatory channel.
+// While a common cause (a supply, a temperature) has itself shifted, by the same limits, shifts are laid to it: what
+// was named before stays, nothing else is named. Its histogram should forget no faster than those of what it moves:
+// give it the same explanatory channel.
 //
-// Settings: stage; chain, its observed channels in the order of cause, from the controller on; held, the one of them that
-// the loops hold [none]; common; share, both, sigmas, learn [0 s], settle (s from the first shift until it is named, and
-// after a start); place [1] or 2; per channel CHANNEL_place, the module in words (none: it names none), and
-// CHANNEL_high, CHANNEL_low, CHANNEL_both: the effect@port, with commas between, that shift it so; the first is told, the
-// others as what it cannot be told from.
+// Settings: stage; chain, its observed channels in the order of cause, from the controller on; held, the one of them
+// that the loops hold [none]; common; share, both, sigmas, learn [0 s], settle (s from the first shift until it is
+// named, and after a start); place [1] or 2; per channel CHANNEL_place, the module in words (none: it names none), and
+// CHANNEL_high, CHANNEL_low, CHANNEL_both: the effect@port, with commas between, that shift it so; the first is told,
+// the others as what it cannot be told from.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,13 +1,13 @@
-// The actuator module of the control valve: cylinder, spring-return piston and the linkage that turns its travel into an
-// angle (Manninen 2012).
+// The actuator module of the control valve: cylinder, spring-return piston and the linkage that turns its travel into
+// an angle (Manninen 2012).
 //
 //   P_c' = gamma/(V_d + A_c x) (m R T_a - P_c A_c x')                                (7)
 //   b_a x' = dz(A_c p_c - k_a (x + x_a0) - T_v phi'(x), -F_c-(x), F_c+(x))           (12)
 //   phi(x) = pi/4 + asin((x - L/2)/r),  r = L/sqrt(2)
 //
-// The piston has no mass: it moves as fast as viscous friction lets its force, once that leaves the Coulomb band. Friction
-// that falls with speed has no such answer near standstill: there the piston sticks until its force exceeds the breakaway
-// level and slips at the highest speed in balance. Capitals P absolute, small p gauge. SI units.
+// The piston has no mass: it moves as fast as viscous friction lets its force, once that leaves the Coulomb band.
+// Friction that falls with speed has no such answer near standstill: there the piston sticks until its force exceeds
+// the breakaway level and slips at the highest speed in balance. Capitals P absolute, small p gauge. SI units.
 #pragma once
 
 #include "rigs/control_valve/air_leak.h"

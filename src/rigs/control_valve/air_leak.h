@@ -1,4 +1,5 @@
-// A gas leak to the air: an orifice of C A = coefficient sqrt(leakage_density/2), coefficient that of the leakage effects.
+// A gas leak to the air: an orifice of C A = coefficient sqrt(leakage_density/2), coefficient that of the leakage
+// effects.
 #pragma once
 
 #include <algorithm>

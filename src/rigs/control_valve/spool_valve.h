@@ -1,5 +1,5 @@
-// The spool valve module of the control valve: prestage chamber, diaphragms, spool and its ports, and the supply in front
-// of them (Manninen 2012).
+// The spool valve module of the control valve: prestage chamber, diaphragms, spool and its ports, and the supply in
+// front of them (Manninen 2012).
 //
 //   P_p' = gamma/(V_p + A_p X) (m R T_a - P_p A_p X')                                       (7)
 //   b_s X' = dz(A_p p_p - A_s p_S - k_ss (X + x_spre) - k_d X, -F_cs, F_cs)                 (8)-(10)
@@ -22,8 +22,8 @@ class SpoolValve {
   double balance(double supply_gauge) const;  // Pa gauge, of the prestage, that holds the spool in the middle
   double speed(double share, double prestage_gauge, double supply_gauge) const;  // m/s
   double flow(double share, double cylinder, double supply, double root) const;  // kg/s, into the cylinder
-  // Pa gauge at the device where the measured one is `measured`: with an effect at source.supply the filling flow lowers
-  // the pressure that drives it.
+  // Pa gauge at the device where the measured one is `measured`: with an effect at source.supply the filling flow
+  // lowers the pressure that drives it.
   double supply(double time, double share, double cylinder, double measured, double root) const;
   double prestage_rate(double share, double speed, double prestage, double net_flow, double heat) const;  // Pa/s
 

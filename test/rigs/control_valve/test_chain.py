@@ -1,6 +1,6 @@
-"""Histograms and chain on simulated runs of this rig: what is healthy, where one fault and two faults lie, what a supply
-that was never met brings with it, and what fits no place. Levels of some seconds instead of a minute, and times of the
-stages that are shorter in proportion, so that an hour of learning is enough."""
+"""Histograms and chain on simulated runs of this rig: what is healthy, where one fault and two faults lie, what a
+supply that was never met brings with it, and what fits no place. Levels of some seconds instead of a minute, and times
+of the stages that are shorter in proportion, so that an hour of learning is enough."""
 import json
 import pathlib
 import sys
@@ -9,8 +9,9 @@ import unittest
 import yaml
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "test/cli"))
+sys.path[:0] = [str(ROOT / "test/cli"), str(ROOT / "scripts/studies/control_valve")]
 from program import ProgramTest
+from valve_sizes import SIZES, sized
 
 RIG = "control_valve"
 SHORTER = {
@@ -35,15 +36,20 @@ def datasheet():
 
 
 class Chain(ProgramTest):
+    kept = {}  # what a size learnt
+
     def setUp(self):
         super().setUp()
-        self.sheet = datasheet()
-        self.write(self.sheet, "sheet.yaml")
-        if not hasattr(Chain, "learnt"):
+        self.use(datasheet(), "as it ships")
+
+    def use(self, sheet, size):
+        self.sheet = sheet
+        self.write(sheet, "sheet.yaml")
+        if size not in self.kept:
             self.record("healthy.bag", 1, LEARN)
             self.run_program("diagnose", "healthy.bag", "--config", "sheet.yaml", "--keep-reference", "learnt")
-            Chain.learnt = (self.folder / "learnt").read_bytes()
-        (self.folder / "learnt").write_bytes(Chain.learnt)
+            self.kept[size] = (self.folder / "learnt").read_bytes()
+        (self.folder / "learnt").write_bytes(self.kept[size])
 
     def write(self, sheet, name):
         (self.folder / name).write_text(yaml.safe_dump(sheet, sort_keys=False, width=10000))
@@ -60,10 +66,10 @@ class Chain(ProgramTest):
         self.run_program("diagnose", run, "--config", config, "--reference", "learnt", "--json", "report.json")
         return json.loads((self.folder / "report.json").read_text())["alarms"]
 
-    def named(self, alarms):
-        """Kind, effect@port and modules of each; raised within a window of the begin."""
+    def named(self, alarms, within=SHORTER["histogram"]["window"]):
+        """Kind, effect@port and modules of each; raised within so many seconds."""
         for alarm in alarms:
-            self.assertTrue(BEGIN < alarm["raised"] < BEGIN + SHORTER["histogram"]["window"], alarm)
+            self.assertTrue(BEGIN < alarm["raised"] < BEGIN + within, alarm)
             self.assertTrue(alarm["active"])
         return [
             (alarm["kind"], f'{alarm["effect"]}@{alarm["port"]}', alarm["text"].partition(":")[0]) for alarm in alarms
@@ -101,6 +107,16 @@ class Chain(ProgramTest):
                 other = self.write({**self.sheet, "inputs": inputs}, "other.yaml")
                 run = self.record("run.bag", 4, RUN, config=other)
                 self.assertEqual(self.alarms(run), [])
+
+    def test_other_sizes_without_retuning(self):
+        for size in SIZES:
+            with self.subTest(size):
+                self.use(sized(datasheet(), size), size)
+                self.assertEqual(self.alarms(self.record("run.bag", 2, RUN)), [])
+                alarms = self.alarms(self.record("run.bag", 3, RUN, "clogging@restriction.nozzle:fraction=0.08"))
+                self.assertEqual(
+                    self.named(alarms, RUN - BEGIN), [("fault", "clogging@restriction.nozzle", "Nozzle-flapper")]
+                )
 
     def test_what_fits_no_place_is_unknown(self):
         run = self.record("run.bag", 5, RUN, CLOGGED)
