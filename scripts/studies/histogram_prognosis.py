@@ -60,10 +60,11 @@ def main():
     parser.add_argument("study")
     parser.add_argument("--picture")
     parser.add_argument("--json")
+    parser.add_argument("--keep", metavar="FOLDER", help="where recordings stay and are used again")
     arguments = parser.parse_args()
     result = {}
     with tempfile.TemporaryDirectory() as folder:
-        study = histograms.Study(arguments.study, folder)
+        study = histograms.Study(arguments.study, folder, arguments.keep)
         sheet, learnt = study.learn(**study.study["settings"])
         print("| ramp | reached after, s | left, s: told (90 %) |\n|---|---|---|")
         for name, entry in study.study["judge"].items():

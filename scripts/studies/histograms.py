@@ -16,6 +16,7 @@ import argparse
 import json
 import pathlib
 import tempfile
+import zlib
 
 import matplotlib
 
@@ -43,19 +44,20 @@ def stages_of(study):
 class Study:
     """Recordings are made once; every setting learns and judges the same ones."""
 
-    def __init__(self, path, folder):
+    def __init__(self, path, folder, keep=None):
         self.study, self.folder = yaml.safe_load(pathlib.Path(path).read_text()), pathlib.Path(folder)
         self.rig = self.study["rig"]
         self.facts = yaml.safe_load((rig_runs.ROOT / "config" / self.rig / "rig.yaml").read_text())
-        self.runs = {}
+        self.kept = pathlib.Path(keep or folder)
+        self.kept.mkdir(exist_ok=True)
 
     def recording(self, text):
         if not text.startswith("simulate "):
             return rig_runs.ROOT / "bags" / text
-        if text not in self.runs:
-            file = self.folder / f"run_{len(self.runs)}.bag"
-            self.runs[text] = rig_runs.record(self.rig, file, *text.split()[1:])
-        return self.runs[text]
+        file = self.kept / f"{self.rig}_{zlib.crc32(text.encode()):08x}.bag"
+        if not file.exists():
+            rig_runs.record(self.rig, file.with_suffix(".part.bag"), *text.split()[1:]).replace(file)
+        return file
 
     def learn(self, **settings):
         """(datasheet, reference)"""
@@ -169,9 +171,10 @@ def main():
     parser.add_argument("--vary", action="append", default=[], metavar="KEY=A,B")
     parser.add_argument("--picture")
     parser.add_argument("--json")
+    parser.add_argument("--keep", metavar="FOLDER", help="where recordings stay and are used again")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        study = Study(arguments.study, folder)
+        study = Study(arguments.study, folder, arguments.keep)
         if arguments.vary:
             changes = [(k, [float(x) for x in v.split(",")]) for k, v in (text.split("=") for text in arguments.vary)]
             result = vary(study, changes, arguments.picture)
