@@ -99,7 +99,9 @@ def usual(result):
 def told(result, least):
     """Markdown: per recording the variables beyond their limits for `least` more of the window than in any healthy one."""
     base = usual(result)
-    lines = ["| recording | beyond the limits, share of the window | alarms |", "|---|---|---|"]
+    isolated = any(found["alarms"] for found in result.values())
+    lines = ["| recording | beyond the limits, share of the window |" + " alarms |" * isolated]
+    lines.append("|---|---|" + "---|" * isolated)
     for name, found in result.items():
         words = [
             (share - (0 if name.startswith("healthy") else base[v][k]), f"{v} {('high', 'low')[k]} {share:.2f}")
@@ -108,7 +110,7 @@ def told(result, least):
         ]
         words = [text for more, text in sorted(words, reverse=True) if more >= least]
         alarms = "; ".join(f"{at:.0f} s: {text}" for at, text in found["alarms"]) or "-"
-        lines.append(f"| {name} | {', '.join(words) or '-'} | {alarms} |")
+        lines.append(f"| {name} | {', '.join(words) or '-'} |" + f" {alarms} |" * isolated)
     return "\n".join(lines)
 
 
