@@ -78,7 +78,8 @@ def main():
     held = sum(r["low"] <= r["left"] <= r["high"] for r in rows)
     errors = sorted(abs(r["value"] / r["left"] - 1) for r in rows)
     if rows:
-        print(f"told in {len(rows)} of {9 * len(result)}; interval held {held}; median error {errors[len(errors) // 2]:.0%}")
+        middle = errors[len(errors) // 2]
+        print(f"told in {len(rows)} of {9 * len(result)}; interval held {held}; median error {middle:.0%}")
     if arguments.picture:
         figure, axes = plt.subplots(1, len(result), figsize=(4 * len(result), 3.4), layout="constrained")
         for axis, (name, entry) in zip(np.atleast_1d(axes), result.items()):

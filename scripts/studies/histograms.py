@@ -36,9 +36,8 @@ def stages_of(study):
         return given
     names = given["own"]
     own = yaml.safe_load((rig_runs.ROOT / "config" / study["rig"] / "stages.yaml").read_text())
-    return {
-        kind: [s for s in own.get(kind) or [] if s["name"] in names] for kind in ("estimators", "detectors", "isolators")
-    }
+    kinds = ("estimators", "detectors", "isolators")
+    return {kind: [s for s in own.get(kind) or [] if s["name"] in names] for kind in kinds}
 
 
 class Study:
@@ -97,7 +96,7 @@ def usual(result):
 
 
 def told(result, least):
-    """Markdown: per recording the variables beyond their limits for `least` more of the window than in any healthy one."""
+    """Markdown: per recording the variables beyond their limits for `least` more of the window than in healthy ones."""
     base = usual(result)
     isolated = any(found["alarms"] for found in result.values())
     lines = ["| recording | beyond the limits, share of the window |" + " alarms |" * isolated]
@@ -150,7 +149,8 @@ def vary(study, changes, picture):
             print("|", " | ".join([key, f"{value:g}", *numbers]), "|", flush=True)
     print("|", " | ".join(rows[0]), "|")
     if picture:
-        figure, axes = plt.subplots(1, len(changes), figsize=(4.2 * len(changes), 3.6), layout="constrained", sharey=True)
+        size = (4.2 * len(changes), 3.6)
+        figure, axes = plt.subplots(1, len(changes), figsize=size, layout="constrained", sharey=True)
         for axis, (key, values) in zip(np.atleast_1d(axes), changes):
             for name in list(rows[0])[2:]:
                 axis.plot(

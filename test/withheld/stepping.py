@@ -5,9 +5,9 @@ from numba import njit
 
 
 def dormand_prince(rate, most_states):
-    """integrate(y, start, end, step, c, drive, given, tolerance, scale) for a compiled rate(t, y, c, drive, given, since,
-    dy): takes y from start to end and returns the step to go on with, below 0 if it failed. `since` is start; the first
-    c.size states count."""
+    """integrate(y, start, end, step, c, drive, given, tolerance, scale) for a compiled rate(t, y, c, drive, given,
+    since, dy): takes y from start to end and returns the step to go on with, below 0 if it failed. `since` is start;
+    the first c.size states count."""
 
     @njit
     def integrate(y, start, end, step, c, drive, given, tolerance, scale):
@@ -64,7 +64,7 @@ def dormand_prince(rate, most_states):
                     - k[6, i] / 40
                 )
                 error = abs(error) / (tolerance * (scale[i] + 1e-3 * abs(high[i])))
-                worst = max(worst, error if error < 1e12 else 1e12)  # not a number: far beyond where the method is stable
+                worst = max(worst, error if error < 1e12 else 1e12)  # or none: far from stable
             trials += 1
             if trials > 100000 or h < 1e-12:
                 return -1.0
