@@ -4,8 +4,9 @@
 histogram_prognosis.py STUDY.yaml [--picture FILE.png] [--json FILE]
 
 STUDY.yaml as of histograms.py, with `settings` for its histograms (a horizon, ends) and per entry of `judge` the
-variable that drifts, which `end` it reaches, and the run. It has reached it when it stays beyond for `stay` s. From the
-onset on the prognosis is asked at tenths of the time that is left; told are the error and whether the interval held."""
+variable that drifts, which `end` it reaches, and the run. It has reached it when it touches the end in every stretch of
+the series (some seconds) for `stay` s. From the onset on the prognosis is asked at tenths of the time that is left; told
+are the error and whether the interval held."""
 
 import argparse
 import json
@@ -26,10 +27,13 @@ TENTHS = np.arange(1, 10) / 10
 
 
 def reached(time, values, end, upwards, stay):
-    """When the variable came to stay beyond the end; none if it did not."""
+    """When the variable began to touch the end again and again; none if it did not. A long series has its extremes in
+    rows of two."""
     beyond = values >= end if upwards else values <= end
+    even = len(beyond) // 2 * 2
+    touched = beyond[:even].reshape(-1, 2).any(axis=1)
     first = None
-    for t, now in zip(time, beyond):
+    for t, now in zip(time[:even:2], touched):
         first = (t if first is None else first) if now else None
         if first is not None and t - first >= stay:
             return first
