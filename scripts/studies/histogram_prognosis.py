@@ -4,8 +4,9 @@
 histogram_prognosis.py STUDY.yaml [--picture FILE.png] [--json FILE]
 
 STUDY.yaml as of histograms.py, with `settings` for its histograms (a horizon, ends) and per entry of `judge` the
-variable that drifts, which `end` it reaches, and the run. It has reached it when it stays beyond for `stay` s. From the
-onset on the prognosis is asked at tenths of the time that is left; told are the error and whether the interval held."""
+variable that drifts, which `end` it reaches, and the run. It has reached it when it touches the end in every stretch of
+the series (some seconds) for `stay` s. From the onset on the prognosis is asked at tenths of the time that is left; told
+are the error and whether the interval held."""
 
 import argparse
 import json
@@ -26,10 +27,13 @@ TENTHS = np.arange(1, 10) / 10
 
 
 def reached(time, values, end, upwards, stay):
-    """When the variable came to stay beyond the end; none if it did not."""
+    """When the variable began to touch the end again and again; none if it did not. A long series has its extremes in
+    rows of two."""
     beyond = values >= end if upwards else values <= end
+    even = len(beyond) // 2 * 2
+    touched = beyond[:even].reshape(-1, 2).any(axis=1)
     first = None
-    for t, now in zip(time, beyond):
+    for t, now in zip(time[:even:2], touched):
         first = (t if first is None else first) if now else None
         if first is not None and t - first >= stay:
             return first
@@ -60,10 +64,11 @@ def main():
     parser.add_argument("study")
     parser.add_argument("--picture")
     parser.add_argument("--json")
+    parser.add_argument("--keep", metavar="FOLDER", help="where recordings stay and are used again")
     arguments = parser.parse_args()
     result = {}
     with tempfile.TemporaryDirectory() as folder:
-        study = histograms.Study(arguments.study, folder)
+        study = histograms.Study(arguments.study, folder, arguments.keep)
         sheet, learnt = study.learn(**study.study["settings"])
         print("| ramp | reached after, s | left, s: told (90 %) |\n|---|---|---|")
         for name, entry in study.study["judge"].items():
@@ -77,7 +82,8 @@ def main():
     held = sum(r["low"] <= r["left"] <= r["high"] for r in rows)
     errors = sorted(abs(r["value"] / r["left"] - 1) for r in rows)
     if rows:
-        print(f"told in {len(rows)} of {9 * len(result)}; interval held {held}; median error {errors[len(errors) // 2]:.0%}")
+        middle = errors[len(errors) // 2]
+        print(f"told in {len(rows)} of {9 * len(result)}; interval held {held}; median error {middle:.0%}")
     if arguments.picture:
         figure, axes = plt.subplots(1, len(result), figsize=(4 * len(result), 3.4), layout="constrained")
         for axis, (name, entry) in zip(np.atleast_1d(axes), result.items()):

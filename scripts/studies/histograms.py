@@ -16,6 +16,7 @@ import argparse
 import json
 import pathlib
 import tempfile
+import zlib
 
 import matplotlib
 
@@ -35,27 +36,27 @@ def stages_of(study):
         return given
     names = given["own"]
     own = yaml.safe_load((rig_runs.ROOT / "config" / study["rig"] / "stages.yaml").read_text())
-    return {
-        kind: [s for s in own.get(kind) or [] if s["name"] in names] for kind in ("estimators", "detectors", "isolators")
-    }
+    kinds = ("estimators", "detectors", "isolators")
+    return {kind: [s for s in own.get(kind) or [] if s["name"] in names] for kind in kinds}
 
 
 class Study:
     """Recordings are made once; every setting learns and judges the same ones."""
 
-    def __init__(self, path, folder):
+    def __init__(self, path, folder, keep=None):
         self.study, self.folder = yaml.safe_load(pathlib.Path(path).read_text()), pathlib.Path(folder)
         self.rig = self.study["rig"]
         self.facts = yaml.safe_load((rig_runs.ROOT / "config" / self.rig / "rig.yaml").read_text())
-        self.runs = {}
+        self.kept = pathlib.Path(keep or folder)
+        self.kept.mkdir(exist_ok=True)
 
     def recording(self, text):
         if not text.startswith("simulate "):
             return rig_runs.ROOT / "bags" / text
-        if text not in self.runs:
-            file = self.folder / f"run_{len(self.runs)}.bag"
-            self.runs[text] = rig_runs.record(self.rig, file, *text.split()[1:])
-        return self.runs[text]
+        file = self.kept / f"{self.rig}_{zlib.crc32(text.encode()):08x}.bag"
+        if not file.exists():
+            rig_runs.record(self.rig, file.with_suffix(".part.bag"), *text.split()[1:]).replace(file)
+        return file
 
     def learn(self, **settings):
         """(datasheet, reference)"""
@@ -95,9 +96,11 @@ def usual(result):
 
 
 def told(result, least):
-    """Markdown: per recording the variables beyond their limits for `least` more of the window than in any healthy one."""
+    """Markdown: per recording the variables beyond their limits for `least` more of the window than in healthy ones."""
     base = usual(result)
-    lines = ["| recording | beyond the limits, share of the window | alarms |", "|---|---|---|"]
+    isolated = any(found["alarms"] for found in result.values())
+    lines = ["| recording | beyond the limits, share of the window |" + " alarms |" * isolated]
+    lines.append("|---|---|" + "---|" * isolated)
     for name, found in result.items():
         words = [
             (share - (0 if name.startswith("healthy") else base[v][k]), f"{v} {('high', 'low')[k]} {share:.2f}")
@@ -106,7 +109,7 @@ def told(result, least):
         ]
         words = [text for more, text in sorted(words, reverse=True) if more >= least]
         alarms = "; ".join(f"{at:.0f} s: {text}" for at, text in found["alarms"]) or "-"
-        lines.append(f"| {name} | {', '.join(words) or '-'} | {alarms} |")
+        lines.append(f"| {name} | {', '.join(words) or '-'} |" + f" {alarms} |" * isolated)
     return "\n".join(lines)
 
 
@@ -146,7 +149,8 @@ def vary(study, changes, picture):
             print("|", " | ".join([key, f"{value:g}", *numbers]), "|", flush=True)
     print("|", " | ".join(rows[0]), "|")
     if picture:
-        figure, axes = plt.subplots(1, len(changes), figsize=(4.2 * len(changes), 3.6), layout="constrained", sharey=True)
+        size = (4.2 * len(changes), 3.6)
+        figure, axes = plt.subplots(1, len(changes), figsize=size, layout="constrained", sharey=True)
         for axis, (key, values) in zip(np.atleast_1d(axes), changes):
             for name in list(rows[0])[2:]:
                 axis.plot(
@@ -169,9 +173,10 @@ def main():
     parser.add_argument("--vary", action="append", default=[], metavar="KEY=A,B")
     parser.add_argument("--picture")
     parser.add_argument("--json")
+    parser.add_argument("--keep", metavar="FOLDER", help="where recordings stay and are used again")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        study = Study(arguments.study, folder)
+        study = Study(arguments.study, folder, arguments.keep)
         if arguments.vary:
             changes = [(k, [float(x) for x in v.split(",")]) for k, v in (text.split("=") for text in arguments.vary)]
             result = vary(study, changes, arguments.picture)

@@ -175,8 +175,8 @@ TEST(HistogramStage, ADriftIsFollowedToTheEndOfTheRange) {
                                           {{"flow_by", "demand, supply"}, {"arithmetic", arithmetic}}));
     plant_.run(stage, 900);
     EXPECT_GT(plant_.quantity("flow.saturation"), 3000);
-    // 20 less 5.85 at the highest operating point are left (a little more: limits hold 90 %), at 0.007 a second; what was
-    // before the ramp is not quite forgotten.
+    // 20 less 5.85 at the highest operating point are left (a little more: limits hold 90 %), at 0.007 a second; what
+    // was before the ramp is not quite forgotten.
     double shift = 0;
     for (int k = 0; k < 900; ++k) plant_.run(stage, 1, shift += 0.007);
     EXPECT_NEAR(plant_.quantity("flow.saturation"), (20 - 5.85 - shift) / 0.007, 200);

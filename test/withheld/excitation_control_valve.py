@@ -85,8 +85,8 @@ def _wander(random, low, high, shortest, longest, count):
     """Sines (amplitude, angular frequency, phase)."""
     size = random.uniform(low, high) / math.sqrt(count)
     return [
-        (size, 2 * math.pi / (shortest * (longest / shortest) ** ((n + random.random()) / count)), random.uniform(0, 6.3))
-        for n in range(count)
+        (size, 2 * math.pi / period, random.uniform(0, 6.3))
+        for period in (shortest * (longest / shortest) ** ((n + random.random()) / count) for n in range(count))
     ]
 
 

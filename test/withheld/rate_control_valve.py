@@ -1,8 +1,8 @@
 """The right-hand side of the control valve's truth, its loops and its replay, compiled; told in truth_control_valve.py.
 
-States: flapper gap, prestage pressure (gauge), spool, spool's bristle, cylinder pressure (gauge), piston, its speed, its
-bristle, two bristles of the seal, drop of the supply, two elements of the diaphragms' hysteresis, shaft angle and speed
-(where the joint yields). SI units.
+States: flapper gap, prestage pressure (gauge), spool, spool's bristle, cylinder pressure (gauge), piston, its speed,
+its bristle, two bristles of the seal, drop of the supply, two elements of the diaphragms' hysteresis, shaft angle and
+speed (where the joint yields). SI units.
 """
 import math
 
@@ -202,7 +202,8 @@ def rate(t, y, c, inputs, dy):
     ps, pp, pc = supply + AMBIENT, y[P_P] + AMBIENT, y[P_C] + AMBIENT
     gas = c.gas_constant
 
-    effective = math.pi / 4 * (c.nozzle_inner_diameter + 0.4125 * (c.nozzle_outer_diameter - c.nozzle_inner_diameter)) ** 2
+    wall = c.nozzle_outer_diameter - c.nozzle_inner_diameter
+    effective = math.pi / 4 * (c.nozzle_inner_diameter + 0.4125 * wall) ** 2
     coil = u * c.coil_force_factor * ((air - REFERENCE) * c.coil_temp_coef + 1)
     push = max(0.0, c.pressure_coef_0 - c.pressure_coef_1 * y[X_F]) * y[P_P] * effective
     dy[X_F] = (push - coil - c.flapper_spring * (y[X_F] - c.flapper_rest)) / c.flapper_damping
@@ -238,7 +239,8 @@ def rate(t, y, c, inputs, dy):
     dy[DROP] = (c.droop * max(0.0, filled) - y[DROP]) / SUPPLY_TIME if c.droop > 0 else 0.0
     net = filled - blown(LEAK * c.cylinder_leak, pc, AMBIENT, air, gas) if c.cylinder_leak > 0 else filled
     x, v = y[X], y[V]
-    dy[P_C] = GAMMA * c.compliance / (c.dead_volume + c.cylinder_area * x) * (gas * air * net - pc * c.cylinder_area * v)
+    stored = gas * air * net - pc * c.cylinder_area * v
+    dy[P_C] = GAMMA * c.compliance / (c.dead_volume + c.cylinder_area * x) * stored
 
     turn = turning(x)
     mass = PISTON_MASS
@@ -349,8 +351,8 @@ def period(y, t, c, loops, set_point, white, tolerance, scale):
 
 @njit
 def replay(y, drives, first, last, length, inputs, c, tolerance, scale):
-    """Outputs and their slopes at the samples first..last-1, from y at `first`. drives: rows of (target, before, lag) of
-    a held voltage at the samples; inputs: rows of (supply, slope, air, slope). Empty if the integration failed."""
+    """Outputs and their slopes at the samples first..last-1, from y at `first`. drives: rows of (target, before, lag)
+    of a held voltage at the samples; inputs: rows of (supply, slope, air, slope). Empty if the integration failed."""
     shown = np.empty((last - first, 10))
     given, drive, step = np.zeros(4), np.zeros(4), 1e-3
     for k in range(first, last):

@@ -67,8 +67,10 @@ def datasheet_reference(y, volts, supply, air, seconds, step=5e-5):
     xf, pp, spool, pc, x = (y[i] for i in (rate.X_F, rate.P_P, rate.SPOOL, rate.P_C, rate.X))
     ambient, radius = 101325.0, 0.0776 / math.sqrt(2)
     h = rate.angle(x) / (math.pi / 2)
-    torque = 0.5 * (y[rate.SEAL_1] + y[rate.SEAL_2]) * P["seal_friction_factor"] * at("seal", h) * P["seal_force"] * 0.05
-    area = math.pi / 4 * (P["nozzle_inner_diameter"] + 0.4125 * (P["nozzle_outer_diameter"] - P["nozzle_inner_diameter"])) ** 2
+    torque = 0.5 * (y[rate.SEAL_1] + y[rate.SEAL_2]) * P["seal_friction_factor"] * at("seal", h)
+    torque *= P["seal_force"] * 0.05
+    wall = P["nozzle_outer_diameter"] - P["nozzle_inner_diameter"]
+    area = math.pi / 4 * (P["nozzle_inner_diameter"] + 0.4125 * wall) ** 2
     for n in range(int(round(seconds / step))):
         ps, ta = supply[0] + supply[1] * n * step, air[0] + air[1] * n * step
         coil = volts * P["coil_force_factor"] * ((ta - 293.15) * P["coil_temp_coef"] + 1)
@@ -153,13 +155,13 @@ class Physics(unittest.TestCase):
             apart = rate.angle(y[rate.X]) - y[rate.SHAFT]
             self.assertAlmostEqual(apart, lost(y, torque), delta=1e-3)
 
-    def test_the_voltage_is_the_mean_of_what_drives(self):
-        out = driven("steps", noise=0.0)
+    def test_the_loops_follow_and_a_historian_records(self):
+        out = driven("triangle", noise=0.0)
         self.assertEqual(len(out["t"]), 300)
         self.assertTrue(np.all(np.isnan(out["record"]["spool_position"])))
-        error = out["record"]["flow_setpoint"][-20:] - out["record"]["flow"][-20:]
-        self.assertLess(np.abs(out["record"]["coil_voltage"] - 1.95).mean(), 0.5)
-        self.assertLess(np.abs(error).mean(), 0.01)
+        record = {name: values[50:] for name, values in out["record"].items()}
+        self.assertLess(np.abs(record["valve_setpoint"] - record["valve_position"]).max(), 0.03)
+        self.assertGreater(np.corrcoef(record["flow_setpoint"], record["flow"])[0, 1], 0.98)
 
 
 class Effects(unittest.TestCase):

@@ -5,7 +5,7 @@ would: ten rows a second, the coil voltage their mean, flapper and spool (laser 
 Integrated by Dormand and Prince's method with its own step control, restarted at every millisecond of the spool loop.
 Where physics allows, the formula is another one than the datasheet's:
 
-    piston              has a mass, and its friction is taken up by bristles over 0.04 mm (datasheet: no mass, set-valued)
+    piston              a mass, and friction taken up by bristles over 0.04 mm (datasheet: no mass, set-valued)
     spool friction      bristles over 2 um, more where there is more of it
     seal                two bristles, of 0.6 and 1.4 of the wind-up angle, with some damping
     shaft               an inertia; play and yield in the linkage are a contact spring that pushes only
@@ -159,7 +159,7 @@ class Truth:
         return y
 
     def start(self, base):
-        """A full state from a base: the shaft stays where it is, a joint that yields lies on the side that is loaded."""
+        """A full state from a base: the shaft stays where it is, a joint that yields lies on its loaded side."""
         y, c = np.array(base), self.constants[0]
         y[rate.DROP] = 0.0
         phi = y[rate.SHAFT]

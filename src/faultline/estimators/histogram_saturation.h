@@ -1,16 +1,18 @@
 // Prognosis of one observed variable: when it will reach an end of its range at the operating points that lie nearest
 // to that end, if it goes on drifting as it does.
 //
-// Each bin of the operating range has an anchor: mean m and limits l < m < h that it had when it was healthy. Towards the
-// high end H the nearest bins are those whose h lies in the highest quarter of all anchors' span; what is left is
+// Each bin of the operating range has an anchor: mean m and limits l < m < h that it had when it was healthy. Towards
+// the high end H the nearest bins are those whose h lies in the highest quarter of all anchors' span; what is left is
 // H - max h. Towards the low end likewise. Samples y of these bins give d = y - m; means of d over blocks are fitted by
 // a line in time, a + b s, by least squares with weights that fall by e over `horizon` (s counts from the last block).
 // The end is reached where the line has climbed by what is left. The interval is Fieller's: all s at which the line's
 // 90 % band, from its covariance and the scatter of the blocks about it, holds that level. Where b is not above nothing
-// by that measure, nothing is in sight (kNever), with the band's upper edge as the earliest time that cannot be excluded.
+// by that measure, nothing is in sight (kNever), with the band's upper edge as the earliest time that cannot be
+// excluded.
 //
 // Assumes a drift that goes on in a straight line over the horizon; one that bends scatters the blocks and widens the
-// interval. A drift during the time in which anchors were learnt is not seen. Times in s, values in the variable's unit.
+// interval. A drift during the time in which anchors were learnt is not seen. Times in s, values in the variable's
+// unit.
 #pragma once
 
 #include <cstddef>

@@ -3,8 +3,8 @@
 // Quantities: judging (1 once it judges, else 0); then per observed channel CHANNEL.average, the scaled moving average
 // (0 and 1 are the limits), and CHANNEL.above, CHANNEL.below, the shares of the window in which that was beyond them.
 // With `horizon` also CHANNEL.saturation, CHANNEL.saturation_low, CHANNEL.saturation_high, in s: when it will reach an
-// end of its range, with the bounds of its 90 % interval (histogram_saturation.h); anchors are the bins as they are when
-// judging begins, or when they may judge for the first time after that.
+// end of its range, with the bounds of its 90 % interval (histogram_saturation.h). Anchors are the bins as they are
+// when judging begins, or when they may judge for the first time after that.
 // What was learnt belongs to the rig and outlives gaps, jumps and resets; averages begin anew there.
 //
 // Settings, times in s:
