@@ -4,8 +4,7 @@ Figs 15, 18 and 21 to 26, training times, and the coupled estimate over ten minu
 
     scripts/studies/pump_cylinder/networks.py --work FOLDER [--output docs/pictures] [--only noe,narx,structured,long]
 
-What is there in FOLDER is not made again. `--ship FILE` writes the network that the rig's datasheet names:
-decoupled, trained on two more runs.
+What is there in FOLDER is not made again. `--ship FILE` writes the decoupled network as the rig's datasheet names it.
 
 Black box: the nine NARX architectures on the run that stands for Fig 6, pressures smoothed without phase (see
 one_step.py); NOE from the weights of architecture 7, its outputs begun anew from what is measured every 10 ms, then
@@ -44,7 +43,6 @@ STRUCTURED = {
     "chamber_b_pressure_beside": "position.rate, position.smooth",
     "chamber_b_pressure_gain": 0.3,
 }
-OTHERS = ["steps", "varied_steps"]  # profiles with strokes of 40 mm
 NARX = [(lags, hidden) for lags in (1, 2, 3) for hidden in (10, 20, 30)]
 # A coupled network begins from its mean again and again, lest it learns the time since the start, with which the oil
 # warms.
@@ -189,16 +187,6 @@ def tuned(work, feedback, alone=False):
     return name, settings, weights, told
 
 
-def shipped(work):
-    """The decoupled network with the motions of the rig's other profiles too."""
-    settings = {**STRUCTURED, "feedback": "own"}
-    _, _, (weights, _) = pretrained(work)
-    common = ["--fault", "paper_rig", "--nuisance", "--compression", "none"]
-    runs = [work.run("training"), work.simulated("further.bag", "--profile", "validation", "--seed", 4, *common)]
-    runs += [work.simulated(f"{profile}.bag", "--profile", profile, "--seed", 8, *common) for profile in OTHERS]
-    return work.train("shipped", settings, runs, "--from", weights, "--epochs", 15)[0]
-
-
 def structured(work, output):
     nominal, judged, (weights, told) = pretrained(work)
     found = {"pre-training": {**told_time(told), "outputs": told["outputs"]}}
@@ -324,7 +312,7 @@ def main():
         most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         print(json.dumps({"most memory of the program so far, MiB": most}), flush=True)
     if options.ship:
-        shutil.copyfile(shipped(work), options.ship)
+        shutil.copyfile(tuned(work, "own")[2], options.ship)
 
 
 if __name__ == "__main__":
