@@ -156,7 +156,8 @@ def main():
             cells.append(several([degraded(answer, before, which) for answer, before in zip(answers, healthy)]))
         print(f"| {number} {fault} | {' | '.join(cells)} |")
     flow = [np.median(np.array(answer["errors"])[:, 1]) for answer in healthy]
-    print(f"\nRMS of the settled flow from its set point without fault: {several(100 * f for f in flow)} % of its range")
+    parts = several(100 * f for f in flow)
+    print(f"\nRMS of the settled flow from its set point without fault: {parts} % of its range")
     early = sum(a["raised"] is not None and a["raised"] < FROM for answers in results.values() for a in answers)
     print(f"told before the fault began: {early}; in the runs without fault: {sum(bool(a['raised']) for a in healthy)}")
 
