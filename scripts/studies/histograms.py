@@ -33,7 +33,7 @@ SIDES = ["above", "below"]
 def stages_of(study):
     given = study["stages"]
     if "own" not in given:
-        return given
+        return dict(given)
     names = given["own"]
     own = yaml.safe_load((rig_runs.ROOT / "config" / study["rig"] / "stages.yaml").read_text())
     kinds = ("estimators", "detectors", "isolators")
