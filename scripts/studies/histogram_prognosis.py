@@ -4,9 +4,9 @@
 histogram_prognosis.py STUDY.yaml [--picture FILE.png] [--json FILE]
 
 STUDY.yaml as of histograms.py, with `settings` for its histograms (a horizon, ends) and per entry of `judge` the
-variable that drifts, which `end` it reaches, and the run. It has reached it when it touches the end in every stretch of
-the series (some seconds) for `stay` s. From the onset on the prognosis is asked at tenths of the time that is left; told
-are the error and whether the interval held."""
+variable that drifts, which `end` it reaches, and the run. It has reached it when it touches the end in every stretch
+of the series (some seconds) for `stay` s. From the onset on the prognosis is asked at tenths of the time that is left;
+told are the error and whether the interval held."""
 
 import argparse
 import json

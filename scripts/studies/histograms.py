@@ -33,7 +33,7 @@ SIDES = ["above", "below"]
 def stages_of(study):
     given = study["stages"]
     if "own" not in given:
-        return given
+        return dict(given)
     names = given["own"]
     own = yaml.safe_load((rig_runs.ROOT / "config" / study["rig"] / "stages.yaml").read_text())
     kinds = ("estimators", "detectors", "isolators")
@@ -144,10 +144,11 @@ def vary(study, changes, picture):
                 if not name.startswith("healthy"):
                     pairs = [(s, base[v][k]) for v, both in found["shares"].items() for k, s in enumerate(both)]
                     row[name] = max(s - b for s, b in pairs)
+            if not rows:
+                print("|", " | ".join(row), "|\n" + "|---" * len(row) + "|")
             rows.append(row)
             numbers = [f"{v:.2f}" for k, v in row.items() if k not in ("setting", "value")]
             print("|", " | ".join([key, f"{value:g}", *numbers]), "|", flush=True)
-    print("|", " | ".join(rows[0]), "|")
     if picture:
         size = (4.2 * len(changes), 3.6)
         figure, axes = plt.subplots(1, len(changes), figsize=size, layout="constrained", sharey=True)
