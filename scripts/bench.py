@@ -44,6 +44,11 @@ ROWS = [  # benchmark, what it is, aim
     ('parameter_stage/even', 'hydraulic drive: filter and least squares, whole stage', '<= 0.5 us'),
     ('parameter_stage/uneven', '  the same with uneven stamps', ''),
     ('peer_filter_and_least_squares', 'peer: filter and least squares with Eigen', ''),
+    ('cylinder_step/linear', 'pump-controlled cylinder: linear Kalman filter', '<= 0.3 us'),
+    ('cylinder_step/extended', '  extended', '<= 1 us'),
+    ('cylinder_guarded_stage', '  bank that can do without a transducer', ''),
+    ('network_step/structured', '  structured network', ''),
+    ('network_step/black_box', '  network of one hidden layer', ''),
 ]
 
 HISTOGRAMS = [  # benchmark, what one pass of it is, samples a second of that; nine variables a valve

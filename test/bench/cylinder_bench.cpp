@@ -52,7 +52,8 @@ void cylinder_step(benchmark::State& state, const char* name) {
     filter->correct(y, use);
     benchmark::DoNotOptimize(filter->state()[2]);
   }
-  state.counters["allocations"] = static_cast<double>(allocations() - before);
+  state.counters["allocations"] =
+      benchmark::Counter(static_cast<double>(allocations() - before), benchmark::Counter::kAvgIterations);
 }
 
 void cylinder_guarded_stage(benchmark::State& state) {
@@ -61,12 +62,15 @@ void cylinder_guarded_stage(benchmark::State& state) {
   Sample sample = cylinder_samples()[0];
   std::size_t k = 0;
   double time = 0;
+  const std::uint64_t before = allocations();
   for (auto _ : state) {
     sample.values = cylinder_samples()[k].values;
     sample.time = time += 1e-3;
     if (++k == cylinder_samples().size()) k = 0;
     stage.process(sample, estimate);
   }
+  state.counters["allocations"] =
+      benchmark::Counter(static_cast<double>(allocations() - before), benchmark::Counter::kAvgIterations);
 }
 
 BENCHMARK_CAPTURE(cylinder_step, linear, "pump_cylinder_linear");

@@ -18,7 +18,7 @@ NetworkShape four_in_two_out() {
 NetworkShape structured() {
   NetworkShape shape = four_in_two_out();
   for (const std::size_t output : {0, 1}) {
-    Unit unit;
+    NetworkUnit unit;
     unit.outputs = {output};
     for (std::size_t input = output; input < 2; ++input) unit.sum.push_back({false, input, 0});
     for (std::size_t other = 0; other < 2; ++other) unit.sum.push_back({true, other, 1});
@@ -33,7 +33,7 @@ NetworkShape structured() {
 
 NetworkShape black_box() {
   NetworkShape shape = four_in_two_out();
-  Unit unit;
+  NetworkUnit unit;
   unit.outputs = {0, 1};
   for (std::size_t lag = 0; lag < 3; ++lag) {
     for (std::size_t input = 0; input < 4; ++input) unit.beside.push_back({false, input, lag});
@@ -59,7 +59,8 @@ void network_step(benchmark::State& state, const NetworkShape& shape) {
     network.take(start);
     benchmark::DoNotOptimize(network.outputs()[0]);
   }
-  state.counters["allocations"] = static_cast<double>(allocations() - before);
+  state.counters["allocations"] =
+      benchmark::Counter(static_cast<double>(allocations() - before), benchmark::Counter::kAvgIterations);
   state.counters["weights"] = static_cast<double>(shape.weights());
 }
 

@@ -18,7 +18,7 @@ faultline::NetworkShape shape() {
   faultline::NetworkShape s;
   s.inputs = {{"u", 0, faultline::NetworkInput::Kind::plain}};
   s.outputs = {{"y", 1}};
-  faultline::Unit unit;
+  faultline::NetworkUnit unit;
   unit.outputs = {0};
   unit.beside = {{false, 0, 0}, {true, 0, 1}};
   s.units = {unit};

@@ -84,6 +84,17 @@ class Sizes(unittest.TestCase):
         ]
         self.assertEqual(long, [])
 
+    def test_no_type_has_the_name_of_another(self):
+        # Two of one name in one namespace are one to the linker: which constructor runs then depends on optimisation.
+        declared = re.compile(r"^(?:struct|class) (\w+)(?: final)?(?: : [^;{]*)? \{", re.M)
+        found = {}
+        for name, text in text_files():
+            if name.parts[0] == "src" and name.suffix == ".h":
+                for word in declared.findall(text):
+                    found.setdefault(word, set()).add(str(name))
+        self.assertGreater(len(found), 100)
+        self.assertEqual({word: names for word, names in found.items() if len(names) > 1}, {})
+
     def test_no_line_is_long(self):
         # What a test quotes as it stands (a datasheet in a raw string) keeps its lines.
         quoted = re.compile(r'R"\((.*?)\)"', re.S)

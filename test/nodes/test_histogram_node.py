@@ -69,7 +69,7 @@ class HistogramNode(unittest.TestCase):
             for i in judged:
                 self.assertTrue(0 < spool["low"][i] < spool["mean"][i] < spool["high"][i] < 1)
             self.assertEqual(last["coil_voltage"]["axes"], ["ambient_temperature", "valve_setpoint"])
-            self.assertEqual(last["supply_pressure"]["axes"], [])
+            self.assertEqual(last["supply_pressure"]["axes"], ["valve_setpoint"])
 
             text = kept.read_text()
             self.assertTrue(

@@ -19,7 +19,7 @@ std::vector<std::string> head_names(const NetworkShape& shape) {
     names.insert(names.end(), {input.name + ".centre", input.name + ".scale"});
   for (const NetworkOutput& output : shape.outputs)
     names.insert(names.end(), {output.name + ".centre", output.name + ".scale", output.name + ".rms"});
-  for (const Unit& unit : shape.units) names.push_back(shape.outputs[unit.outputs.front()].name + ".gain");
+  for (const NetworkUnit& unit : shape.units) names.push_back(shape.outputs[unit.outputs.front()].name + ".gain");
   return names;
 }
 
@@ -48,7 +48,7 @@ Reference to_reference(const NetworkModel& model) {
     r.numbers.insert(r.numbers.end(), {model.inputs.centre[i], model.inputs.scale[i]});
   for (std::size_t o = 0; o < model.shape.outputs.size(); ++o)
     r.numbers.insert(r.numbers.end(), {model.outputs.centre[o], model.outputs.scale[o], model.rms[o]});
-  for (const Unit& unit : model.shape.units) r.numbers.push_back(unit.gain);
+  for (const NetworkUnit& unit : model.shape.units) r.numbers.push_back(unit.gain);
   r.numbers.insert(r.numbers.end(), model.weights.begin(), model.weights.end());
   return r;
 }
@@ -81,7 +81,7 @@ NetworkModel to_model(const NetworkShape& shape, const Reference& given) {
     model.rms.push_back(*next++);
     if (!(model.rms.back() >= 0)) refuse(fmt::format("the network's error of {} is negative", output.name));
   }
-  for (const Unit& unit : shape.units) check_same("gain", *next++, unit.gain);
+  for (const NetworkUnit& unit : shape.units) check_same("gain", *next++, unit.gain);
   model.weights = Eigen::Map<const Eigen::VectorXd>(next, static_cast<Eigen::Index>(shape.weights()));
   return model;
 }

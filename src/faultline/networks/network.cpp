@@ -11,7 +11,7 @@ using VectorMap = Eigen::Map<const Eigen::VectorXd>;
 
 // Where the parts of a unit's weights lie.
 struct Parts {
-  explicit Parts(const Unit& unit)
+  explicit Parts(const NetworkUnit& unit)
       : sum(static_cast<Eigen::Index>(unit.sum.size())),
         entries(static_cast<Eigen::Index>(unit.entries())),
         hidden(static_cast<Eigen::Index>(unit.hidden)),
@@ -35,7 +35,7 @@ Network::Network(const NetworkShape& shape, bool sensitive)
   past_measured_.setZero(static_cast<Eigen::Index>(shape.outputs.size()), columns);
   past_own_ = past_measured_;
   y_.setZero(past_own_.rows());
-  for (const Unit& unit : shape.units) {
+  for (const NetworkUnit& unit : shape.units) {
     offset_.push_back(offset_.back() + unit.weights());
     const Parts p(unit);
     work_.push_back({Eigen::VectorXd(p.sum), Eigen::VectorXd(p.entries), Eigen::VectorXd(p.hidden),
@@ -59,13 +59,13 @@ void Network::restart(const Eigen::MatrixXd& past) {
   for (Rows& rows : history_) rows.setZero();
 }
 
-bool Network::fed_back(const Tap& tap, const Unit& unit) const {
+bool Network::fed_back(const Tap& tap, const NetworkUnit& unit) const {
   if (!tap.output || shape_.feedback == Feedback::none) return false;
   return shape_.feedback == Feedback::all ||
          std::find(unit.outputs.begin(), unit.outputs.end(), tap.signal) != unit.outputs.end();
 }
 
-double Network::value(const Tap& tap, const Unit& unit) const {
+double Network::value(const Tap& tap, const NetworkUnit& unit) const {
   const auto signal = static_cast<Eigen::Index>(tap.signal), lag = static_cast<Eigen::Index>(tap.lag);
   if (!tap.output) return past_inputs_(signal, lag);
   return fed_back(tap, unit) ? past_own_(signal, lag) : past_measured_(signal, lag);
@@ -78,7 +78,7 @@ void Network::step(const double* weights, const double* inputs) {
   if (history_.size() > 1) std::rotate(history_.begin(), history_.end() - 1, history_.end());
   past_inputs_.col(0) = VectorMap(inputs, past_inputs_.rows());
   for (std::size_t place = 0; place < shape_.units.size(); ++place) {
-    const Unit& unit = shape_.units[place];
+    const NetworkUnit& unit = shape_.units[place];
     const Parts p(unit);
     const double* w = weights + offset_[place];
     Work& work = work_[place];
@@ -104,7 +104,7 @@ void Network::step(const double* weights, const double* inputs) {
 }
 
 void Network::differentiate(std::size_t place, const double* weights) {
-  const Unit& unit = shape_.units[place];
+  const NetworkUnit& unit = shape_.units[place];
   const Parts p(unit);
   const auto offset = static_cast<Eigen::Index>(offset_[place]);
   const auto first = static_cast<Eigen::Index>(this->first(place));

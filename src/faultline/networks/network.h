@@ -51,9 +51,9 @@ class Network {
     Eigen::VectorXd sum, z, h, g, c;
   };
   void restart(const Eigen::MatrixXd& past);
-  bool fed_back(const Tap& tap, const Unit& unit) const;
-  double value(const Tap& tap, const Unit& unit) const;
-  double before(std::size_t output, const Unit& unit) const { return value({true, output, 1}, unit); }
+  bool fed_back(const Tap& tap, const NetworkUnit& unit) const;
+  double value(const Tap& tap, const NetworkUnit& unit) const;
+  double before(std::size_t output, const NetworkUnit& unit) const { return value({true, output, 1}, unit); }
   void differentiate(std::size_t place, const double* weights);
 
   NetworkShape shape_;

@@ -60,8 +60,8 @@ std::vector<Tap> taps_of(const NetworkShape& shape, const Settings& settings, co
   return taps;
 }
 
-Unit black_box(const NetworkShape& shape, std::size_t lags) {
-  Unit unit;
+NetworkUnit black_box(const NetworkShape& shape, std::size_t lags) {
+  NetworkUnit unit;
   for (std::size_t i = 0; i < shape.inputs.size(); ++i)
     for (std::size_t lag = 0; lag < lags; ++lag) unit.beside.push_back({false, i, lag});
   for (std::size_t o = 0; o < shape.outputs.size(); ++o) {
@@ -87,13 +87,13 @@ Feedback feedback_of(const std::string& word, const std::string& where) {
 
 std::size_t NetworkShape::weights() const {
   std::size_t count = 0;
-  for (const Unit& unit : units) count += unit.weights();
+  for (const NetworkUnit& unit : units) count += unit.weights();
   return count;
 }
 
 std::size_t NetworkShape::lags() const {
   std::size_t most = 1;
-  for (const Unit& unit : units)
+  for (const NetworkUnit& unit : units)
     for (const auto* taps : {&unit.sum, &unit.beside})
       for (const Tap& tap : *taps) most = std::max(most, tap.lag);
   return most;
@@ -101,7 +101,7 @@ std::size_t NetworkShape::lags() const {
 
 std::vector<std::string> NetworkShape::weight_names() const {
   std::vector<std::string> names;
-  for (const Unit& unit : units) {
+  for (const NetworkUnit& unit : units) {
     const std::string head = outputs[unit.outputs.front()].name;
     for (const Tap& tap : unit.sum) names.push_back(fmt::format("{}.sum.{}", head, name_of(*this, tap)));
     std::vector<std::string> entries;
@@ -147,7 +147,7 @@ NetworkShape network_shape(const Datasheet& sheet, const Settings& settings) {
   }
   for (std::size_t o = 0; o < shape.outputs.size(); ++o) {
     const std::string& name = shape.outputs[o].name;
-    Unit unit;
+    NetworkUnit unit;
     unit.outputs = {o};
     unit.sum = taps_of(shape, settings, name + "_sum");
     unit.beside = taps_of(shape, settings, name + "_beside");

@@ -50,7 +50,7 @@ struct Tap {
   std::size_t lag = 0;
 };
 
-struct Unit {
+struct NetworkUnit {
   std::vector<std::size_t> outputs;
   std::vector<Tap> sum;     // through the linear neuron; empty: there is none
   std::vector<Tap> beside;  // straight to the hidden layer
@@ -67,7 +67,7 @@ struct Unit {
 struct NetworkShape {
   std::vector<NetworkInput> inputs;
   std::vector<NetworkOutput> outputs;
-  std::vector<Unit> units;  // every output belongs to one
+  std::vector<NetworkUnit> units;  // every output belongs to one
   Feedback feedback = Feedback::all;
   double period = 0;   // s, between samples
   double cut_off = 0;  // Hz; 0: nothing is filtered

@@ -83,7 +83,7 @@ Eigen::VectorXd initial_weights(const NetworkShape& shape, std::uint64_t seed) {
   const auto fill = [&](std::size_t count, double size) {
     for (std::size_t i = 0; i < count; ++i) weights[next++] = size * random.normal();
   };
-  for (const Unit& unit : shape.units) {
+  for (const NetworkUnit& unit : shape.units) {
     fill(unit.sum.size(), 1 / std::sqrt(std::max<double>(1, static_cast<double>(unit.sum.size()))));
     fill(unit.hidden * unit.entries(), 1 / std::sqrt(static_cast<double>(unit.entries())));
     fill(unit.hidden, 1);
