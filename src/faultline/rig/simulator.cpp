@@ -55,7 +55,7 @@ class Plant {
         parts_(parts),
         substeps_(substeps_of(sheet, setup, use, parts)),
         substep_(period_ / substeps_),
-        effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
+        effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed, period_) {
     const RigType* type = find_rig_type(sheet.rig);
     if (!type)
       throw InputError(
@@ -469,7 +469,7 @@ struct DrivenModel::Parts {
     for (const auto& [channel, chain] : plant.input_sensors()) {
       const double at = time(recording, row);
       const double value = look && chain->remembers() ? chain->undo(course(recording, row, channel), at).value
-                                                : chain->undo_signal(values[channel], at);
+                                                      : chain->undo_signal(values[channel], at);
       if (!std::isnan(value)) values[channel] = value;
     }
   }
