@@ -204,8 +204,7 @@ bool FaultResponses::search_parameters() {
       step[static_cast<Eigen::Index>(i)] = reach;
       const ModelPoint tried = model_.at(point_.shift + step);
       const bool first = reach == settings_.reach_tolerances.front();
-      const double found =
-          model_.loss(known_to_tolerance(tried.shift), all, tried, {}, first ? now + bent : least);
+      const double found = model_.loss(known_to_tolerance(tried.shift), all, tried, {}, first ? now + bent : least);
       if (found < least) {
         least = found;
         best = step;
@@ -283,7 +282,8 @@ Scene FaultResponses::scene() const {
 
 std::map<std::size_t, double> FaultResponses::remembered() const {
   // Now and then all are tried anew: one stretch shows twins as one that three tell apart, or the other way round.
-  return event_ && (!power_of_two(age_) || age_ < settings_.recent_stretches) ? candidates_ : std::map<std::size_t, double>();
+  return event_ && (!power_of_two(age_) || age_ < settings_.recent_stretches) ? candidates_
+                                                                              : std::map<std::size_t, double>();
 }
 
 // ---- the event

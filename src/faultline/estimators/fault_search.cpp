@@ -110,8 +110,8 @@ std::vector<RankedFault> best_of(const StretchModel& model, const Scene& scene, 
   LossCourse limits;
   const auto loss = [&](std::size_t i, double enough) {
     const FaultHypothesis& h = model.hypotheses()[screened[trials[i].hypothesis].hypothesis];
-    return model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitudes[i])}, std::min(enough, worth), nullptr,
-                      limits.empty() ? nullptr : &limits);
+    return model.loss(scene.prior, scene.stretches, scene.point, {h.at(amplitudes[i])}, std::min(enough, worth),
+                      nullptr, limits.empty() ? nullptr : &limits);
   };
   const auto worth_beside = [&](double least) {
     return scene.healthy_loss - settings.alternative_evidence_fraction * std::max(0.0, scene.healthy_loss - least);

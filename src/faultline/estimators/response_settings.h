@@ -36,12 +36,12 @@ struct ResponseSettings {
   double least_response = 1e-6;  // information about an amplitude below which nothing is said: standstill
 
   // ---- which stretches are looked at closely
-  std::size_t refresh_stretches = 16;      // one in so many is, whatever it holds: what is learnt must not age
-  std::size_t smooth_terms = 10;           // cosines per segment and output that hold what an effect does: up to 45 Hz
-                                           // in segments of 0.1 s, where a plant that stands in it no longer follows
-  double new_fraction = 0.1;               // of the threshold: misfit of a stretch by which it says something new
-  double weighed_fraction = 0.6;           // ... and below which, beyond white noise, causes are not weighed: none is told
-  double followed_fraction = 0.02;         // of the evidence of a fault that is known: misfit from which it is followed
+  std::size_t refresh_stretches = 16;  // one in so many is, whatever it holds: what is learnt must not age
+  std::size_t smooth_terms = 10;       // cosines per segment and output that hold what an effect does: up to 45 Hz
+                                       // in segments of 0.1 s, where a plant that stands in it no longer follows
+  double new_fraction = 0.1;           // of the threshold: misfit of a stretch by which it says something new
+  double weighed_fraction = 0.6;       // ... and below which, beyond white noise, causes are not weighed: none is told
+  double followed_fraction = 0.02;     // of the evidence of a fault that is known: misfit from which it is followed
   double least_nuisance_amplitude = 0.05;  // of a nuisance effect, from which it is in the model of what is known
 
   // ---- parameters

@@ -197,7 +197,8 @@ void StretchModel::set_residuals(SegmentResponse& segment, Eigen::VectorXd resid
   segment.residuals = std::move(residuals);
   segment.weight = weight_of(segment.residuals);
   segment.information.noalias() = segment.weight * segment.tolerances.transpose() * segment.tolerances;
-  const double noise = kLeastNoise * static_cast<double>(outputs()) * static_cast<double>(cosines_.cols() - cosines_.rows());
+  const double noise =
+      kLeastNoise * static_cast<double>(outputs()) * static_cast<double>(cosines_.cols() - cosines_.rows());
   segment.floor = segment.weight * std::min(segment.residuals.squaredNorm() - smooth_square(segment.residuals), noise);
 }
 

@@ -39,10 +39,10 @@ struct SegmentResponse {
 
 struct Stretch {
   SegmentedRun run;
-  double begin = 0;        // s
-  double misfit = 0;       // of what was known when it was judged last (known_model.h)
-  bool responded = false;  // r and T are there ...
-  bool weighed = false;    // ... and D
+  double begin = 0;                          // s
+  double misfit = 0;                         // of what was known when it was judged last (known_model.h)
+  bool responded = false;                    // r and T are there ...
+  bool weighed = false;                      // ... and D
   Eigen::VectorXd tolerances_at, faults_at;  // where T and D were taken: ModelPoint::shift
   std::shared_ptr<const StartProjection> starts;
   std::vector<SegmentResponse> segments;  // those that count: all but the first
@@ -88,8 +88,8 @@ class StretchModel {
   void weigh(Stretch& stretch, const ModelPoint& point) const;  // after respond(), at the same point
 
   // With `effects` beside those of the point, theta adjusted to first order; infinite where it is more than `limit`, or
-  // after a segment more than `limits` say, if given. `prior`: [r T]'[r T] of what is known of theta from the tolerances
-  // and from other stretches. `after` takes all.
+  // after a segment more than `limits` say, if given. `prior`: [r T]'[r T] of what is known of theta from the
+  // tolerances and from other stretches. `after` takes all.
   double loss(const Eigen::MatrixXd& prior, const Stretches& stretches, const ModelPoint& point,
               const std::vector<EffectSpec>& effects, double limit = kInfinity, Eigen::MatrixXd* after = nullptr,
               const LossCourse* limits = nullptr, LossCourse* course = nullptr) const;
@@ -113,7 +113,7 @@ class StretchModel {
  private:
   std::vector<LinearSegment> linear(const Stretch& stretch, const ModelPoint& point,
                                     const std::vector<Direction>& directions) const;
-  double segment_values() const;  // readings in a segment
+  double segment_values() const;                                                  // readings in a segment
   void set_residuals(SegmentResponse& segment, Eigen::VectorXd residuals) const;  // T stands
   void sum_up(Stretch& stretch) const;
 

@@ -167,8 +167,9 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
   DrivenModel driven(sheet_, setup);
   driven.set_around([&](const Recording& recording, std::size_t row, std::size_t channel, double later) {
     const auto output = std::find(outputs_.begin(), outputs_.end(), static_cast<int>(channel)) - outputs_.begin();
-    const double noise = output < static_cast<std::ptrdiff_t>(outputs_.size()) ? sigma[static_cast<std::size_t>(output)]
-                                                                               : noise_of(sheet_->channels[channel], options_);
+    const double noise = output < static_cast<std::ptrdiff_t>(outputs_.size())
+                             ? sigma[static_cast<std::size_t>(output)]
+                             : noise_of(sheet_->channels[channel], options_);
     return shown_around(run, recording, row, channel, noise, later, options_);
   });
   const double largest = options_.largest_residual_sigma;

@@ -44,7 +44,8 @@ Quadratic quadratic(const Recording& recording, std::size_t row, std::size_t cen
     value += window.weight(i) * at(i);
     slope += static_cast<double>(i) * at(i) / window.s2;
   }
-  for (std::ptrdiff_t i = -window.width; i <= window.width; ++i) against += static_cast<double>(i * i) * (at(i) - value);
+  for (std::ptrdiff_t i = -window.width; i <= window.width; ++i)
+    against += static_cast<double>(i * i) * (at(i) - value);
   const double curvature = against / window.s4;
   Quadratic result;
   result.misfit = 0;
@@ -79,7 +80,8 @@ Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t colum
   const std::size_t before = row > first ? row - 1 : row, after = row + 1 < last ? row + 1 : row;
   const auto rows = static_cast<double>(std::max<std::size_t>(1, after - before));
   Smoothed result{measures(channel, value) ? value : std::nan(""), noise,
-                  (recording.at(after, column) - recording.at(before, column)) / rows, noise * std::sqrt(2.0) / rows, 0};
+                  (recording.at(after, column) - recording.at(before, column)) / rows, noise * std::sqrt(2.0) / rows,
+                  0};
   for (const std::size_t w : options.start_half_width_samples) {
     if (w > widest || last - first < 2 * w + 1) continue;
     const Window window(w);
