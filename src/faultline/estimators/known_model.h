@@ -5,8 +5,8 @@
 //
 // r_w: residuals of the model with all that is known in it, start states projected out; C: the first cosines of each
 // output over a segment (stretch_model.h). What any effect could explain of a stretch is at most what its misfit has
-// beyond the usual one: that of noise and of the model's usual error, the median over healthy stretches that were looked
-// at closely.
+// beyond the usual one: that of noise and of the model's usual error, the median over healthy stretches that were
+// looked at closely.
 #pragma once
 
 #include <deque>

@@ -23,8 +23,8 @@ struct Smoothed {
   double slope = 0, slope_std = 0, curvature = 0;  // per row: b and c, and how well b is known
 };
 
-// At a row, from rows first .. last - 1 only. Where no window around it describes the signal (a spool that jumps, an end
-// of the rows), the sample itself, with the slope at the end of a window on one side that does; not a number where
+// At a row, from rows first .. last - 1 only. Where no window around it describes the signal (a spool that jumps, an
+// end of the rows), the sample itself, with the slope at the end of a window on one side that does; not a number where
 // that measures nothing. `widest`: samples on each side, at most. `noise`: of a sample.
 Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t column, std::size_t first, std::size_t last,
                   double noise, std::size_t widest, const SegmentOptions& options);
