@@ -23,7 +23,8 @@ servo_actuator multisine 60 911 orifice_leakage@flow.chamber_a_tank:coefficient=
 servo_actuator random 60 912 scale@command.valve_command:factor=0.9,from=20
 servo_actuator random 60 913 offset@source.supply_pressure:value=-1e6,from=20
 servo_actuator steps 60 914
-servo_actuator random 60 961 orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8,from=20 orifice_leakage@flow.chamber_a_tank:coefficient=5e-9,from=20
+servo_actuator random 60 961 orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8,from=20 \
+  orifice_leakage@flow.chamber_a_tank:coefficient=5e-9,from=20
 cooling_circuit paper 60 821 orifice_leakage@flow.t_outlet_ambient:coefficient=1.28e-8,from=30,to=35
 cooling_circuit paper 60 822 clogging@restriction.v2_orifice:fraction=0.05,from=25,to=30
 cooling_circuit valve_steps 60 921 orifice_leakage@flow.v2_drain_ambient:coefficient=3e-8,from=20
