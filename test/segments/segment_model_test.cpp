@@ -9,6 +9,7 @@
 #include <Eigen/Cholesky>
 
 #include "faultline/segments/linearisation.h"
+#include "rigs/hydraulic_drive/runs.h"
 #include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
@@ -129,6 +130,23 @@ TEST(SegmentModel, StartsBehindAnyEffectAtASensor) {
               << to_string(spec) << " output " << o << (one_sample ? ", one sample" : ", segments");
       }
     }
+  }
+}
+
+// Its reading drives the model, so what it forgets is turned back from what it shows around.
+TEST(SegmentModel, AMemoryOfASensorThatDrivesTheModelIsTurnedBack) {
+  for (const std::string effect :
+       {"lag@sensor.pump_pressure:time_constant=0.03", "delay@sensor.pump_pressure:time=0.02"}) {
+    SimulationSetup setup = drive_setup("paper");
+    setup.noise = false;
+    setup.effects = {parse_effect(effect)};
+    SegmentedRun run = cut_run(drive(), "run", simulate(drive(), setup, 20), 0.5);
+    const SegmentModel model(drive());
+    const std::vector<double> noise = noise_of(drive());
+    model.place_starts(run, noise, model.nominal());
+    const double without = model.residuals(model.nominal(), run, noise).squaredNorm();
+    const double with = model.residuals({drive().nominal(), setup.effects}, run, noise).squaredNorm();
+    EXPECT_LT(with, 0.2 * without) << effect;
   }
 }
 

@@ -88,8 +88,8 @@ class StretchModel {
   void weigh(Stretch& stretch, const ModelPoint& point) const;  // after respond(), at the same point
 
   // With `effects` beside those of the point, theta adjusted to first order; infinite where it is more than `limit`, or
-  // after a segment more than `limits` say, if given. `prior`: [r T]'[r T] of what is known of theta from tolerances
-  // and from other stretches. `after` takes all.
+  // after a segment more than `limits` say, if given. `prior`: [r T]'[r T] of what is known of theta from the
+  // tolerances and from other stretches. `after` takes all.
   double loss(const Eigen::MatrixXd& prior, const Stretches& stretches, const ModelPoint& point,
               const std::vector<EffectSpec>& effects, double limit = kInfinity, Eigen::MatrixXd* after = nullptr,
               const LossCourse* limits = nullptr, LossCourse* course = nullptr) const;

@@ -27,7 +27,7 @@ const Port* find_port(const Datasheet& sheet, const std::string& name) {
 }
 
 PortContext context_of(const Datasheet& sheet, const Port& port, const EffectType& type, const EffectSpec& spec,
-                       double step, std::uint64_t seed) {
+                       double step, double input_step, std::uint64_t seed) {
   PortContext context;
   context.range = port.range;
   context.step = step;
@@ -37,6 +37,7 @@ PortContext context_of(const Datasheet& sheet, const Port& port, const EffectTyp
   if (channel >= 0) {
     const Channel& passes = sheet.channels[static_cast<std::size_t>(channel)];
     context.noise_std = passes.noise_std;
+    if (port.kind == PortKind::sensor && passes.role == Role::input && input_step > 0) context.step = input_step;
     if (type.family == "flexible") context.range = std::max(std::abs(passes.minimum), std::abs(passes.maximum));
   }
   return context;
@@ -50,7 +51,8 @@ bool changes_nothing(const EffectType& type, const EffectSpec& spec) {
 
 }  // namespace
 
-EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed)
+EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed,
+                     double input_step)
     : asked_(sheet.asked) {
   for (std::size_t i = 0; i < specs.size(); ++i) {
     const EffectSpec& spec = specs[i];
@@ -62,8 +64,9 @@ EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& spec
     std::vector<double> none;
     for (const auto& p : type.parameters) none.push_back(p.none);
     effects_.push_back(type.make());
-    effects_.back()->configure(spec.parameters, none,
-                               context_of(sheet, *find_port(sheet, spec.port), type, spec, step, seed_of(seed, i)));
+    effects_.back()->configure(
+        spec.parameters, none,
+        context_of(sheet, *find_port(sheet, spec.port), type, spec, step, input_step, seed_of(seed, i)));
     chains_[spec.port].add(effects_.back().get());
   }
   reset();

@@ -108,9 +108,10 @@ class EffectChain {
 
 class EffectSet {
  public:
-  // `step`: s, time between calls at signal ports. InputError where the rig has no such port or the effect does not fit
-  // it.
-  EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed);
+  // `step`: s, time between calls at signal ports; `input_step`: at sensors of inputs, 0: the same. InputError where
+  // the rig has no such port or the effect does not fit it.
+  EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& specs, double step, std::uint64_t seed,
+            double input_step = 0);
   EffectSet(const EffectSet&) = delete;
   EffectSet& operator=(const EffectSet&) = delete;
 

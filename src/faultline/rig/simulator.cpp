@@ -55,7 +55,7 @@ class Plant {
         parts_(parts),
         substeps_(substeps_of(sheet, setup, use, parts)),
         substep_(period_ / substeps_),
-        effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed) {
+        effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed, period_) {
     const RigType* type = find_rig_type(sheet.rig);
     if (!type)
       throw InputError(

@@ -3,8 +3,9 @@
 // Row k holds what the sensors say at t_k and the commands issued at t_k, which act until t_{k+1}; where a loop inside
 // the rig moves them faster, their mean over that time. A command's noise_std is of its recording. Between samples the
 // equations are integrated in equal substeps with the classic fourth-order Runge-Kutta method (Boost.odeint), or, for a
-// rig that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep. The
-// run starts from the rig's own initial state under the first row's set points and commands.
+// rig that calls itself stiff, with an L-stable Rosenbrock method; effects on signals are stepped once per substep,
+// those at sensors of inputs once per sample. The run starts from the rig's own initial state under the first row's set
+// points and commands.
 // Deterministic for a given seed. One seed s starts a generator for each purpose, so that none moves with another: the
 // first set point s, the second s + 15485863 (command i, from 0, of an open loop s + 15485863 i), measured input i
 // (from 0) 7919 s + i + 1 and what moves it 15485863 more, what the controller draws s + 32452843, sensor noise
