@@ -44,6 +44,16 @@ def _hold(times, levels):
     return value
 
 
+def random_levels(random, low, high, shortest, longest, end):
+    """Levels from low to high, each held for shortest to longest seconds, until `end`."""
+    times, levels, t = [], [], 0.0
+    while t < end:
+        times.append(t)
+        levels.append(random.uniform(low, high))
+        t += random.uniform(shortest, longest)
+    return _hold(times, levels)
+
+
 def _triangle(random):
     amplitude, frequency = random.uniform(0.02, 0.045), random.uniform(0.3, 0.6)
     mean, phase = random.uniform(-0.02, 0.02), random.uniform(0, 1)

@@ -5,19 +5,14 @@ A controller has demand(t), 0..1, flow_control (whether the flow loop runs), and
 """
 import math
 
-from excitation import _hold
+from excitation import _hold, random_levels
 
 KINDS = ["steps", "triangle", "prbs", "duty", "multisine", "valve_steps"]
 LONGEST = 200.0  # s
 
 
 def _levels(random, low, high, shortest, longest):
-    times, levels, t = [], [], 0.0
-    while t < LONGEST:
-        times.append(t)
-        levels.append(random.uniform(low, high))
-        t += random.uniform(shortest, longest)
-    return _hold(times, levels)
+    return random_levels(random, low, high, shortest, longest, LONGEST)
 
 
 def _binary(random):

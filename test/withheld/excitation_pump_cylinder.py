@@ -6,19 +6,14 @@ wanted position, wanted sum of pressures); `start` is the position it begins at.
 """
 import math
 
-from excitation import _hold
+from excitation import random_levels
 
 KINDS = ["multisine", "steps", "triangle", "duty", "levels", "sweep"]
 LONGEST = 60.0  # s
 
 
 def _random_steps(random, low, high, shortest, longest):
-    times, levels, t = [], [], 0.0
-    while t < LONGEST:
-        times.append(t)
-        levels.append(random.uniform(low, high))
-        t += random.uniform(shortest, longest)
-    return _hold(times, levels)
+    return random_levels(random, low, high, shortest, longest, LONGEST)
 
 
 def _multisine(random):

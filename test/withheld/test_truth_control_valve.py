@@ -5,13 +5,13 @@
 import math
 import os
 import sys
-import tempfile
 import unittest
 
 import numpy as np
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
+import case_check
 import generate
 import rate_control_valve as rate
 import signature
@@ -211,17 +211,7 @@ class Effects(unittest.TestCase):
 
 class Cases(unittest.TestCase):
     def test_a_case_is_made_without_its_label_in_the_data(self):
-        before = valve.DURATION
-        valve.DURATION = 20.0
-        try:
-            with tempfile.TemporaryDirectory() as folder:
-                generate.generate(folder, ["none"], 1, 7, 1, rig="control_valve")
-                self.assertEqual(sorted(os.listdir(folder)), ["data", "runs.json", "sealed"])
-                with open(os.path.join(folder, "data", "case_0001", "run_1.csv"), encoding="ascii") as stream:
-                    self.assertEqual(stream.readline().strip(), ",".join(["t"] + SHEET.channels))
-                    self.assertEqual(len(stream.read().splitlines()), 200)
-        finally:
-            valve.DURATION = before
+        case_check.check_case(self, valve, SHEET, "none", 20.0, 200)
 
     def test_effects_of_channels_that_nobody_records_are_left_out(self):
         self.assertFalse([key for key in SHEET.effects() if "flapper_position" in key or "spool_position" in key])

@@ -5,14 +5,13 @@
 import math
 import os
 import sys
-import tempfile
 import unittest
 
 import numpy as np
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-import generate
+import case_check
 import signature
 import sizes
 import truth_hydraulic_drive as drive
@@ -156,17 +155,7 @@ class Effects(unittest.TestCase):
 
 class Cases(unittest.TestCase):
     def test_a_case_is_made_without_its_label_in_the_data(self):
-        before = drive.DURATION
-        drive.DURATION = 15.0
-        try:
-            with tempfile.TemporaryDirectory() as folder:
-                generate.generate(folder, ["closed"], 1, 7, 1, rig="hydraulic_drive")
-                self.assertEqual(sorted(os.listdir(folder)), ["data", "runs.json", "sealed"])
-                with open(os.path.join(folder, "data", "case_0001", "run_1.csv"), encoding="ascii") as stream:
-                    self.assertEqual(stream.readline().strip(), ",".join(["t"] + SHEET.channels))
-                    self.assertEqual(len(stream.read().splitlines()), 1500)
-        finally:
-            drive.DURATION = before
+        case_check.check_case(self, drive, SHEET, "closed", 15.0, 1500)
 
     def test_rivals_are_those_that_the_datasheet_knows(self):
         self.assertEqual(twins.rivals("scale@sensor.pump_pressure", SHEET.bounds), ["scale@transmission.pump"])

@@ -5,14 +5,13 @@
 import math
 import os
 import sys
-import tempfile
 import unittest
 
 import numpy as np
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-import generate
+import case_check
 import signature
 import sizes
 import truth_pump_cylinder as cylinder
@@ -139,17 +138,7 @@ class Effects(unittest.TestCase):
 
 class Cases(unittest.TestCase):
     def test_a_case_is_made_without_its_label_in_the_data(self):
-        before = cylinder.DURATION
-        cylinder.DURATION = 5.0
-        try:
-            with tempfile.TemporaryDirectory() as folder:
-                generate.generate(folder, ["closed"], 1, 7, 1, rig="pump_cylinder")
-                self.assertEqual(sorted(os.listdir(folder)), ["data", "runs.json", "sealed"])
-                with open(os.path.join(folder, "data", "case_0001", "run_1.csv"), encoding="ascii") as stream:
-                    self.assertEqual(stream.readline().strip(), ",".join(["t"] + SHEET.channels))
-                    self.assertEqual(len(stream.read().splitlines()), 5000)
-        finally:
-            cylinder.DURATION = before
+        case_check.check_case(self, cylinder, SHEET, "closed", 5.0, 5000)
 
 
 if __name__ == "__main__":
