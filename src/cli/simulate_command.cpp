@@ -16,6 +16,7 @@
 #include "cli/output_file.h"
 #include "cli/sample_writer.h"
 #include "cli/subcommand.h"
+#include "faultline/rig/driven_model.h"
 #include "faultline/rig/effect_chain.h"
 #include "faultline/rig/simulator.h"
 #include "faultline/signal/error.h"

@@ -6,6 +6,7 @@
 
 #include "allocations.h"
 #include "estimators/linear_model.h"
+#include "faultline/rig/driven_model.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -5,232 +5,15 @@
 
 #include <fmt/format.h>
 
-#include "faultline/numerics/integrator.h"
 #include "faultline/numerics/random.h"
 #include "faultline/rig/input_source.h"
+#include "faultline/rig/running_plant.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
 
 constexpr int kSettlings = 4;  // rounds in which a supply that droops and the flow from it agree
-
-std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<EffectSpec>& extra) {
-  std::vector<EffectSpec> specs = nominal_effects(sheet);
-  specs.insert(specs.end(), extra.begin(), extra.end());
-  return specs;
-}
-
-enum class Use { simulator, model };  // a rig's stand-in, or the model that a recording drives: which substep
-
-double period_of(const Datasheet& sheet, const SimulationSetup& setup) {
-  return setup.sample_period > 0 ? setup.sample_period : sheet.sample_period;
-}
-
-// A multiple of `parts`.
-int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1) {
-  const RigType* type = find_rig_type(sheet.rig);
-  double wanted = type ? type->substep : sheet.sample_period;
-  const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
-  const bool faster = std::any_of(effects.begin(), effects.end(), [](const EffectSpec& effect) {
-    const PortKind kind = port_kind(effect.port);
-    return kind == PortKind::line || kind == PortKind::transmission;
-  });
-  if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
-  if (setup.substep > 0) wanted = setup.substep;
-  return parts * std::max(1, static_cast<int>(std::ceil(period_of(sheet, setup) / (wanted * parts) - 1e-9)));
-}
-
-// What a recording shows of a channel around a row.
-using CourseOf = std::function<Shown(std::size_t channel, double later)>;
-
-// A rig with its effects, and the effects on its signals by channel: what driven and closed-loop simulation share.
-class Plant {
- public:
-  // A sample period may be run in as many `parts`.
-  Plant(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1)
-      : sheet_(sheet),
-        use_(use),
-        period_(period_of(sheet, setup)),
-        parts_(parts),
-        substeps_(substeps_of(sheet, setup, use, parts)),
-        substep_(period_ / substeps_),
-        effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed, period_) {
-    const RigType* type = find_rig_type(sheet.rig);
-    if (!type)
-      throw InputError(
-          fmt::format("{}: this build has the datasheet of '{}' but not its equations", sheet.file, sheet.rig));
-    if (!setup.parameters.empty() && setup.parameters.size() != sheet.parameters.size())
-      throw InputError(fmt::format("{}: {} parameter values are given, the rig has {}", sheet.rig,
-                                   setup.parameters.size(), sheet.parameters.size()));
-    rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
-    integrator_ = make_integrator(*rig_);
-    for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
-      if (sheet.channels[c].predicted_by.empty()) continue;
-      const auto command = static_cast<std::size_t>(sheet.channel(sheet.channels[c].predicted_by));
-      followers_.push_back({c, command, nullptr, nullptr, std::vector<double>(static_cast<std::size_t>(substeps_))});
-    }
-    for (const Port& port : sheet.ports) {
-      const EffectChain& chain = effects_.at(port.name);
-      if (chain.empty() || port.channel.empty()) continue;
-      const auto channel = static_cast<std::size_t>(sheet.channel(port.channel));
-      bool followed = false;
-      for (Follower& f : followers_) {
-        if (port.kind == PortKind::sensor && f.input == channel) f.sensor = &chain;
-        if (port.kind != PortKind::command || f.command != channel) continue;
-        f.drive = &chain;
-        followed = true;
-      }
-      if (port.kind == PortKind::command && !followed) commands_.push_back({channel, &chain});
-      if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::output)
-        sensors_.push_back({channel, &chain});
-      if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::input)
-        inputs_.push_back({channel, &chain});
-    }
-    for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
-      if (sheet.channels[c].role == Role::input) run_.push_back(c);
-      if (sheet.channels[c].role == Role::command) held_.push_back(c);
-    }
-    for (std::size_t i = 0; i < sheet.states.size(); ++i)
-      for (const auto& [channel, chain] : sensors_)
-        if (sheet.states[i].channel == static_cast<int>(channel)) shown_states_.push_back({i, chain});
-    rest_.resize(static_cast<std::size_t>(rig_->states()));
-    moved_.resize(rest_.size());
-    start_.resize(sheet.states.size());
-    true_.resize(sheet.channels.size());
-    shown_.resize(sheet.channels.size());
-    resumed_.resize(sheet.channels.size());
-  }
-
-  // `channels`: commands and inputs at this time. Afterwards seen() holds what the sensors show.
-  void start(double time, const double* channels, const double* nominal_state, const CourseOf& around) {
-    effects_.reset();
-    effects_.set_time(time);
-    std::copy_n(channels, true_.size(), true_.begin());
-    for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], time);
-    if (use_ == Use::simulator)
-      for (const Follower& f : followers_) true_[f.input] = channels[f.command];
-    std::fill_n(integrator_->state(), rig_->states(), 0.0);
-    rig_->start(true_.data(), integrator_->state());
-    effects_.reset();
-    effects_.set_time(time);
-    std::fill(resumed_.begin(), resumed_.end(), std::nan(""));
-    if (nominal_state) restart(time, channels, nominal_state, around, false);
-    rig_->outputs(time, integrator_->state(), shown_.data());
-    for (const auto& [channel, chain] : sensors_)
-      shown_[channel] = std::isnan(resumed_[channel]) ? chain->signal(shown_[channel], time) : resumed_[channel];
-  }
-
-  // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on. A state
-  // that a channel shows is what that channel says, back through its sensor's effects, which go on from there; other
-  // effects keep their memory. `running`: whether the states until now are worth anything.
-  void restart(double time, const double* channels, const double* nominal_state, const CourseOf& around, bool running) {
-    std::vector<double>& state = start_;
-    if (std::all_of(nominal_state, nominal_state + state.size(), [](double v) { return std::isnan(v); })) return;
-    for (std::size_t i = 0; i < state.size(); ++i)
-      state[i] = std::isnan(nominal_state[i]) ? integrator_->state()[i] : nominal_state[i];
-    for (const auto& [index, chain] : shown_states_) {
-      if (std::isnan(nominal_state[index])) continue;
-      const auto channel = static_cast<std::size_t>(sheet_.states[index].channel);
-      const double own = integrator_->state()[index], shown = state[index];
-      const double at_now = around ? around(channel, 0).value : 0;
-      const Course course = [&, index = index](double later) {
-        if (!around) return Shown{shown};
-        Shown result = around(channel, later);
-        result.value += shown - at_now;
-        return result;
-      };
-      const double value = chain->resume(course, time, running ? own : std::nan("")).value;
-      state[index] = std::isnan(value) ? own : value;
-      if (!std::isnan(value)) resumed_[channel] = shown;
-    }
-    move_to(state.data(), channels);
-  }
-
-  // What inputs that follow a command do over the period from `time` on: seen() shows their mean, as their sensors do.
-  // To be called once per period, before advance().
-  void follow(double time, const double* channels) {
-    effects_.set_time(time);
-    for (Follower& f : followers_) {
-      double sum = 0;
-      for (int i = 0; i < substeps_; ++i) {
-        double& value = f.values[static_cast<std::size_t>(i)];
-        value = f.drive ? f.drive->signal(channels[f.command], time + i * substep_) : channels[f.command];
-        sum += value;
-      }
-      const double mean = sum / substeps_;
-      shown_[f.input] = f.sensor ? f.sensor->signal(mean, time) : mean;
-    }
-  }
-
-  // One sample period from `time`, or one part of it: commands held, inputs run linearly from `now` to `next`; one that
-  // follows a command has its mean over the period in the period's first row, and is held where a recording gives it.
-  void advance(double time, const double* now, const double* next, int part = 0) {
-    const int count = substeps_ / parts_;
-    effects_.set_time(time + part * count * substep_);
-    for (int i = part * count; i < (part + 1) * count; ++i) {
-      const double t = time + i * substep_;
-      const double share = (i + 0.5) / substeps_;
-      for (const std::size_t c : run_) true_[c] = now[c] + share * (next[c] - now[c]);
-      for (const std::size_t c : held_) true_[c] = now[c];
-      for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(now[channel], t);
-      for (const Follower& f : followers_)
-        true_[f.input] = use_ == Use::simulator ? f.values[static_cast<std::size_t>(i)] : now[f.input];
-      integrator_->step(t, substep_, true_.data());
-      if (i + 1 == (part + 1) * count || !sensors_.empty()) observe(t + substep_);
-    }
-  }
-
-  const std::vector<double>& seen() const { return shown_; }
-  const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
-  const double* state() const { return integrator_->state(); }
-  double drawn(int channel, double time) const {
-    return rig_->drawn(channel, time, integrator_->state(), true_.data());
-  }
-  bool remembers() const {
-    return effects_.remembers() || static_cast<std::size_t>(rig_->states()) > sheet_.states.size();
-  }
-  double period() const { return period_; }
-
- private:
-  // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
-  void move_to(const double* nominal_state, const double* channels) {
-    double* state = integrator_->state();
-    std::fill(rest_.begin(), rest_.end(), 0);
-    std::fill(moved_.begin(), moved_.end(), 0);
-    rig_->start_at(state, channels, rest_.data());
-    rig_->start_at(nominal_state, channels, moved_.data());
-    for (std::size_t i = 0; i < rest_.size(); ++i) state[i] = moved_[i] + (state[i] - rest_[i]);
-    rig_->set_modes(state);
-  }
-
-  // Outputs as they are, then as sensors with effects show them.
-  void observe(double time) {
-    rig_->outputs(time, integrator_->state(), shown_.data());
-    for (const auto& [channel, chain] : sensors_) shown_[channel] = chain->signal(shown_[channel], time);
-  }
-
-  struct Follower {  // an input that the model predicts from a command
-    std::size_t input, command;
-    const EffectChain *drive, *sensor;  // null: nothing sits there
-    std::vector<double> values;         // of the input, per substep of the period
-  };
-
-  const Datasheet& sheet_;
-  Use use_;
-  double period_;  // s
-  int parts_, substeps_;
-  double substep_;
-  EffectSet effects_;
-  std::unique_ptr<Rig> rig_;
-  std::unique_ptr<Integrator> integrator_;
-  std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;
-  std::vector<std::pair<std::size_t, const EffectChain*>> shown_states_;
-  std::vector<std::size_t> run_, held_;  // channels: inputs, commands
-  std::vector<Follower> followers_;
-  std::vector<double> true_, shown_, start_, rest_, moved_;
-  std::vector<double> resumed_;  // per channel: what its sensor shows at a start; NaN: what its effects make of it
-};
 
 double table_value(const CommandTable& table, double time) {
   const auto after = std::upper_bound(table.time.begin(), table.time.end(), time);
@@ -242,18 +25,6 @@ double table_value(const CommandTable& table, double time) {
 }
 
 }  // namespace
-
-std::vector<EffectSpec> nominal_effects(const Datasheet& sheet) {
-  std::vector<EffectSpec> specs;
-  for (const std::string& text : sheet.nominal_effects) specs.push_back(parse_effect(text));
-  return specs;
-}
-
-int model_substeps(const Datasheet& sheet, const std::vector<EffectSpec>& effects) {
-  SimulationSetup setup;
-  setup.effects = effects;
-  return substeps_of(sheet, setup, Use::model);
-}
 
 Random sensor_noise(std::uint64_t seed) { return Random(seed * 104729 + 17); }
 
@@ -427,7 +198,7 @@ struct Simulator::Parts {
   std::unique_ptr<Controller> controller;
   const bool has_inner;
   const int parts;
-  Plant plant;
+  RunningPlant plant;
   std::vector<std::size_t> commands;
   std::vector<std::pair<std::size_t, CommandTable>> tables;
   std::vector<std::pair<std::size_t, InputSource>> sources;
@@ -455,73 +226,6 @@ Recording simulate(const Datasheet& sheet, const SimulationSetup& setup, double 
   for (std::size_t k = 0; k < rows; ++k) recording.append(simulator.step());
   return recording;
 }
-
-struct DrivenModel::Parts {
-  Parts(std::shared_ptr<const Datasheet> datasheet, const SimulationSetup& setup)
-      : sheet(std::move(datasheet)),
-        plant(*sheet, setup, Use::model),
-        now(sheet->channels.size()),
-        next(sheet->channels.size()) {}
-
-  // What reaches the plant: a sensor whose reading drives the model shows the true value through its effects.
-  void take(const Recording& recording, std::size_t row, std::vector<double>& values) {
-    std::copy_n(recording.row(row), values.size(), values.begin());
-    for (const auto& [channel, chain] : plant.input_sensors()) {
-      const double at = time(recording, row);
-      const double value = look && chain->remembers() ? chain->undo(course(recording, row, channel), at).value
-                                                      : chain->undo_signal(values[channel], at);
-      if (!std::isnan(value)) values[channel] = value;
-    }
-  }
-  Course course(const Recording& recording, std::size_t row, std::size_t channel) const {
-    return [this, &recording, row, c = channel](double later) { return look(recording, row, c, later); };
-  }
-  static double time(const Recording& recording, std::size_t row) {
-    return recording.time[row] - recording.time.front();
-  }
-
-  const std::shared_ptr<const Datasheet> sheet;
-  // `later` counts from this row.
-  CourseOf around(const Recording& recording, std::size_t row) const {
-    if (!look) return {};
-    return [this, &recording, row](std::size_t channel, double later) { return look(recording, row, channel, later); };
-  }
-
-  Plant plant;
-  Around look;
-  std::vector<double> now, next;
-};
-
-DrivenModel::DrivenModel(const Datasheet& sheet, const SimulationSetup& setup)
-    : DrivenModel(std::make_shared<const Datasheet>(sheet), setup) {}
-DrivenModel::DrivenModel(std::shared_ptr<const Datasheet> sheet, const SimulationSetup& setup)
-    : parts_(std::make_unique<Parts>(std::move(sheet), setup)) {}
-DrivenModel::~DrivenModel() = default;
-
-void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {
-  parts_->take(recording, row, parts_->now);
-  parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, parts_->around(recording, row));
-  parts_->plant.follow(Parts::time(recording, row), parts_->now.data());
-}
-
-bool DrivenModel::remembers() const { return parts_->plant.remembers(); }
-
-void DrivenModel::set_around(Around around) { parts_->look = std::move(around); }
-
-void DrivenModel::advance(const Recording& recording, std::size_t to_row, const double* state) {
-  parts_->take(recording, to_row, parts_->next);
-  const double time = Parts::time(recording, to_row - 1);
-  parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
-  parts_->now.swap(parts_->next);
-  parts_->plant.follow(time + parts_->plant.period(), parts_->now.data());
-  if (state)
-    parts_->plant.restart(time + parts_->plant.period(), parts_->now.data(), state, parts_->around(recording, to_row),
-                          true);
-}
-
-const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }
-const double* DrivenModel::state() const { return parts_->plant.state(); }
-std::size_t DrivenModel::state_count() const { return parts_->sheet->states.size(); }
 
 std::vector<double> draw_parameters(const Datasheet& sheet, std::uint64_t seed) {
   Random random(seed * 6364136223846793005ULL + 99);

@@ -9,7 +9,7 @@
 
 #include "faultline/numerics/integrator.h"
 #include "faultline/rig/rig.h"
-#include "faultline/rig/simulator.h"
+#include "faultline/rig/simulation_setup.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -18,7 +18,7 @@
 
 #include <Eigen/Core>
 
-#include "faultline/rig/simulator.h"
+#include "faultline/rig/driven_model.h"
 #include "faultline/segments/segmented_run.h"
 
 namespace faultline {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "faultline/rig/driven_model.h"
 #include "rigs/control_valve/air_flow.h"
 #include "rigs/control_valve/runs.h"
 

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "faultline/numerics/integrator.h"
+#include "faultline/rig/driven_model.h"
 #include "rigs/hydraulic_drive/runs.h"
 
 namespace faultline {

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "faultline/rig/controller.h"
+#include "faultline/rig/driven_model.h"
 #include "faultline/rig/effect_unit.h"
 #include "rigs/hydraulic_drive/runs.h"
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 
+#include "faultline/rig/driven_model.h"
 #include "rigs/pump_cylinder/runs.h"
 
 namespace faultline {

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "faultline/rig/driven_model.h"
 #include "faultline/rig/rig.h"
 #include "faultline/signal/error.h"
 #include "rigs/servo_actuator/runs.h"

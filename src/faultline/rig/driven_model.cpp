@@ -1,0 +1,77 @@
+#include "faultline/rig/driven_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "faultline/rig/running_plant.h"
+
+namespace faultline {
+
+struct DrivenModel::Parts {
+  Parts(std::shared_ptr<const Datasheet> datasheet, const SimulationSetup& setup)
+      : sheet(std::move(datasheet)),
+        plant(*sheet, setup, Use::model),
+        now(sheet->channels.size()),
+        next(sheet->channels.size()) {}
+
+  // What reaches the plant: a sensor whose reading drives the model shows the true value through its effects.
+  void take(const Recording& recording, std::size_t row, std::vector<double>& values) {
+    std::copy_n(recording.row(row), values.size(), values.begin());
+    for (const auto& [channel, chain] : plant.input_sensors()) {
+      const double at = time(recording, row);
+      const double value = look && chain->remembers() ? chain->undo(course(recording, row, channel), at).value
+                                                      : chain->undo_signal(values[channel], at);
+      if (!std::isnan(value)) values[channel] = value;
+    }
+  }
+  Course course(const Recording& recording, std::size_t row, std::size_t channel) const {
+    return [this, &recording, row, c = channel](double later) { return look(recording, row, c, later); };
+  }
+  static double time(const Recording& recording, std::size_t row) {
+    return recording.time[row] - recording.time.front();
+  }
+
+  const std::shared_ptr<const Datasheet> sheet;
+  // `later` counts from this row.
+  CourseOf around(const Recording& recording, std::size_t row) const {
+    if (!look) return {};
+    return [this, &recording, row](std::size_t channel, double later) { return look(recording, row, channel, later); };
+  }
+
+  RunningPlant plant;
+  Around look;
+  std::vector<double> now, next;
+};
+
+DrivenModel::DrivenModel(const Datasheet& sheet, const SimulationSetup& setup)
+    : DrivenModel(std::make_shared<const Datasheet>(sheet), setup) {}
+DrivenModel::DrivenModel(std::shared_ptr<const Datasheet> sheet, const SimulationSetup& setup)
+    : parts_(std::make_unique<Parts>(std::move(sheet), setup)) {}
+DrivenModel::~DrivenModel() = default;
+
+void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {
+  parts_->take(recording, row, parts_->now);
+  parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, parts_->around(recording, row));
+  parts_->plant.follow(Parts::time(recording, row), parts_->now.data());
+}
+
+bool DrivenModel::remembers() const { return parts_->plant.remembers(); }
+
+void DrivenModel::set_around(Around around) { parts_->look = std::move(around); }
+
+void DrivenModel::advance(const Recording& recording, std::size_t to_row, const double* state) {
+  parts_->take(recording, to_row, parts_->next);
+  const double time = Parts::time(recording, to_row - 1);
+  parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
+  parts_->now.swap(parts_->next);
+  parts_->plant.follow(time + parts_->plant.period(), parts_->now.data());
+  if (state)
+    parts_->plant.restart(time + parts_->plant.period(), parts_->now.data(), state, parts_->around(recording, to_row),
+                          true);
+}
+
+const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }
+const double* DrivenModel::state() const { return parts_->plant.state(); }
+std::size_t DrivenModel::state_count() const { return parts_->sheet->states.size(); }
+
+}  // namespace faultline

@@ -1,0 +1,71 @@
+// The model driven by what a recording holds: commands and inputs are taken from it, outputs are predicted row by row
+// without noise and rounding. At given rows the rig's states may be put back to given values, and the effects of the
+// sensors that show them to what they show; other effects on signals keep their memory: the segments of an integrating
+// plant.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <type_traits>
+#include <vector>
+
+#include "faultline/rig/effect.h"
+#include "faultline/rig/simulation_setup.h"
+#include "faultline/signal/sample.h"
+
+namespace faultline {
+
+class DrivenModel {
+ public:
+  DrivenModel(const Datasheet& sheet, const SimulationSetup& setup);
+  DrivenModel(std::shared_ptr<const Datasheet> sheet, const SimulationSetup& setup);  // for many models of one rig
+  ~DrivenModel();
+  DrivenModel(const DrivenModel&) = delete;
+  DrivenModel& operator=(const DrivenModel&) = delete;
+
+  // Predicts rows first .. first + count - 1, one sample period apart. `restarts`: rows (rising, from `first` on) at
+  // which the nominal states are set to start_states + i * (number of the datasheet's states); before the first restart
+  // the rig's own initial state runs. A restart acts after its row was predicted: the row still shows where the segment
+  // before it ended. Calls row(index, channels) with one value per channel for each of them. Effects forget what was
+  // before `first`; their time counts from the recording's first row. Where row returns a bool, false ends the run.
+  template <class Row>
+  void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
+           const double* start_states, Row&& row) {
+    begin(recording, first, !restarts.empty() && restarts.front() == first ? start_states : nullptr);
+    std::size_t next = !restarts.empty() && restarts.front() == first ? 1 : 0;
+    for (std::size_t k = first; k < first + count; ++k) {
+      if (k > first) {
+        const bool restart = next < restarts.size() && restarts[next] == k;
+        advance(recording, k, restart ? start_states + next * state_count() : nullptr);
+        next += restart;
+      }
+      if constexpr (std::is_same_v<decltype(row(k, predicted())), bool>) {
+        if (!row(k, predicted())) return;
+      } else {
+        row(k, predicted());
+      }
+    }
+  }
+
+  // What a channel of the recording shows without its noise `later` s after a row, for sensors whose effects have
+  // memory, those of inputs too. Without it they are taken to have stood still.
+  using Around = std::function<Shown(const Recording& recording, std::size_t row, std::size_t channel, double later)>;
+  void set_around(Around around);
+
+  // Whether effects have memories or states of their own, which a run must first fill.
+  bool remembers() const;
+
+  // The rig's states after the last row, in the datasheet's order.
+  const double* state() const;
+  std::size_t state_count() const;
+
+ private:
+  void begin(const Recording& recording, std::size_t row, const double* state);
+  void advance(const Recording& recording, std::size_t to_row, const double* state);
+  const double* predicted() const;
+
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace faultline

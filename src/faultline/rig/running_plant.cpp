@@ -1,0 +1,192 @@
+#include "faultline/rig/running_plant.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+std::vector<EffectSpec> all_effects(const Datasheet& sheet, const std::vector<EffectSpec>& extra) {
+  std::vector<EffectSpec> specs = nominal_effects(sheet);
+  specs.insert(specs.end(), extra.begin(), extra.end());
+  return specs;
+}
+
+double period_of(const Datasheet& sheet, const SimulationSetup& setup) {
+  return setup.sample_period > 0 ? setup.sample_period : sheet.sample_period;
+}
+
+// A multiple of `parts`.
+int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1) {
+  const RigType* type = find_rig_type(sheet.rig);
+  double wanted = type ? type->substep : sheet.sample_period;
+  const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
+  const bool faster = std::any_of(effects.begin(), effects.end(), [](const EffectSpec& effect) {
+    const PortKind kind = port_kind(effect.port);
+    return kind == PortKind::line || kind == PortKind::transmission;
+  });
+  if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
+  if (setup.substep > 0) wanted = setup.substep;
+  return parts * std::max(1, static_cast<int>(std::ceil(period_of(sheet, setup) / (wanted * parts) - 1e-9)));
+}
+
+}  // namespace
+
+RunningPlant::RunningPlant(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts)
+    : sheet_(sheet),
+      use_(use),
+      period_(period_of(sheet, setup)),
+      parts_(parts),
+      substeps_(substeps_of(sheet, setup, use, parts)),
+      substep_(period_ / substeps_),
+      effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed, period_) {
+  const RigType* type = find_rig_type(sheet.rig);
+  if (!type)
+    throw InputError(
+        fmt::format("{}: this build has the datasheet of '{}' but not its equations", sheet.file, sheet.rig));
+  if (!setup.parameters.empty() && setup.parameters.size() != sheet.parameters.size())
+    throw InputError(fmt::format("{}: {} parameter values are given, the rig has {}", sheet.rig,
+                                 setup.parameters.size(), sheet.parameters.size()));
+  rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
+  integrator_ = make_integrator(*rig_);
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    if (sheet.channels[c].predicted_by.empty()) continue;
+    const auto command = static_cast<std::size_t>(sheet.channel(sheet.channels[c].predicted_by));
+    followers_.push_back({c, command, nullptr, nullptr, std::vector<double>(static_cast<std::size_t>(substeps_))});
+  }
+  for (const Port& port : sheet.ports) {
+    const EffectChain& chain = effects_.at(port.name);
+    if (chain.empty() || port.channel.empty()) continue;
+    const auto channel = static_cast<std::size_t>(sheet.channel(port.channel));
+    bool followed = false;
+    for (Follower& f : followers_) {
+      if (port.kind == PortKind::sensor && f.input == channel) f.sensor = &chain;
+      if (port.kind != PortKind::command || f.command != channel) continue;
+      f.drive = &chain;
+      followed = true;
+    }
+    if (port.kind == PortKind::command && !followed) commands_.push_back({channel, &chain});
+    if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::output)
+      sensors_.push_back({channel, &chain});
+    if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::input)
+      inputs_.push_back({channel, &chain});
+  }
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    if (sheet.channels[c].role == Role::input) run_.push_back(c);
+    if (sheet.channels[c].role == Role::command) held_.push_back(c);
+  }
+  for (std::size_t i = 0; i < sheet.states.size(); ++i)
+    for (const auto& [channel, chain] : sensors_)
+      if (sheet.states[i].channel == static_cast<int>(channel)) shown_states_.push_back({i, chain});
+  rest_.resize(static_cast<std::size_t>(rig_->states()));
+  moved_.resize(rest_.size());
+  start_.resize(sheet.states.size());
+  true_.resize(sheet.channels.size());
+  shown_.resize(sheet.channels.size());
+  resumed_.resize(sheet.channels.size());
+}
+
+void RunningPlant::start(double time, const double* channels, const double* nominal_state, const CourseOf& around) {
+  effects_.reset();
+  effects_.set_time(time);
+  std::copy_n(channels, true_.size(), true_.begin());
+  for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], time);
+  if (use_ == Use::simulator)
+    for (const Follower& f : followers_) true_[f.input] = channels[f.command];
+  std::fill_n(integrator_->state(), rig_->states(), 0.0);
+  rig_->start(true_.data(), integrator_->state());
+  effects_.reset();
+  effects_.set_time(time);
+  std::fill(resumed_.begin(), resumed_.end(), std::nan(""));
+  if (nominal_state) restart(time, channels, nominal_state, around, false);
+  rig_->outputs(time, integrator_->state(), shown_.data());
+  for (const auto& [channel, chain] : sensors_)
+    shown_[channel] = std::isnan(resumed_[channel]) ? chain->signal(shown_[channel], time) : resumed_[channel];
+}
+
+void RunningPlant::restart(double time, const double* channels, const double* nominal_state, const CourseOf& around,
+                           bool running) {
+  std::vector<double>& state = start_;
+  if (std::all_of(nominal_state, nominal_state + state.size(), [](double v) { return std::isnan(v); })) return;
+  for (std::size_t i = 0; i < state.size(); ++i)
+    state[i] = std::isnan(nominal_state[i]) ? integrator_->state()[i] : nominal_state[i];
+  for (const auto& [index, chain] : shown_states_) {
+    if (std::isnan(nominal_state[index])) continue;
+    const auto channel = static_cast<std::size_t>(sheet_.states[index].channel);
+    const double own = integrator_->state()[index], shown = state[index];
+    const double at_now = around ? around(channel, 0).value : 0;
+    const Course course = [&, index = index](double later) {
+      if (!around) return Shown{shown};
+      Shown result = around(channel, later);
+      result.value += shown - at_now;
+      return result;
+    };
+    const double value = chain->resume(course, time, running ? own : std::nan("")).value;
+    state[index] = std::isnan(value) ? own : value;
+    if (!std::isnan(value)) resumed_[channel] = shown;
+  }
+  move_to(state.data(), channels);
+}
+
+void RunningPlant::follow(double time, const double* channels) {
+  effects_.set_time(time);
+  for (Follower& f : followers_) {
+    double sum = 0;
+    for (int i = 0; i < substeps_; ++i) {
+      double& value = f.values[static_cast<std::size_t>(i)];
+      value = f.drive ? f.drive->signal(channels[f.command], time + i * substep_) : channels[f.command];
+      sum += value;
+    }
+    const double mean = sum / substeps_;
+    shown_[f.input] = f.sensor ? f.sensor->signal(mean, time) : mean;
+  }
+}
+
+void RunningPlant::advance(double time, const double* now, const double* next, int part) {
+  const int count = substeps_ / parts_;
+  effects_.set_time(time + part * count * substep_);
+  for (int i = part * count; i < (part + 1) * count; ++i) {
+    const double t = time + i * substep_;
+    const double share = (i + 0.5) / substeps_;
+    for (const std::size_t c : run_) true_[c] = now[c] + share * (next[c] - now[c]);
+    for (const std::size_t c : held_) true_[c] = now[c];
+    for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(now[channel], t);
+    for (const Follower& f : followers_)
+      true_[f.input] = use_ == Use::simulator ? f.values[static_cast<std::size_t>(i)] : now[f.input];
+    integrator_->step(t, substep_, true_.data());
+    if (i + 1 == (part + 1) * count || !sensors_.empty()) observe(t + substep_);
+  }
+}
+
+void RunningPlant::move_to(const double* nominal_state, const double* channels) {
+  double* state = integrator_->state();
+  std::fill(rest_.begin(), rest_.end(), 0);
+  std::fill(moved_.begin(), moved_.end(), 0);
+  rig_->start_at(state, channels, rest_.data());
+  rig_->start_at(nominal_state, channels, moved_.data());
+  for (std::size_t i = 0; i < rest_.size(); ++i) state[i] = moved_[i] + (state[i] - rest_[i]);
+  rig_->set_modes(state);
+}
+
+void RunningPlant::observe(double time) {
+  rig_->outputs(time, integrator_->state(), shown_.data());
+  for (const auto& [channel, chain] : sensors_) shown_[channel] = chain->signal(shown_[channel], time);
+}
+
+std::vector<EffectSpec> nominal_effects(const Datasheet& sheet) {
+  std::vector<EffectSpec> specs;
+  for (const std::string& text : sheet.nominal_effects) specs.push_back(parse_effect(text));
+  return specs;
+}
+
+int model_substeps(const Datasheet& sheet, const std::vector<EffectSpec>& effects) {
+  SimulationSetup setup;
+  setup.effects = effects;
+  return substeps_of(sheet, setup, Use::model);
+}
+
+}  // namespace faultline

@@ -1,0 +1,83 @@
+// A rig with its effects, and the effects on its signals by channel, integrated from sample to sample: what driven
+// (driven_model.h) and closed-loop simulation (simulator.h) share.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "faultline/numerics/integrator.h"
+#include "faultline/rig/effect_chain.h"
+#include "faultline/rig/rig.h"
+#include "faultline/rig/simulation_setup.h"
+
+namespace faultline {
+
+enum class Use { simulator, model };  // a rig's stand-in, or the model that a recording drives: which substep
+
+// What a recording shows of a channel around a row.
+using CourseOf = std::function<Shown(std::size_t channel, double later)>;
+
+class RunningPlant {
+ public:
+  // A sample period may be run in as many `parts`.
+  RunningPlant(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1);
+
+  // `channels`: commands and inputs at this time. Afterwards seen() holds what the sensors show.
+  void start(double time, const double* channels, const double* nominal_state, const CourseOf& around);
+
+  // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on. A state
+  // that a channel shows is what that channel says, back through its sensor's effects, which go on from there; other
+  // effects keep their memory. `running`: whether the states until now are worth anything.
+  void restart(double time, const double* channels, const double* nominal_state, const CourseOf& around, bool running);
+
+  // What inputs that follow a command do over the period from `time` on: seen() shows their mean, as their sensors do.
+  // To be called once per period, before advance().
+  void follow(double time, const double* channels);
+
+  // One sample period from `time`, or one part of it: commands held, inputs run linearly from `now` to `next`; one that
+  // follows a command has its mean over the period in the period's first row, and is held where a recording gives it.
+  void advance(double time, const double* now, const double* next, int part = 0);
+
+  const std::vector<double>& seen() const { return shown_; }
+  const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
+  const double* state() const { return integrator_->state(); }
+  double drawn(int channel, double time) const {
+    return rig_->drawn(channel, time, integrator_->state(), true_.data());
+  }
+  bool remembers() const {
+    return effects_.remembers() || static_cast<std::size_t>(rig_->states()) > sheet_.states.size();
+  }
+  double period() const { return period_; }
+
+ private:
+  // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
+  void move_to(const double* nominal_state, const double* channels);
+
+  // Outputs as they are, then as sensors with effects show them.
+  void observe(double time);
+
+  struct Follower {  // an input that the model predicts from a command
+    std::size_t input, command;
+    const EffectChain *drive, *sensor;  // null: nothing sits there
+    std::vector<double> values;         // of the input, per substep of the period
+  };
+
+  const Datasheet& sheet_;
+  Use use_;
+  double period_;  // s
+  int parts_, substeps_;
+  double substep_;
+  EffectSet effects_;
+  std::unique_ptr<Rig> rig_;
+  std::unique_ptr<Integrator> integrator_;
+  std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;
+  std::vector<std::pair<std::size_t, const EffectChain*>> shown_states_;
+  std::vector<std::size_t> run_, held_;  // channels: inputs, commands
+  std::vector<Follower> followers_;
+  std::vector<double> true_, shown_, start_, rest_, moved_;
+  std::vector<double> resumed_;  // per channel: what its sensor shows at a start; NaN: what its effects make of it
+};
+
+}  // namespace faultline
