@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "faultline/rig/simulator.h"
 #include "faultline/segments/segment_length.h"
 
 namespace faultline {

@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "faultline/rig/effect_chain.h"
 #include "faultline/segments/smoothing.h"
 #include "faultline/segments/state_smoother.h"
 
