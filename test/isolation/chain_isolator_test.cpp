@@ -27,6 +27,8 @@ Datasheet rig() {
   port("flow.pilot_ambient", {{"orifice_leakage", {}}});
   port("flow.cylinder_ambient", {{"orifice_leakage", {}}});
   port("force.valve", {{"coulomb_friction", {}}});
+  port("force.actuator", {{"load_force", {}}});
+  port("sensor.pressure", {{"offset", {}}});
   return sheet;
 }
 
@@ -116,6 +118,31 @@ TEST_F(Chain, WhatNamesNoPlaceIsUnknown) {
   EXPECT_EQ(f.kind, AlarmKind::unknown);
   EXPECT_EQ(f.effect + f.port, "");
   EXPECT_NE(f.text.find("names no place: shifted are demand high"), std::string::npos);
+}
+
+TEST_F(Chain, OneThatShiftsByItselfIsItsTransducer) {
+  auto with = words();
+  with["pressure_alone"] = "offset@sensor.pressure, load_force@force.actuator";
+  make({}, with);
+  ASSERT_TRUE(of("...l.").active);
+  EXPECT_EQ(finding_.kind, AlarmKind::sensor);
+  EXPECT_EQ(finding_.effect + "@" + finding_.port, "offset@sensor.pressure");
+  EXPECT_EQ(finding_.equivalent, std::vector<std::string>{"load_force@force.actuator"});
+  EXPECT_EQ(finding_.text, "This transducer: shifted are pressure low, and nothing else");
+  // What is above half of its limit has answered.
+  set("spool.above", 0.19);
+  hear(1);
+  EXPECT_EQ(finding_.kind, AlarmKind::sensor);
+  set("spool.above", 0.21);
+  hear(1);
+  EXPECT_EQ(finding_.kind, AlarmKind::fault);
+  EXPECT_EQ(finding_.text, "Actuator: shifted are pressure low");
+  EXPECT_EQ(of("h..l.").kind, AlarmKind::fault);
+  EXPECT_EQ(of("...lb").port, "force.valve");
+  EXPECT_EQ(of("...b.").kind, AlarmKind::fault);  // friction and play go both ways
+  EXPECT_EQ(of(".h...").kind, AlarmKind::fault);  // nothing is listed
+  make({{"place", 2}}, with);
+  EXPECT_FALSE(of("...l.").active);
 }
 
 TEST_F(Chain, PairsAreTwoFindings) {
@@ -241,6 +268,7 @@ TEST_F(Chain, BadSettingsAreNamed) {
   EXPECT_NE(said("held", "supply").find("'held' is 'supply'"), std::string::npos);
   EXPECT_NE(said("pilot_high", "clogging@force.valve").find("clogging@force.valve"), std::string::npos);
   EXPECT_NE(said("pilot_high", "clogging").find("'clogging' is no effect@port"), std::string::npos);
+  EXPECT_NE(said("pressure_alone", "load_force@force.actuator").find("an effect of a transducer"), std::string::npos);
   EXPECT_EQ(said("pilot_high", "clogging@restriction.nozzle"), "");
 }
 

@@ -14,6 +14,8 @@
 //                            is not the same. Where just one variable goes both ways, the one before it in the chain is
 //                            what drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
+// One variable that shifted one way while no other is above half of its limits was answered by nothing before it: no loop
+// knows of it, so it is taken for what its own transducer does, where `alone` lists that.
 // Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
 // that: then it and what lies before it are looked at alone.
 //
@@ -24,8 +26,8 @@
 // Settings: stage; chain, its observed channels in the order of cause, from the controller on; held, the one of them
 // that the loops hold [none]; common; share, both, sigmas, learn [0 s], settle (s from the first shift until it is
 // named, and after a start); place [1] or 2; per channel CHANNEL_place, the module in words (none: it names none), and
-// CHANNEL_high, CHANNEL_low, CHANNEL_both: the effect@port, with commas between, that shift it so; the first is told,
-// the others as what it cannot be told from.
+// CHANNEL_high, CHANNEL_low, CHANNEL_both, CHANNEL_alone: the effect@port, with commas between, that shift it so; the
+// first is told, the others as what it cannot be told from.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -55,9 +57,11 @@ struct Side {  // of a variable's limits
 struct Link {
   std::string name, place;
   std::array<std::vector<std::string>, 4> causes;  // by Shift
-  std::size_t above = 0, below = 0;                // quantities of the estimate
+  std::vector<std::string> alone;
+  std::size_t above = 0, below = 0;  // quantities of the estimate
   Side high, low;
   Shift shift = Shift::none;
+  bool quiet = true;  // well within its limits
 };
 
 class ChainIsolator : public Isolator {
@@ -76,10 +80,11 @@ class ChainIsolator : public Isolator {
       Link link;
       link.name = name;
       link.place = s.word_or(name + "_place", "");
-      for (std::size_t k = 1; k < kWords.size(); ++k) {
-        link.causes[k] = split_words(s.word_or(name + "_" + kWords[k], ""));
-        for (const std::string& cause : link.causes[k]) check_cause(sheet, s, cause);
-      }
+      for (std::size_t k = 1; k < kWords.size(); ++k) link.causes[k] = causes(sheet, s, name + "_" + kWords[k]);
+      link.alone = causes(sheet, s, name + "_alone");
+      if (!link.alone.empty() && link.alone[0].find("@sensor.") == std::string::npos)
+        throw InputError(fmt::format("{}: '{}_alone' must begin with an effect of a transducer, effect@sensor.CHANNEL",
+                                     s.where(), name));
       chain_.push_back(std::move(link));
     }
     if (chain_.empty())
@@ -156,6 +161,12 @@ class ChainIsolator : public Isolator {
   }
 
  private:
+  static std::vector<std::string> causes(const Datasheet& sheet, const Settings& s, const std::string& key) {
+    std::vector<std::string> causes = split_words(s.word_or(key, ""));
+    for (const std::string& cause : causes) check_cause(sheet, s, cause);
+    return causes;
+  }
+
   static void check_cause(const Datasheet& sheet, const Settings& s, const std::string& cause) {
     const std::size_t at = cause.find('@');
     const std::string effect = cause.substr(0, at);
@@ -214,10 +225,13 @@ class ChainIsolator : public Isolator {
 
   Shift shift(Link& link, const Estimate& estimate) const {
     const double above = estimate.quantities[link.above].value, below = estimate.quantities[link.below].value;
-    const auto beyond = [&](Side& side, double value, double least) {
-      const double limit = std::max(least, side.mean + sigmas_ * side.std());
-      return value > (side.beyond ? 0.5 * limit : limit);
+    const auto limit = [&](const Side& side, double least) {
+      return std::max(least, side.mean + sigmas_ * side.std());
     };
+    const auto beyond = [&](const Side& side, double value, double least) {
+      return value > (side.beyond ? 0.5 : 1.0) * limit(side, least);
+    };
+    link.quiet = above <= 0.5 * limit(link.high, share_) && below <= 0.5 * limit(link.low, share_);
     const bool both = beyond(link.high, above, both_) && beyond(link.low, below, both_);
     link.high.beyond = both || beyond(link.high, above, share_);
     link.low.beyond = both || beyond(link.low, below, share_);
@@ -227,6 +241,17 @@ class ChainIsolator : public Isolator {
 
   bool placed(int i) const { return !chain_[static_cast<std::size_t>(i)].place.empty(); }
   Shift shift_at(int i) const { return i < 0 ? Shift::none : chain_[static_cast<std::size_t>(i)].shift; }
+
+  // The one that shifted by itself, or -1.
+  int single() const {
+    int only = -1;
+    for (int i = 0; i < static_cast<int>(chain_.size()); ++i) {
+      if (chain_[static_cast<std::size_t>(i)].quiet && shift_at(i) == Shift::none) continue;
+      if (only >= 0 || (shift_at(i) != Shift::high && shift_at(i) != Shift::low)) return -1;
+      only = i;
+    }
+    return only;
+  }
 
   // The last one that is looked at.
   int end() const { return shift_at(held_) == Shift::none ? static_cast<int>(chain_.size()) - 1 : held_; }
@@ -259,13 +284,22 @@ class ChainIsolator : public Isolator {
       return;
     }
     const Link& link = chain_[static_cast<std::size_t>(at)];
+    if (!link.alone.empty() && single() == at) {
+      claim(link.alone, finding);
+      finding.kind = AlarmKind::sensor;
+      finding.text = fmt::format("This transducer: {}, and nothing else", pattern);
+      return;
+    }
     finding.kind = AlarmKind::fault;
     const int other = second_ ? first : second;
     const std::string place =
         other < 0 ? link.place : link.place + " and " + chain_[static_cast<std::size_t>(other)].place;
     finding.text = fmt::format("{}: {}", place, pattern);
     finding.text[0] = static_cast<char>(std::toupper(finding.text[0]));
-    const std::vector<std::string>& causes = link.causes[static_cast<std::size_t>(link.shift)];
+    claim(link.causes[static_cast<std::size_t>(link.shift)], finding);
+  }
+
+  static void claim(const std::vector<std::string>& causes, Finding& finding) {
     finding.confidence = causes.empty() ? 0 : 1.0 / static_cast<double>(causes.size());
     if (causes.empty()) return;
     const std::size_t split = causes[0].find('@');
