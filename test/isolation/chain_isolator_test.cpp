@@ -54,10 +54,10 @@ class Chain : public ::testing::Test {
     finding_ = Finding();
     estimate_.quantities.push_back({"judging", "1", 1, 0});
     for (const Channel& c : rig().channels)
-      for (const char* what : {".average", ".above", ".below"})
+      for (const char* what : {".average", ".above", ".below", ".level"})
         estimate_.quantities.push_back({c.name + what, "1", 0, 0});
     for (Quantity& q : estimate_.quantities)
-      if (q.name.find("average") != std::string::npos) q.value = 0.5;
+      if (q.name.find("average") != std::string::npos || q.name.find("level") != std::string::npos) q.value = 0.5;
   }
   void set(const std::string& name, double value) {
     for (Quantity& q : estimate_.quantities)
@@ -249,6 +249,33 @@ TEST_F(Chain, WhatTheHealthyRigDoesIsNoShift) {
   EXPECT_FALSE(hear().active);
   set("torque.above", 0.83);
   EXPECT_TRUE(hear().active);
+}
+
+TEST_F(Chain, ALevelOffItsHealthyMeanIsAShift) {
+  make({{"level", 0.1}, {"sigmas", 3}, {"learn", 1000}});
+  pattern(".....");
+  hear(20);
+  for (int k = 0; k < 100; ++k) {  // the torque's level is 0.6 +- 0.05
+    set("torque.level", k % 2 ? 0.65 : 0.55);
+    hear(10);
+  }
+  set("torque.level", 0.74);
+  EXPECT_FALSE(hear().active);
+  set("torque.level", 0.76);
+  EXPECT_TRUE(hear().active);
+  set("torque.level", 0.68);
+  EXPECT_TRUE(hear().active);
+  set("torque.level", 0.67);
+  EXPECT_FALSE(hear().active);
+  set("pilot.level", 0.39);
+  EXPECT_EQ(hear().text, "Pilot stage: shifted are pilot low");
+  pattern(".b...");  // shares say more
+  EXPECT_EQ(hear().text, "Pilot stage: shifted are pilot high and low in turn");
+  make({});
+  pattern(".....");
+  hear();
+  set("pilot.level", 0.01);  // not looked at where no limit is given
+  EXPECT_FALSE(hear().active);
 }
 
 TEST_F(Chain, BadSettingsAreNamed) {

@@ -1,11 +1,12 @@
 // Isolation by a chain of variables under feedback: the controllers move everything before a fault so that what lies
 // behind it stays right, so the last variable of the chain that shifted names the place (Manninen, Aalto University
 // 2012, section 4). It knows what shifted from a stage of type histogram: the shares of time in which a variable's
-// scaled average was above or below its limits.
+// scaled average was above or below its limits, and its level.
 //
-// A variable has shifted (high or low) while such a share is above its limit, until it is below half of it; both ways
-// in turn where both are above theirs, as friction and play do it. The limits are `share` (`both` for both ways), or,
-// where that is more, what the healthy rig does by itself: mean + sigmas std of the share over `learn` s.
+// A variable has shifted (high or low) while such a share is above its limit, or its level off its healthy mean by more
+// than its limit, until they are below half of that; both ways in turn where both shares are above theirs, as friction
+// and play do it. The limits are `share` (`both` for both ways) and `level`, or, where that is more, what the healthy rig
+// does by itself over `learn` s: mean + sigmas std of the share, sigmas std of the level.
 //
 // What is named, by the signs over the chain:
 //   no variable both ways    the place of the last shifted variable that has one
@@ -24,7 +25,7 @@
 // give it the same explanatory channel.
 //
 // Settings: stage; chain, its observed channels in the order of cause, from the controller on; held, the one of them
-// that the loops hold [none]; common; share, both, sigmas, learn [0 s], settle (s from the first shift until it is
+// that the loops hold [none]; common; share, both, level [1: it is not looked at], sigmas, learn [0 s], settle (s from the first shift until it is
 // named, and after a start); place [1] or 2; per channel CHANNEL_place, the module in words (none: it names none), and
 // CHANNEL_high, CHANNEL_low, CHANNEL_both, CHANNEL_alone: the effect@port, with commas between, that shift it so; the
 // first is told, the others as what it cannot be told from.
@@ -42,23 +43,27 @@ namespace faultline {
 namespace {
 
 constexpr const char* kType = "chain";
-constexpr int kVersion = 2;  // of the reference
+constexpr int kVersion = 3;  // of the reference
 
 enum class Shift { none, high, low, both };
 constexpr std::array<const char*, 4> kWords = {"", "high", "low", "both"};
 constexpr std::array<const char*, 4> kPhrases = {"", "high", "low", "high and low in turn"};
 
-struct Side {  // of a variable's limits
+struct Usual {  // what a quantity is on the healthy rig
+  std::size_t quantity = 0;
   double mean = 0, square = 0;
-  bool beyond = false;
   double std() const { return std::sqrt(std::max(0.0, square - mean * mean)); }
+};
+
+struct Side {  // whether a variable is beyond a limit
+  bool share = false, level = false;
 };
 
 struct Link {
   std::string name, place;
   std::array<std::vector<std::string>, 4> causes;  // by Shift
   std::vector<std::string> alone;
-  std::size_t above = 0, below = 0;  // quantities of the estimate
+  Usual above, below, level{0, 0.5, 0.25};
   Side high, low;
   Shift shift = Shift::none;
   bool quiet = true;  // well within its limits
@@ -72,6 +77,7 @@ class ChainIsolator : public Isolator {
     second_ = s.number_or("place", 1, 1, 2) > 1.5;
     share_ = s.number("share", 0.001, 1);
     both_ = s.number("both", 0.001, 1);
+    level_ = s.number_or("level", 1, 0.001, 1);
     sigmas_ = s.number_or("sigmas", 0, 0, 1000);
     learn_ = s.number_or("learn", 0, 0, 1e9);
     settle_ = s.number("settle", 0, 1e9);
@@ -108,7 +114,7 @@ class ChainIsolator : public Isolator {
     for (std::vector<Link>* links : {&chain_, &common_})
       for (Link& link : *links) {
         link.shift = Shift::none;
-        link.high.beyond = link.low.beyond = false;
+        link.high = link.low = {};
       }
     running_ = false;
   }
@@ -144,7 +150,8 @@ class ChainIsolator : public Isolator {
     Reference r{kType, kVersion, names(), {}};
     for (const std::vector<Link>* links : {&chain_, &common_})
       for (const Link& link : *links)
-        for (const Side* side : {&link.high, &link.low}) r.numbers.insert(r.numbers.end(), {side->mean, side->square});
+        for (const Usual* u : {&link.above, &link.below, &link.level})
+          r.numbers.insert(r.numbers.end(), {u->mean, u->square});
     return r;
   }
 
@@ -153,9 +160,9 @@ class ChainIsolator : public Isolator {
     const double* next = given.numbers.data();
     for (std::vector<Link>* links : {&chain_, &common_})
       for (Link& link : *links)
-        for (Side* side : {&link.high, &link.low}) {
-          side->mean = *next++;
-          side->square = *next++;
+        for (Usual* u : {&link.above, &link.below, &link.level}) {
+          u->mean = *next++;
+          u->square = *next++;
         }
     learnt_ = learn_;
   }
@@ -180,7 +187,8 @@ class ChainIsolator : public Isolator {
     std::vector<std::string> names;
     for (const std::vector<Link>* links : {&chain_, &common_})
       for (const Link& link : *links)
-        for (const char* what : {"high", "high_square", "low", "low_square"}) names.push_back(link.name + "." + what);
+        for (const char* what : {"high", "high_square", "low", "low_square", "level", "level_square"})
+          names.push_back(link.name + "." + what);
     return names;
   }
 
@@ -195,8 +203,9 @@ class ChainIsolator : public Isolator {
     judging_ = place("judging");
     for (std::vector<Link>* links : {&chain_, &common_})
       for (Link& link : *links) {
-        link.above = place(link.name + ".above");
-        link.below = place(link.name + ".below");
+        link.above.quantity = place(link.name + ".above");
+        link.below.quantity = place(link.name + ".below");
+        link.level.quantity = place(link.name + ".level");
       }
     found_ = true;
   }
@@ -206,10 +215,10 @@ class ChainIsolator : public Isolator {
     const double part = learnt_ > 0 ? dt / learnt_ : 1;
     for (std::vector<Link>* links : {&chain_, &common_})
       for (Link& link : *links)
-        for (const auto& [side, quantity] : {std::pair(&link.high, link.above), std::pair(&link.low, link.below)}) {
-          const double value = estimate.quantities[quantity].value;
-          side->mean += part * (value - side->mean);
-          side->square += part * (value * value - side->square);
+        for (Usual* u : {&link.above, &link.below, &link.level}) {
+          const double value = estimate.quantities[u->quantity].value;
+          u->mean += part * (value - u->mean);
+          u->square += part * (value * value - u->square);
         }
   }
 
@@ -224,19 +233,20 @@ class ChainIsolator : public Isolator {
   }
 
   Shift shift(Link& link, const Estimate& estimate) const {
-    const double above = estimate.quantities[link.above].value, below = estimate.quantities[link.below].value;
-    const auto limit = [&](const Side& side, double least) {
-      return std::max(least, side.mean + sigmas_ * side.std());
-    };
-    const auto beyond = [&](const Side& side, double value, double least) {
-      return value > (side.beyond ? 0.5 : 1.0) * limit(side, least);
-    };
-    link.quiet = above <= 0.5 * limit(link.high, share_) && below <= 0.5 * limit(link.low, share_);
-    const bool both = beyond(link.high, above, both_) && beyond(link.low, below, both_);
-    link.high.beyond = both || beyond(link.high, above, share_);
-    link.low.beyond = both || beyond(link.low, below, share_);
-    if (link.high.beyond && link.low.beyond) return Shift::both;
-    return link.high.beyond ? Shift::high : link.low.beyond ? Shift::low : Shift::none;
+    const auto value = [&](const Usual& u) { return estimate.quantities[u.quantity].value; };
+    const double above = value(link.above), below = value(link.below), level = value(link.level) - link.level.mean;
+    const auto limit = [&](const Usual& u, double least) { return std::max(least, u.mean + sigmas_ * u.std()); };
+    const double most = std::max(level_, sigmas_ * link.level.std());
+    const double high = limit(link.above, share_), low = limit(link.below, share_);
+    link.quiet = above <= 0.5 * high && below <= 0.5 * low && std::abs(level) <= 0.5 * most;
+    const auto beyond = [](bool before, double x, double end) { return x > (before ? 0.5 : 1.0) * end; };
+    const bool both = beyond(link.high.share, above, limit(link.above, both_)) &&
+                      beyond(link.low.share, below, limit(link.below, both_));
+    link.high = {both || beyond(link.high.share, above, high), beyond(link.high.level, level, most)};
+    link.low = {both || beyond(link.low.share, below, low), beyond(link.low.level, -level, most)};
+    if (link.high.share && link.low.share) return Shift::both;
+    if (link.high.share || link.low.share) return link.high.share ? Shift::high : Shift::low;
+    return link.high.level ? Shift::high : link.low.level ? Shift::low : Shift::none;
   }
 
   bool placed(int i) const { return !chain_[static_cast<std::size_t>(i)].place.empty(); }
@@ -310,7 +320,7 @@ class ChainIsolator : public Isolator {
 
   std::vector<Link> chain_, common_;
   int held_ = 0;
-  double share_, both_, sigmas_, learn_, settle_;
+  double share_, both_, level_, sigmas_, learn_, settle_;
   bool second_, found_ = false, running_ = false;
   std::size_t judging_ = 0;
   double learnt_ = 0, last_ = 0, begun_ = 0, since_ = 0;  // s
