@@ -2,7 +2,7 @@
 """What becomes of faults while the supply or the temperature is not as it was learnt, and of faults that grow slowly:
 the histograms go on learning, so both are forgotten in time.
 
-common_causes.py [--valve 201] [--learn 7] [--work FOLDER]
+common_causes.py [--valve 101] [--learn 7] [--work FOLDER]
 
 A valve that learnt at 5 bar and 20 degrees runs three hours at another supply or temperature (which wander as before),
 without a fault and with the datasheet's prestage leak, growing from 600 s to 3600 s.
@@ -48,7 +48,7 @@ def one(valves, valve, means, fault, to, seconds):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--valve", type=int, default=201)
+    parser.add_argument("--valve", type=int, default=101)
     parser.add_argument("--learn", type=float, default=7)
     parser.add_argument("--work", default="catkin_ws/valve_runs")
     options = parser.parse_args()
