@@ -117,6 +117,15 @@ class Chain(ProgramTest):
                 self.assertEqual(
                     self.named(alarms, RUN - BEGIN), [("fault", "clogging@restriction.nozzle", "Nozzle-flapper")]
                 )
+                alarms = self.alarms(self.record("run.bag", 3, RUN, CYLINDER_LEAK))
+                self.assertEqual(
+                    self.named(alarms, RUN - BEGIN), [("fault", "orifice_leakage@flow.cylinder_ambient", "Actuator")]
+                )
+
+    def test_what_shifts_by_itself_is_its_transducer(self):
+        for effect in ("offset@sensor.flapper_position:value=3e-6", "offset@sensor.prestage_pressure:value=1e4"):
+            run = self.record("run.bag", 3, RUN, effect)
+            self.assertEqual(self.named(self.alarms(run)), [("sensor", effect.partition(":")[0], "This transducer")])
 
     def test_what_fits_no_place_is_unknown(self):
         run = self.record("run.bag", 5, RUN, CLOGGED)
