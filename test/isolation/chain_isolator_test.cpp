@@ -137,6 +137,10 @@ TEST_F(Chain, OneThatShiftsByItselfIsItsTransducer) {
   hear(1);
   EXPECT_EQ(finding_.kind, AlarmKind::fault);
   EXPECT_EQ(finding_.text, "Actuator: shifted are pressure low");
+  set("spool.above", 0.19);
+  set("torque.above", 0.21);  // it lies behind
+  hear(1);
+  EXPECT_EQ(finding_.kind, AlarmKind::sensor);
   EXPECT_EQ(of("h..l.").kind, AlarmKind::fault);
   EXPECT_EQ(of("...lb").port, "force.valve");
   EXPECT_EQ(of("...b.").kind, AlarmKind::fault);  // friction and play go both ways

@@ -15,8 +15,8 @@
 //                            is not the same. Where just one variable goes both ways, the one before it in the chain is
 //                            what drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
-// One variable that shifted one way while no other is above half of its limits was answered by nothing before it: no loop
-// knows of it, so it is taken for what its own transducer does, where `alone` lists that.
+// Where one variable has shifted one way, no other has, and none before it is above half of its limits, no loop knows of it:
+// then it is taken for what its own transducer does, where `alone` lists that.
 // Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
 // that: then it and what lies before it are looked at alone.
 //
@@ -255,12 +255,16 @@ class ChainIsolator : public Isolator {
   // The one that shifted by itself, or -1.
   int single() const {
     int only = -1;
+    bool answered = false;
     for (int i = 0; i < static_cast<int>(chain_.size()); ++i) {
-      if (chain_[static_cast<std::size_t>(i)].quiet && shift_at(i) == Shift::none) continue;
-      if (only >= 0 || (shift_at(i) != Shift::high && shift_at(i) != Shift::low)) return -1;
+      if (shift_at(i) == Shift::none) {
+        answered = answered || (only < 0 && !chain_[static_cast<std::size_t>(i)].quiet);
+        continue;
+      }
+      if (only >= 0 || shift_at(i) == Shift::both) return -1;
       only = i;
     }
-    return only;
+    return answered ? -1 : only;
   }
 
   // The last one that is looked at.
