@@ -80,7 +80,7 @@ def main():
         axes[1].axvline(alarm["raised"], color="black", linewidth=0.8)
         axes[1].text(alarm["raised"] + 20, 0.9, alarm["text"].partition(":")[0], fontsize=8)
     axes[1].set_ylabel("shares of time\nbeyond, levels")
-    axes[1].legend(frameon=False, fontsize=8, loc="center left")
+    axes[1].legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5))
     axes[2].plot(t, hole, color="#d1741b")
     axes[2].set_ylabel("leak, diameter [mm]")
     axes[2].set_xlabel("time [s]")

@@ -15,8 +15,8 @@
 //                            is not the same. Where just one variable goes both ways, the one before it in the chain is
 //                            what drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
-// Where one variable has shifted one way, no other has, and none before it is above half of its limits, no loop knows of it:
-// then it is taken for what its own transducer does, where `alone` lists that.
+// Where the one that names the place has shifted one way, while the one before it, which drives it, is not a third as far
+// towards its limits, nothing moved it: then it is taken for what its own transducer does, where `alone` lists that.
 // Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
 // that: then it and what lies before it are looked at alone.
 //
@@ -25,10 +25,10 @@
 // give it the same explanatory channel.
 //
 // Settings: stage; chain, its observed channels in the order of cause, from the controller on; held, the one of them
-// that the loops hold [none]; common; share, both, level [1: it is not looked at], sigmas, learn [0 s], settle (s from the first shift until it is
-// named, and after a start); place [1] or 2; per channel CHANNEL_place, the module in words (none: it names none), and
-// CHANNEL_high, CHANNEL_low, CHANNEL_both, CHANNEL_alone: the effect@port, with commas between, that shift it so; the
-// first is told, the others as what it cannot be told from.
+// that the loops hold [none]; common; share, both, level [1: it is not looked at], sigmas, learn [0 s], settle (s from
+// the first shift until it is named, and after a start); place [1] or 2; per channel CHANNEL_place, the module in words
+// (none: it names none), and CHANNEL_high, CHANNEL_low, CHANNEL_both, CHANNEL_alone: the effect@port, with commas
+// between, that shift it so; the first is told, the others as what it cannot be told from.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -66,7 +66,7 @@ struct Link {
   Usual above, below, level{0, 0.5, 0.25};
   Side high, low;
   Shift shift = Shift::none;
-  bool quiet = true;  // well within its limits
+  double reach = 0;  // how far it is from what is usual, in limits
 };
 
 class ChainIsolator : public Isolator {
@@ -238,7 +238,8 @@ class ChainIsolator : public Isolator {
     const auto limit = [&](const Usual& u, double least) { return std::max(least, u.mean + sigmas_ * u.std()); };
     const double most = std::max(level_, sigmas_ * link.level.std());
     const double high = limit(link.above, share_), low = limit(link.below, share_);
-    link.quiet = above <= 0.5 * high && below <= 0.5 * low && std::abs(level) <= 0.5 * most;
+    link.reach = std::max({std::abs(level) / most, (above - link.above.mean) / (high - link.above.mean),
+                           (below - link.below.mean) / (low - link.below.mean)});
     const auto beyond = [](bool before, double x, double end) { return x > (before ? 0.5 : 1.0) * end; };
     const bool both = beyond(link.high.share, above, limit(link.above, both_)) &&
                       beyond(link.low.share, below, limit(link.below, both_));
@@ -252,19 +253,11 @@ class ChainIsolator : public Isolator {
   bool placed(int i) const { return !chain_[static_cast<std::size_t>(i)].place.empty(); }
   Shift shift_at(int i) const { return i < 0 ? Shift::none : chain_[static_cast<std::size_t>(i)].shift; }
 
-  // The one that shifted by itself, or -1.
-  int single() const {
-    int only = -1;
-    bool answered = false;
-    for (int i = 0; i < static_cast<int>(chain_.size()); ++i) {
-      if (shift_at(i) == Shift::none) {
-        answered = answered || (only < 0 && !chain_[static_cast<std::size_t>(i)].quiet);
-        continue;
-      }
-      if (only >= 0 || shift_at(i) == Shift::both) return -1;
-      only = i;
-    }
-    return answered ? -1 : only;
+  bool driven(int i) const {
+    constexpr double kAnswer = 1.0 / 3;
+    if (i == 0) return true;
+    const Link& before = chain_[static_cast<std::size_t>(i - 1)];
+    return before.reach > kAnswer * chain_[static_cast<std::size_t>(i)].reach;
   }
 
   // The last one that is looked at.
@@ -298,10 +291,10 @@ class ChainIsolator : public Isolator {
       return;
     }
     const Link& link = chain_[static_cast<std::size_t>(at)];
-    if (!link.alone.empty() && single() == at) {
+    if (!link.alone.empty() && link.shift != Shift::both && !driven(at)) {
       claim(link.alone, finding);
       finding.kind = AlarmKind::sensor;
-      finding.text = fmt::format("This transducer: {}, and nothing else", pattern);
+      finding.text = fmt::format("Transducer of {}: {}", link.name, pattern);
       return;
     }
     finding.kind = AlarmKind::fault;

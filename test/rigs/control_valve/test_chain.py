@@ -122,10 +122,11 @@ class Chain(ProgramTest):
                     self.named(alarms, RUN - BEGIN), [("fault", "orifice_leakage@flow.cylinder_ambient", "Actuator")]
                 )
 
-    def test_what_shifts_by_itself_is_its_transducer(self):
-        for effect in ("offset@sensor.flapper_position:value=3e-6", "offset@sensor.prestage_pressure:value=1e4"):
-            run = self.record("run.bag", 3, RUN, effect)
-            self.assertEqual(self.named(self.alarms(run)), [("sensor", effect.partition(":")[0], "This transducer")])
+    def test_what_nothing_drives_is_its_transducer(self):
+        for name, value in (("flapper_position", 3e-6), ("prestage_pressure", 1e4)):
+            run = self.record("run.bag", 3, RUN, f"offset@sensor.{name}:value={value:g}")
+            told = ("sensor", f"offset@sensor.{name}", f"Transducer of {name}")
+            self.assertEqual(self.named(self.alarms(run)), [told])
 
     def test_what_fits_no_place_is_unknown(self):
         run = self.record("run.bag", 5, RUN, CLOGGED)
