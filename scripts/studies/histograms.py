@@ -49,13 +49,16 @@ class Study:
         self.facts = yaml.safe_load((rig_runs.ROOT / "config" / self.rig / "rig.yaml").read_text())
         self.kept = pathlib.Path(keep or folder)
         self.kept.mkdir(exist_ok=True)
+        self.facts["profiles"] = self.facts["profiles"] + self.study.get("profiles", [])
+        self.made_by = rig_runs.write_datasheet(self.facts, self.kept / "facts.yaml")
 
     def recording(self, text):
         if not text.startswith("simulate "):
             return rig_runs.ROOT / "bags" / text
         file = self.kept / f"{self.rig}_{zlib.crc32(text.encode()):08x}.bag"
         if not file.exists():
-            rig_runs.record(self.rig, file.with_suffix(".part.bag"), *text.split()[1:]).replace(file)
+            words = ["--config", self.made_by, *text.split()[1:]]
+            rig_runs.record(self.rig, file.with_suffix(".part.bag"), *words).replace(file)
         return file
 
     def learn(self, **settings):

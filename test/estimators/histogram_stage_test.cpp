@@ -100,6 +100,18 @@ TEST(HistogramStage, AShiftIsToldAndWhatExplainsItIsNot) {
   EXPECT_GT(plant_.quantity("flow.below"), 0.9);
 }
 
+TEST(HistogramStage, ALevelTellsWhatStaysWithinTheLimits) {
+  Plant plant_;
+  EstimatorStage stage(plant(), spec({{"freeze", 0.5}}));
+  plant_.run(stage, 500);
+  EXPECT_NEAR(plant_.quantity("flow.level"), 0.5, 0.1);
+  plant_.run(stage, 60, 0.25);
+  EXPECT_GT(plant_.quantity("flow.level"), 0.65);
+  EXPECT_LT(plant_.quantity("flow.above"), 0.4);
+  plant_.run(stage, 100, -0.25);
+  EXPECT_LT(plant_.quantity("flow.level"), 0.35);
+}
+
 TEST(HistogramStage, WithoutFreezingAShiftBecomesNormal) {
   Plant plant_;
   EstimatorStage stage(plant(), spec({{"memory", 20}}));

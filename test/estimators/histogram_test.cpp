@@ -90,15 +90,20 @@ TEST(Histogram, AverageIsScaledByTheLimits) {
   };
   EXPECT_NEAR(hold(bin.mean), 0.5, 1e-9);
   EXPECT_NEAR(h.above(), 0, 1e-6);
+  hold(0.6 * bin.mean + 0.4 * bin.high);
+  EXPECT_NEAR(h.level(), 0.7, 1e-6);
   EXPECT_NEAR(hold(bin.high), 1, 1e-9);
   EXPECT_NEAR(hold(bin.low), 0, 1e-9);
   EXPECT_NEAR(hold(bin.mean + 3 * (bin.high - bin.mean)), 2, 1e-9);
   EXPECT_NEAR(h.above(), 1, 1e-6);
+  EXPECT_NEAR(h.level(), 1, 1e-6);  // cut
   EXPECT_NEAR(hold(bin.low - 1), -0.5 / (bin.mean - bin.low), 1e-9);
+  EXPECT_NEAR(h.level(), 0, 1e-6);
   EXPECT_NEAR(h.below(), 1, 1e-6);
   EXPECT_NEAR(h.above(), 0, 1e-6);
   // The window forgets by 1 - 2^-8 a sample.
   h.restart();
+  EXPECT_EQ(h.level(), 0.5);
   for (int k = 0; k < 200; ++k) h.judge(0, bin.high + 1000);
   EXPECT_NEAR(h.above(), 1 - std::pow(1 - 1.0 / 256, 199), 0.01);
 }
@@ -117,7 +122,7 @@ TEST(Histogram, IntegersAnswerAsFloatingNumbersWithinASection) {
   Random random(4);
   double x = 0, point[2] = {0, 0};
   std::int32_t whole[2];
-  double worst_limit = 0, worst_average = 0, worst_share = 0;
+  double worst_limit = 0, worst_average = 0, worst_share = 0, worst_level = 0;
   for (int k = 0; k < 400000; ++k) {
     if (k % 200 == 0) {
       point[0] = std::floor(random.uniform(0, kExplanatoryQuanta));
@@ -142,11 +147,13 @@ TEST(Histogram, IntegersAnswerAsFloatingNumbersWithinASection) {
     for (const double difference : {a.mean - b.mean, a.low - b.low, a.high - b.high})
       worst_limit = std::max(worst_limit, std::abs(difference) / section);
     worst_average = std::max(worst_average, std::abs(f.average() - n.average()));
+    worst_level = std::max(worst_level, std::abs(f.level() - n.level()));
     worst_share = std::max({worst_share, std::abs(f.above() - n.above()), std::abs(f.below() - n.below())});
   }
   EXPECT_LT(worst_limit, 0.1);
   EXPECT_LT(worst_average, 0.02);
   EXPECT_LT(worst_share, 0.01);
+  EXPECT_LT(worst_level, 0.01);
 }
 
 TEST(Histogram, ForgetsWithItsMemory) {

@@ -27,6 +27,8 @@ Datasheet rig() {
   port("flow.pilot_ambient", {{"orifice_leakage", {}}});
   port("flow.cylinder_ambient", {{"orifice_leakage", {}}});
   port("force.valve", {{"coulomb_friction", {}}});
+  port("force.actuator", {{"load_force", {}}});
+  port("sensor.pressure", {{"offset", {}}});
   return sheet;
 }
 
@@ -52,10 +54,10 @@ class Chain : public ::testing::Test {
     finding_ = Finding();
     estimate_.quantities.push_back({"judging", "1", 1, 0});
     for (const Channel& c : rig().channels)
-      for (const char* what : {".average", ".above", ".below"})
+      for (const char* what : {".average", ".above", ".below", ".level"})
         estimate_.quantities.push_back({c.name + what, "1", 0, 0});
     for (Quantity& q : estimate_.quantities)
-      if (q.name.find("average") != std::string::npos) q.value = 0.5;
+      if (q.name.find("average") != std::string::npos || q.name.find("level") != std::string::npos) q.value = 0.5;
   }
   void set(const std::string& name, double value) {
     for (Quantity& q : estimate_.quantities)
@@ -116,6 +118,33 @@ TEST_F(Chain, WhatNamesNoPlaceIsUnknown) {
   EXPECT_EQ(f.kind, AlarmKind::unknown);
   EXPECT_EQ(f.effect + f.port, "");
   EXPECT_NE(f.text.find("names no place: shifted are demand high"), std::string::npos);
+}
+
+TEST_F(Chain, OneThatNothingDrivesIsItsTransducer) {
+  auto with = words();
+  with["pressure_alone"] = "offset@sensor.pressure, load_force@force.actuator";
+  make({}, with);
+  ASSERT_TRUE(of("...l.").active);
+  EXPECT_EQ(finding_.kind, AlarmKind::sensor);
+  EXPECT_EQ(finding_.effect + "@" + finding_.port, "offset@sensor.pressure");
+  EXPECT_EQ(finding_.equivalent, std::vector<std::string>{"load_force@force.actuator"});
+  EXPECT_EQ(finding_.text, "Transducer of pressure: shifted are pressure low");
+  // The pressure is at 0.6 of 0.4; the spool has answered from 0.2 of 0.4 on.
+  set("spool.above", 0.19);
+  set("torque.above", 0.3);  // it lies behind
+  hear(1);
+  EXPECT_EQ(finding_.kind, AlarmKind::sensor);
+  set("spool.above", 0.21);
+  hear(1);
+  EXPECT_EQ(finding_.kind, AlarmKind::fault);
+  EXPECT_EQ(finding_.text, "Actuator: shifted are pressure low");
+  EXPECT_EQ(of("h..l.").kind, AlarmKind::sensor);  // a loop that uses it moves what lies before
+  EXPECT_EQ(of("h.hl.").kind, AlarmKind::fault);
+  EXPECT_EQ(of("...lb").port, "force.valve");
+  EXPECT_EQ(of("...b.").kind, AlarmKind::fault);  // friction and play go both ways
+  EXPECT_EQ(of(".h...").kind, AlarmKind::fault);  // nothing is listed
+  make({{"place", 2}}, with);
+  EXPECT_FALSE(of("...l.").active);
 }
 
 TEST_F(Chain, PairsAreTwoFindings) {
@@ -224,6 +253,33 @@ TEST_F(Chain, WhatTheHealthyRigDoesIsNoShift) {
   EXPECT_TRUE(hear().active);
 }
 
+TEST_F(Chain, ALevelOffItsHealthyMeanIsAShift) {
+  make({{"level", 0.1}, {"sigmas", 3}, {"learn", 1000}});
+  pattern(".....");
+  hear(20);
+  for (int k = 0; k < 100; ++k) {  // the torque's level is 0.6 +- 0.05
+    set("torque.level", k % 2 ? 0.65 : 0.55);
+    hear(10);
+  }
+  set("torque.level", 0.74);
+  EXPECT_FALSE(hear().active);
+  set("torque.level", 0.76);
+  EXPECT_TRUE(hear().active);
+  set("torque.level", 0.68);
+  EXPECT_TRUE(hear().active);
+  set("torque.level", 0.67);
+  EXPECT_FALSE(hear().active);
+  set("pilot.level", 0.39);
+  EXPECT_EQ(hear().text, "Pilot stage: shifted are pilot low");
+  pattern(".b...");  // shares say more
+  EXPECT_EQ(hear().text, "Pilot stage: shifted are pilot high and low in turn");
+  make({});
+  pattern(".....");
+  hear();
+  set("pilot.level", 0.01);  // not looked at where no limit is given
+  EXPECT_FALSE(hear().active);
+}
+
 TEST_F(Chain, BadSettingsAreNamed) {
   const auto said = [&](const char* key, const char* value) {
     auto with = words();
@@ -241,6 +297,7 @@ TEST_F(Chain, BadSettingsAreNamed) {
   EXPECT_NE(said("held", "supply").find("'held' is 'supply'"), std::string::npos);
   EXPECT_NE(said("pilot_high", "clogging@force.valve").find("clogging@force.valve"), std::string::npos);
   EXPECT_NE(said("pilot_high", "clogging").find("'clogging' is no effect@port"), std::string::npos);
+  EXPECT_NE(said("pressure_alone", "load_force@force.actuator").find("an effect of a transducer"), std::string::npos);
   EXPECT_EQ(said("pilot_high", "clogging@restriction.nozzle"), "");
 }
 

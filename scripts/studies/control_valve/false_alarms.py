@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """False alarms of histograms and chain on healthy valves whose supply and temperature vary (profile paper).
 
-false_alarms.py [--valves 25] [--first 201] [--hours 40] [--learn 7] [--work FOLDER]
+false_alarms.py [--valves 25] [--first 201] [--hours 40] [--learn 7] [--work FOLDER] [--keep FOLDER]
 
 Each valve, drawn within its tolerances, learns --learn h and is judged for --hours more, ten at a time. What is done
 stays in FOLDER: stopped, it goes on where it was, and --print tells what is there. An hour takes 4 s of processor time,
@@ -17,9 +17,8 @@ PART = 10  # h
 
 
 def part_of(valves, valve, part):
-    run = valves.record(valve, 1000 * valve + part, 3600 * PART, "--profile", "paper")
-    report = valves.judge(valve, run)
-    run.unlink()
+    with valves.recording(valve, 1000 * valve + part, 3600 * PART) as run:
+        report = valves.judge(valve, run)
     return [[alarm["raised"], alarm["kind"], alarm["text"]] for alarm in report["alarms"]]
 
 
@@ -30,9 +29,10 @@ def main():
     parser.add_argument("--hours", type=int, default=40, help="judged, per valve")
     parser.add_argument("--learn", type=float, default=7)
     parser.add_argument("--work", default="catkin_ws/valve_runs")
+    parser.add_argument("--keep", help="a folder: recordings stay there (25 MB an hour), to be judged by other stages")
     parser.add_argument("--print", action="store_true", help="run nothing")
     options = parser.parse_args()
-    valves = Valves(options.work, options.learn, rig_runs.datasheet(RIG), ["--substep", 0.001])
+    valves = Valves(options.work, options.learn, rig_runs.datasheet(RIG), ["--substep", 0.001], options.keep)
     hours, alarms, seen = 0, [], set()
     for valve in range(options.first, options.first + options.valves):
         for part in range(options.hours // PART):

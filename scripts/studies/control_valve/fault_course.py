@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Figures 41 and 43 of Manninen (2012): a prestage leak that grows from 600 s to 3600 s, seen by histograms and chain.
 
-fault_course.py [--valve 101] [--learn 7] [--work FOLDER] [-o docs/pictures]
+fault_course.py [--valve 101] [--learn 7] [--work FOLDER] [--keep FOLDER] [-o docs/pictures]
 
 Figure 41: moving average of the flapper position, scaled by the limits of the bin it is in (0 and 1), and the diameter
 of the leak. Figure 43: the same of all variables, averaged over a minute; what shifted, with alarms; the leak. Numbers
@@ -43,14 +43,14 @@ def main():
     parser.add_argument("--valve", type=int, default=101)
     parser.add_argument("--learn", type=float, default=7)
     parser.add_argument("--work", default="catkin_ws/valve_runs")
+    parser.add_argument("--keep", help="a folder: recordings stay there, to be judged by other stages")
     parser.add_argument("-o", "--output", type=pathlib.Path, default=pathlib.Path("docs/pictures"))
     options = parser.parse_args()
-    valves = Valves(options.work, options.learn, rig_runs.datasheet(RIG), ["--substep", 0.001])
+    valves = Valves(options.work, options.learn, rig_runs.datasheet(RIG), ["--substep", 0.001], options.keep)
     effect = f"orifice_leakage@flow.prestage_ambient:coefficient={COEFFICIENT:g},from={BEGIN},to={END}"
-    run = valves.record(options.valve, 10 * options.valve + 2, SECONDS, "--profile", "paper", "--effect", effect)
-    columns = ["t"] + [f"q.{name}.{what}" for name in VARIABLES for what in ("average", "above", "below")]
-    report, rows = course(valves, options.valve, run, columns, SECONDS)
-    run.unlink()
+    columns = ["t"] + [f"q.{name}.{what}" for name in VARIABLES for what in ("average", "above", "below", "level")]
+    with valves.recording(options.valve, 10 * options.valve + 2, SECONDS, effect) as run:
+        report, rows = course(valves, options.valve, run, columns, SECONDS)
     t = rows["t"]
     hole = diameter(COEFFICIENT * np.clip((t - BEGIN) / (END - BEGIN), 0, 1))
 
@@ -74,13 +74,13 @@ def main():
     axes[0].set_ylabel("averages, scaled")
     axes[0].legend(frameon=False, fontsize=8, loc="lower left")
     for name, colour in MOVING.items():
-        for side, style in (("above", "-"), ("below", "--")):
+        for side, style in (("above", "-"), ("below", "--"), ("level", ":")):
             axes[1].plot(t, rows[f"q.{name}.{side}"], style, color=colour, linewidth=1, label=f"{name} {side}")
     for alarm in told(report):
         axes[1].axvline(alarm["raised"], color="black", linewidth=0.8)
         axes[1].text(alarm["raised"] + 20, 0.9, alarm["text"].partition(":")[0], fontsize=8)
-    axes[1].set_ylabel("share of time beyond")
-    axes[1].legend(frameon=False, fontsize=8, loc="center left")
+    axes[1].set_ylabel("shares of time\nbeyond, levels")
+    axes[1].legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5))
     axes[2].plot(t, hole, color="#d1741b")
     axes[2].set_ylabel("leak, diameter [mm]")
     axes[2].set_xlabel("time [s]")

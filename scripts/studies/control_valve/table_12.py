@@ -2,7 +2,7 @@
 """Table 12 of the rig's source cell by cell, on valves whose parameters are drawn within their tolerances: each learns
 some hours of its own healthy run, then meets every fault of the datasheet, which grows and stays.
 
-table_12.py [--valves 3] [--first 101] [--learn 7] [--growth 1] [--size dn50] [--work FOLDER]
+table_12.py [--valves 3] [--first 101] [--learn 7] [--growth 1] [--size dn50] [--work FOLDER] [--keep FOLDER]
 
 Per fault and variable: 1 high, -1 low, ±1 both in turn at the end of the run, valve by valve (. is none), and in
 brackets what the source has. Per fault: modules named at the end, how often right (no other module at any time counts
@@ -71,10 +71,8 @@ def widened(sheet, growth):
 
 def one_run(valves, valve, effects, growth):
     seconds = FROM + growth * (TO - FROM) + STAY
-    arguments = [word for effect in effects for word in ("--effect", grown(effect, growth))]
-    run = valves.record(valve, 10 * valve + 2, seconds, "--profile", "paper", *arguments)
-    report, rows = course(valves, valve, run, CONTROL, seconds)
-    run.unlink()
+    with valves.recording(valve, 10 * valve + 2, seconds, *[grown(effect, growth) for effect in effects]) as run:
+        report, rows = course(valves, valve, run, CONTROL, seconds)
     ends, errors = control_error(rows, valves.demand_flow)
     named, signs, ever = set(), {}, set()
     for alarm in told(report):
@@ -113,6 +111,7 @@ def main():
     parser.add_argument("--growth", type=float, default=1)
     parser.add_argument("--faults", help="of the datasheet, with commas between (default: all)")
     parser.add_argument("--size", choices=sorted(SIZES))
+    parser.add_argument("--keep", help="a folder: recordings stay there, to be judged by other stages")
     parser.add_argument("--work", default="catkin_ws/valve_runs")
     options = parser.parse_args()
     sheet = rig_runs.datasheet(RIG)
@@ -125,7 +124,7 @@ def main():
     faults = options.faults.split(",") if options.faults else names
     chain = [stage for stage in sheet["isolators"] if stage["type"] == "chain"][0]
     variables = re.split(r",\s*", chain["chain"])
-    valves = Valves(options.work, options.learn, sheet, [] if options.growth > 1 else ["--substep", 0.001])
+    valves = Valves(options.work, options.learn, sheet, [] if options.growth > 1 else ["--substep", 0.001], options.keep)
     seeds = range(options.first, options.first + options.valves)
     growth, results, healthy = options.growth, {fault: [] for fault in faults}, []
     for valve in seeds:

@@ -33,7 +33,7 @@ struct HistogramShape {
   int memory = 32767;    // samples in a bin at which its counts are halved; 2 minimum up to kMostMemory
   double coverage = 0.9;
   int average_shift = 5;  // the moving average runs over 2^this samples, up to kMostShift ...
-  int window_shift = 12;  // ... and the shares of time beyond the limits over 2^this
+  int window_shift = 12;  // ... the shares of time beyond the limits over 2^this, and the level
 };
 
 constexpr int kMostSections = 128, kMostMemory = 65535, kMostShift = 15;
@@ -113,6 +113,7 @@ class Histogram {
     const typename A::Sum mean = A::average(average_, shape_.average_shift);
     above_ += (mean > A::kScaled ? kWhole : 0) - A::average(above_, shape_.window_shift);
     below_ += (mean < 0 ? kWhole : 0) - A::average(below_, shape_.window_shift);
+    level_ += std::clamp<typename A::Sum>(z, 0, A::kScaled) - A::average(level_, shape_.window_shift);
     return true;
   }
 
@@ -128,8 +129,9 @@ class Histogram {
 
   // Averages begin anew, in the middle; what was learnt stays.
   void restart() {
-    average_ = A::kScaled / 2;
+    average_ = level_ = A::kScaled / 2;
     for (int i = 0; i < shape_.average_shift; ++i) average_ *= 2;
+    for (int i = 0; i < shape_.window_shift; ++i) level_ *= 2;
     above_ = below_ = 0;
   }
 
@@ -138,6 +140,9 @@ class Histogram {
   // Shares of the window in which the average was beyond its limits.
   double above() const { return plain(above_, kWhole, shape_.window_shift); }
   double below() const { return plain(below_, kWhole, shape_.window_shift); }
+  // Mean over the window of samples scaled and cut at their limits: a small shift of the middle shows in it long before
+  // the average leaves the limits, and what is far out for a moment does not count for more.
+  double level() const { return plain(level_, A::kScaled, shape_.window_shift); }
 
   const HistogramShape& shape() const { return shape_; }
   const std::vector<Bin>& bins() const { return bins_; }
@@ -267,7 +272,7 @@ class Histogram {
   Wide coverage_;
   std::vector<Bin> bins_;
   std::vector<Count> counts_;
-  typename A::Sum average_{}, above_{}, below_{};  // times 2^shift
+  typename A::Sum average_{}, above_{}, below_{}, level_{};  // times 2^shift
 };
 
 }  // namespace faultline

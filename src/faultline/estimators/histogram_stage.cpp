@@ -1,7 +1,8 @@
 // The estimator `histogram`: multi-variable histograms (histogram.h) of channels of any rig, learnt while it runs.
 //
 // Quantities: judging (1 once it judges, else 0); then per observed channel CHANNEL.average, the scaled moving average
-// (0 and 1 are the limits), and CHANNEL.above, CHANNEL.below, the shares of the window in which that was beyond them.
+// (0 and 1 are the limits), CHANNEL.above and CHANNEL.below, the shares of the window in which that was beyond them, and
+// CHANNEL.level, the mean over the window of samples cut at the limits.
 // With `horizon` also CHANNEL.saturation, CHANNEL.saturation_low, CHANNEL.saturation_high, in s: when it will reach an
 // end of its range, with the bounds of its 90 % interval (histogram_saturation.h). Anchors are the bins as they are
 // when judging begins, or when they may judge for the first time after that.
@@ -206,7 +207,7 @@ class HistogramStage : public Estimator {
     if (estimate.quantities.empty()) {
       estimate.quantities.push_back({"judging", "1", 0, 0});
       for (const Observed& o : settings_.observed)
-        for (const char* what : {".average", ".above", ".below"})
+        for (const char* what : {".average", ".above", ".below", ".level"})
           estimate.quantities.push_back({o.name + what, "1", 0, 0});
       for (std::size_t i = 0; i < watches_.size(); ++i)
         for (const char* what : {".saturation", ".saturation_low", ".saturation_high"})
@@ -214,13 +215,15 @@ class HistogramStage : public Estimator {
     }
     estimate.quantities[0].value = judging_;
     for (std::size_t i = 0; i < histograms_.size(); ++i) {
-      estimate.quantities[3 * i + 1].value = histograms_[i].average();
-      estimate.quantities[3 * i + 2].value = histograms_[i].above();
-      estimate.quantities[3 * i + 3].value = histograms_[i].below();
+      Quantity* first = &estimate.quantities[4 * i + 1];
+      first[0].value = histograms_[i].average();
+      first[1].value = histograms_[i].above();
+      first[2].value = histograms_[i].below();
+      first[3].value = histograms_[i].level();
     }
     for (std::size_t i = 0; i < watches_.size(); ++i) {
       const Crossing crossing = watches_[i].crossing();
-      Quantity* first = &estimate.quantities[3 * (histograms_.size() + i) + 1];
+      Quantity* first = &estimate.quantities[4 * histograms_.size() + 3 * i + 1];
       first[0].value = crossing.value;
       first[1].value = crossing.low;
       first[2].value = crossing.high;

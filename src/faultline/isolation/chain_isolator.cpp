@@ -1,11 +1,12 @@
 // Isolation by a chain of variables under feedback: the controllers move everything before a fault so that what lies
 // behind it stays right, so the last variable of the chain that shifted names the place (Manninen, Aalto University
 // 2012, section 4). It knows what shifted from a stage of type histogram: the shares of time in which a variable's
-// scaled average was above or below its limits.
+// scaled average was above or below its limits, and its level.
 //
-// A variable has shifted (high or low) while such a share is above its limit, until it is below half of it; both ways
-// in turn where both are above theirs, as friction and play do it. The limits are `share` (`both` for both ways), or,
-// where that is more, what the healthy rig does by itself: mean + sigmas std of the share over `learn` s.
+// A variable has shifted (high or low) while such a share is above its limit, or its level off its healthy mean by more
+// than its limit, until they are below half of that; both ways in turn where both shares are above theirs, as friction
+// and play do it. The limits are `share` (`both` for both ways) and `level`, or, where that is more, what the healthy rig
+// does by itself over `learn` s: mean + sigmas std of the share, sigmas std of the level.
 //
 // What is named, by the signs over the chain:
 //   no variable both ways    the place of the last shifted variable that has one
@@ -14,6 +15,8 @@
 //                            is not the same. Where just one variable goes both ways, the one before it in the chain is
 //                            what drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
+// Where the one that names the place has shifted one way, while the one before it, which drives it, is not a third as far
+// towards its limits, nothing moved it: then it is taken for what its own transducer does, where `alone` lists that.
 // Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
 // that: then it and what lies before it are looked at alone.
 //
@@ -22,10 +25,10 @@
 // give it the same explanatory channel.
 //
 // Settings: stage; chain, its observed channels in the order of cause, from the controller on; held, the one of them
-// that the loops hold [none]; common; share, both, sigmas, learn [0 s], settle (s from the first shift until it is
-// named, and after a start); place [1] or 2; per channel CHANNEL_place, the module in words (none: it names none), and
-// CHANNEL_high, CHANNEL_low, CHANNEL_both: the effect@port, with commas between, that shift it so; the first is told,
-// the others as what it cannot be told from.
+// that the loops hold [none]; common; share, both, level [1: it is not looked at], sigmas, learn [0 s], settle (s from
+// the first shift until it is named, and after a start); place [1] or 2; per channel CHANNEL_place, the module in words
+// (none: it names none), and CHANNEL_high, CHANNEL_low, CHANNEL_both, CHANNEL_alone: the effect@port, with commas
+// between, that shift it so; the first is told, the others as what it cannot be told from.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -40,24 +43,30 @@ namespace faultline {
 namespace {
 
 constexpr const char* kType = "chain";
-constexpr int kVersion = 2;  // of the reference
+constexpr int kVersion = 3;  // of the reference
 
 enum class Shift { none, high, low, both };
 constexpr std::array<const char*, 4> kWords = {"", "high", "low", "both"};
 constexpr std::array<const char*, 4> kPhrases = {"", "high", "low", "high and low in turn"};
 
-struct Side {  // of a variable's limits
+struct Usual {  // what a quantity is on the healthy rig
+  std::size_t quantity = 0;
   double mean = 0, square = 0;
-  bool beyond = false;
   double std() const { return std::sqrt(std::max(0.0, square - mean * mean)); }
+};
+
+struct Side {  // whether a variable is beyond a limit
+  bool share = false, level = false;
 };
 
 struct Link {
   std::string name, place;
   std::array<std::vector<std::string>, 4> causes;  // by Shift
-  std::size_t above = 0, below = 0;                // quantities of the estimate
+  std::vector<std::string> alone;
+  Usual above, below, level{0, 0.5, 0.25};
   Side high, low;
   Shift shift = Shift::none;
+  double reach = 0;  // how far it is from what is usual, in limits
 };
 
 class ChainIsolator : public Isolator {
@@ -68,6 +77,7 @@ class ChainIsolator : public Isolator {
     second_ = s.number_or("place", 1, 1, 2) > 1.5;
     share_ = s.number("share", 0.001, 1);
     both_ = s.number("both", 0.001, 1);
+    level_ = s.number_or("level", 1, 0.001, 1);
     sigmas_ = s.number_or("sigmas", 0, 0, 1000);
     learn_ = s.number_or("learn", 0, 0, 1e9);
     settle_ = s.number("settle", 0, 1e9);
@@ -76,10 +86,11 @@ class ChainIsolator : public Isolator {
       Link link;
       link.name = name;
       link.place = s.word_or(name + "_place", "");
-      for (std::size_t k = 1; k < kWords.size(); ++k) {
-        link.causes[k] = split_words(s.word_or(name + "_" + kWords[k], ""));
-        for (const std::string& cause : link.causes[k]) check_cause(sheet, s, cause);
-      }
+      for (std::size_t k = 1; k < kWords.size(); ++k) link.causes[k] = causes(sheet, s, name + "_" + kWords[k]);
+      link.alone = causes(sheet, s, name + "_alone");
+      if (!link.alone.empty() && link.alone[0].find("@sensor.") == std::string::npos)
+        throw InputError(fmt::format("{}: '{}_alone' must begin with an effect of a transducer, effect@sensor.CHANNEL",
+                                     s.where(), name));
       chain_.push_back(std::move(link));
     }
     if (chain_.empty())
@@ -103,7 +114,7 @@ class ChainIsolator : public Isolator {
     for (std::vector<Link>* links : {&chain_, &common_})
       for (Link& link : *links) {
         link.shift = Shift::none;
-        link.high.beyond = link.low.beyond = false;
+        link.high = link.low = {};
       }
     running_ = false;
   }
@@ -139,7 +150,8 @@ class ChainIsolator : public Isolator {
     Reference r{kType, kVersion, names(), {}};
     for (const std::vector<Link>* links : {&chain_, &common_})
       for (const Link& link : *links)
-        for (const Side* side : {&link.high, &link.low}) r.numbers.insert(r.numbers.end(), {side->mean, side->square});
+        for (const Usual* u : {&link.above, &link.below, &link.level})
+          r.numbers.insert(r.numbers.end(), {u->mean, u->square});
     return r;
   }
 
@@ -148,14 +160,20 @@ class ChainIsolator : public Isolator {
     const double* next = given.numbers.data();
     for (std::vector<Link>* links : {&chain_, &common_})
       for (Link& link : *links)
-        for (Side* side : {&link.high, &link.low}) {
-          side->mean = *next++;
-          side->square = *next++;
+        for (Usual* u : {&link.above, &link.below, &link.level}) {
+          u->mean = *next++;
+          u->square = *next++;
         }
     learnt_ = learn_;
   }
 
  private:
+  static std::vector<std::string> causes(const Datasheet& sheet, const Settings& s, const std::string& key) {
+    std::vector<std::string> causes = split_words(s.word_or(key, ""));
+    for (const std::string& cause : causes) check_cause(sheet, s, cause);
+    return causes;
+  }
+
   static void check_cause(const Datasheet& sheet, const Settings& s, const std::string& cause) {
     const std::size_t at = cause.find('@');
     const std::string effect = cause.substr(0, at);
@@ -169,7 +187,8 @@ class ChainIsolator : public Isolator {
     std::vector<std::string> names;
     for (const std::vector<Link>* links : {&chain_, &common_})
       for (const Link& link : *links)
-        for (const char* what : {"high", "high_square", "low", "low_square"}) names.push_back(link.name + "." + what);
+        for (const char* what : {"high", "high_square", "low", "low_square", "level", "level_square"})
+          names.push_back(link.name + "." + what);
     return names;
   }
 
@@ -184,8 +203,9 @@ class ChainIsolator : public Isolator {
     judging_ = place("judging");
     for (std::vector<Link>* links : {&chain_, &common_})
       for (Link& link : *links) {
-        link.above = place(link.name + ".above");
-        link.below = place(link.name + ".below");
+        link.above.quantity = place(link.name + ".above");
+        link.below.quantity = place(link.name + ".below");
+        link.level.quantity = place(link.name + ".level");
       }
     found_ = true;
   }
@@ -195,10 +215,10 @@ class ChainIsolator : public Isolator {
     const double part = learnt_ > 0 ? dt / learnt_ : 1;
     for (std::vector<Link>* links : {&chain_, &common_})
       for (Link& link : *links)
-        for (const auto& [side, quantity] : {std::pair(&link.high, link.above), std::pair(&link.low, link.below)}) {
-          const double value = estimate.quantities[quantity].value;
-          side->mean += part * (value - side->mean);
-          side->square += part * (value * value - side->square);
+        for (Usual* u : {&link.above, &link.below, &link.level}) {
+          const double value = estimate.quantities[u->quantity].value;
+          u->mean += part * (value - u->mean);
+          u->square += part * (value * value - u->square);
         }
   }
 
@@ -213,20 +233,32 @@ class ChainIsolator : public Isolator {
   }
 
   Shift shift(Link& link, const Estimate& estimate) const {
-    const double above = estimate.quantities[link.above].value, below = estimate.quantities[link.below].value;
-    const auto beyond = [&](Side& side, double value, double least) {
-      const double limit = std::max(least, side.mean + sigmas_ * side.std());
-      return value > (side.beyond ? 0.5 * limit : limit);
-    };
-    const bool both = beyond(link.high, above, both_) && beyond(link.low, below, both_);
-    link.high.beyond = both || beyond(link.high, above, share_);
-    link.low.beyond = both || beyond(link.low, below, share_);
-    if (link.high.beyond && link.low.beyond) return Shift::both;
-    return link.high.beyond ? Shift::high : link.low.beyond ? Shift::low : Shift::none;
+    const auto value = [&](const Usual& u) { return estimate.quantities[u.quantity].value; };
+    const double above = value(link.above), below = value(link.below), level = value(link.level) - link.level.mean;
+    const auto limit = [&](const Usual& u, double least) { return std::max(least, u.mean + sigmas_ * u.std()); };
+    const double most = std::max(level_, sigmas_ * link.level.std());
+    const double high = limit(link.above, share_), low = limit(link.below, share_);
+    link.reach = std::max({std::abs(level) / most, (above - link.above.mean) / (high - link.above.mean),
+                           (below - link.below.mean) / (low - link.below.mean)});
+    const auto beyond = [](bool before, double x, double end) { return x > (before ? 0.5 : 1.0) * end; };
+    const bool both = beyond(link.high.share, above, limit(link.above, both_)) &&
+                      beyond(link.low.share, below, limit(link.below, both_));
+    link.high = {both || beyond(link.high.share, above, high), beyond(link.high.level, level, most)};
+    link.low = {both || beyond(link.low.share, below, low), beyond(link.low.level, -level, most)};
+    if (link.high.share && link.low.share) return Shift::both;
+    if (link.high.share || link.low.share) return link.high.share ? Shift::high : Shift::low;
+    return link.high.level ? Shift::high : link.low.level ? Shift::low : Shift::none;
   }
 
   bool placed(int i) const { return !chain_[static_cast<std::size_t>(i)].place.empty(); }
   Shift shift_at(int i) const { return i < 0 ? Shift::none : chain_[static_cast<std::size_t>(i)].shift; }
+
+  bool driven(int i) const {
+    constexpr double kAnswer = 1.0 / 3;
+    if (i == 0) return true;
+    const Link& before = chain_[static_cast<std::size_t>(i - 1)];
+    return before.reach > kAnswer * chain_[static_cast<std::size_t>(i)].reach;
+  }
 
   // The last one that is looked at.
   int end() const { return shift_at(held_) == Shift::none ? static_cast<int>(chain_.size()) - 1 : held_; }
@@ -259,13 +291,22 @@ class ChainIsolator : public Isolator {
       return;
     }
     const Link& link = chain_[static_cast<std::size_t>(at)];
+    if (!link.alone.empty() && link.shift != Shift::both && !driven(at)) {
+      claim(link.alone, finding);
+      finding.kind = AlarmKind::sensor;
+      finding.text = fmt::format("Transducer of {}: {}", link.name, pattern);
+      return;
+    }
     finding.kind = AlarmKind::fault;
     const int other = second_ ? first : second;
     const std::string place =
         other < 0 ? link.place : link.place + " and " + chain_[static_cast<std::size_t>(other)].place;
     finding.text = fmt::format("{}: {}", place, pattern);
     finding.text[0] = static_cast<char>(std::toupper(finding.text[0]));
-    const std::vector<std::string>& causes = link.causes[static_cast<std::size_t>(link.shift)];
+    claim(link.causes[static_cast<std::size_t>(link.shift)], finding);
+  }
+
+  static void claim(const std::vector<std::string>& causes, Finding& finding) {
     finding.confidence = causes.empty() ? 0 : 1.0 / static_cast<double>(causes.size());
     if (causes.empty()) return;
     const std::size_t split = causes[0].find('@');
@@ -276,7 +317,7 @@ class ChainIsolator : public Isolator {
 
   std::vector<Link> chain_, common_;
   int held_ = 0;
-  double share_, both_, sigmas_, learn_, settle_;
+  double share_, both_, level_, sigmas_, learn_, settle_;
   bool second_, found_ = false, running_ = false;
   std::size_t judging_ = 0;
   double learnt_ = 0, last_ = 0, begun_ = 0, since_ = 0;  // s

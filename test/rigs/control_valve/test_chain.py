@@ -117,6 +117,16 @@ class Chain(ProgramTest):
                 self.assertEqual(
                     self.named(alarms, RUN - BEGIN), [("fault", "clogging@restriction.nozzle", "Nozzle-flapper")]
                 )
+                alarms = self.alarms(self.record("run.bag", 3, RUN, CYLINDER_LEAK))
+                self.assertEqual(
+                    self.named(alarms, RUN - BEGIN), [("fault", "orifice_leakage@flow.cylinder_ambient", "Actuator")]
+                )
+
+    def test_what_nothing_drives_is_its_transducer(self):
+        for name, value in (("flapper_position", 3e-6), ("prestage_pressure", 1e4)):
+            run = self.record("run.bag", 3, RUN, f"offset@sensor.{name}:value={value:g}")
+            told = ("sensor", f"offset@sensor.{name}", f"Transducer of {name}")
+            self.assertEqual(self.named(self.alarms(run)), [told])
 
     def test_what_fits_no_place_is_unknown(self):
         run = self.record("run.bag", 5, RUN, CLOGGED)
