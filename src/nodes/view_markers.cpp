@@ -12,7 +12,7 @@ namespace {
 
 using visualization_msgs::Marker;
 
-constexpr double kTextHeight = 1;  // z of all text: above every body
+constexpr double kTextHeight = 0.6;  // z of all text: above every body
 constexpr double kHeadLetters = 0.3, kGapLetters = 0.2, kBarLetters = 0.15;
 constexpr double kBarsLeft = -7.6, kBarsRight = 4.2;  // x of the residuals' panel
 constexpr double kBarsFoot = -4.05, kBarsTall = 0.75;
@@ -79,17 +79,32 @@ class Drawing {
   visualization_msgs::MarkerArray array_;
 };
 
+// A piece of a path: markers of lines are drawn askew at their corners.
+void draw_piece(const ViewPart& part, std::size_t piece, std::size_t id, const std_msgs::ColorRGBA& colour,
+                Drawing& drawing) {
+  Marker& body = drawing.add("parts", 1000 * (id + 1) + piece, Marker::CUBE, part.name);
+  const auto &from = part.points[piece], &to = part.points[piece + 1];
+  const double angle = std::atan2(to[1] - from[1], to[0] - from[0]);
+  body.pose.position = point(0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1]), 0);
+  body.pose.orientation.z = std::sin(0.5 * angle);
+  body.pose.orientation.w = std::cos(0.5 * angle);
+  body.scale.x = std::hypot(to[0] - from[0], to[1] - from[1]) + part.size[0];
+  body.scale.y = body.scale.z = part.size[0];
+  body.color = colour;
+}
+
 void draw_body(const ViewPart& part, std::size_t id, const PartMark& mark, Drawing& drawing) {
-  static const int types[] = {Marker::CUBE, Marker::CYLINDER, Marker::SPHERE, Marker::LINE_STRIP};
+  const std_msgs::ColorRGBA colour = part.ports.empty() ? grey(0.72F) : colour_of(mark.level);
+  if (part.shape == PartShape::path) {
+    for (std::size_t i = 0; i + 1 < part.points.size(); ++i) draw_piece(part, i, id, colour, drawing);
+    return;
+  }
+  static const int types[] = {Marker::CUBE, Marker::CYLINDER, Marker::SPHERE};
   Marker& body = drawing.add("parts", id, types[static_cast<int>(part.shape)], part.name);
-  body.color = colour_of(mark.level);
+  body.color = colour;
   body.scale.x = part.size[0];
   body.scale.y = part.size[1];
   body.scale.z = part.size[2];
-  if (part.shape == PartShape::path) {
-    body.scale.y = body.scale.z = 0;
-    for (const auto& [x, y] : part.points) body.points.push_back(point(x, y, 0));
-  }
   if (part.shape == PartShape::cylinder && part.along != 'z') {
     // The marker's own axis is z; the extents are told before it is turned.
     const double half = std::sqrt(0.5);
@@ -119,20 +134,20 @@ void draw_label(const ViewLayout& layout, std::size_t id, const Datasheet& sheet
   const bool dark = mark.level == PartLevel::error && std::abs(part.label_at[0]) < part.size[0] / 2 &&
                     std::abs(part.label_at[1]) < part.size[1] / 2 && !part.clear;
   drawing.text("labels", id, parent, x, y, part.letters, words, grey(dark ? 1.0F : 0.1F));
-  // What is the matter stands above it, on a ground of its own.
-  const double lines = 1 + static_cast<double>(std::count(words.begin(), words.end(), '\n'));
-  const double above = y + (words.empty() ? 0 : 0.6 * lines * part.letters) + 0.2;
+  // What is the matter stands beside it, away from the part, on a ground of its own.
+  const double lines = words.empty() ? 0 : 1 + static_cast<double>(std::count(words.begin(), words.end(), '\n'));
+  const double beside = y + (part.label_at[1] < 0 ? -1 : 1) * (0.65 * lines * part.letters + 0.18);
   Marker& ground = drawing.add("labels", 10000 + id, Marker::CUBE, parent);
   if (mark.text.empty()) {
     ground.action = Marker::DELETE;
   } else {
-    ground.pose.position = point(x, above, kTextHeight - 0.02);
+    ground.pose.position = point(x, beside, kTextHeight - 0.05);
     ground.scale.x = 0.11 * static_cast<double>(mark.text.size()) + 0.15;
     ground.scale.y = 0.28;
     ground.scale.z = 0.01;
     ground.color = colour_of(mark.level);
   }
-  drawing.text("labels", 20000 + id, parent, x, above, 0.2, mark.text,
+  drawing.text("labels", 20000 + id, parent, x, beside, 0.2, mark.text,
                grey(mark.level == PartLevel::error ? 1.0F : 0.05F));
 }
 

@@ -31,8 +31,8 @@ std::string shown_value(double value, const Channel& channel) {
       }
   }
   if (unit == "1") unit.clear();
-  // As many decimals for all values of a channel: three digits of its range.
-  const int decimals = std::clamp(2 - static_cast<int>(std::floor(std::log10(std::max(largest * scale, 1e-12)))), 0, 6);
+  // As many decimals for all values of a channel: four digits of its range.
+  const int decimals = std::clamp(3 - static_cast<int>(std::floor(std::log10(std::max(largest * scale, 1e-12)))), 0, 3);
   return fmt::format("{:.{}f}{}{}", value * scale, decimals, unit.empty() ? "" : " ", unit);
 }
 

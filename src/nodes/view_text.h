@@ -8,8 +8,8 @@
 
 namespace faultline {
 
-// A value as people at a stand read it: three digits and a prefix that follows from the channel's range, so that it
-// does not jump; m^3/s in l/min. "4.52 MPa".
+// A value as people at a stand read it: decimals and a prefix that follow from the channel's range, so that they do
+// not jump; m^3/s in l/min. "4.52 MPa".
 std::string shown_value(double value, const Channel& channel);
 
 // Lines of at most `width` letters where the words allow it.
