@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kDepth = 0.3;  // of a box or a path that says none
 
-const std::vector<std::string> kShapes = {"box", "cylinder", "sphere", "path"};
+const std::vector<std::string> kShapes = {"box", "cylinder", "sphere", "path", "text"};
 
 std::vector<double> numbers(const YamlValue& value, std::size_t least, std::size_t most) {
   std::vector<double> found = value.numbers();
@@ -53,8 +53,12 @@ void read_shape(const YamlValue& entry, ViewPart& part) {
   const bool path = part.shape == PartShape::path;
   for (const char* key : {"points", "flow"})
     if (entry.has(key) && !path) entry.at(key).fail("is for shape: path only");
-  for (const char* key : {"along"})
-    if (entry.has(key) && part.shape != PartShape::cylinder) entry.at(key).fail("is for shape: cylinder only");
+  if (entry.has("along") && part.shape != PartShape::cylinder) entry.at("along").fail("is for shape: cylinder only");
+  if (part.shape == PartShape::text) {
+    for (const char* key : {"size", "ports", "moves", "turns", "clear"})
+      if (entry.has(key)) entry.at(key).fail("is not for shape: text");
+    return;
+  }
   if (!entry.has("size")) entry.fail("lacks the key 'size'");
   const std::vector<double> size = numbers(entry.at("size"), path ? 1 : 2, path ? 1 : 3);
   for (const double extent : size)
@@ -142,7 +146,10 @@ ViewPart read_part(const YamlValue& entry, const Datasheet& sheet, const std::ve
                                     kCanvasWidth / 2, kCanvasHeight / 2));
   if (entry.has("clear")) part.clear = entry.at("clear").truth();
   if (entry.has("label")) part.label = entry.at("label").text();
-  part.label_at = {0, part.shape == PartShape::path ? 0.25 : part.size[1] / 2 + 0.25};
+  if (part.shape == PartShape::path)
+    part.label_at = {0, 0.25};
+  else if (part.shape != PartShape::text)
+    part.label_at = {0, part.size[1] / 2 + 0.25};
   if (entry.has("label_at")) {
     const std::vector<double> xy = numbers(entry.at("label_at"), 2, 2);
     part.label_at = {xy[0], xy[1]};

@@ -15,7 +15,7 @@ namespace faultline {
 
 constexpr double kCanvasWidth = 16, kCanvasHeight = 6;
 
-enum class PartShape { box, cylinder, sphere, path };
+enum class PartShape { box, cylinder, sphere, path, text };
 
 // A number of the rig that moves something: an estimated state of this name, else the channel that measures it.
 struct ViewSource {
@@ -27,7 +27,7 @@ struct ViewPart {
   std::string name;
   PartShape shape = PartShape::box;
   std::array<double, 3> at{};                 // its middle in the frame of its parent
-  std::array<double, 3> size{};               // extents; of a path its width alone
+  std::array<double, 3> size{};               // extents; of a path its width alone; of a text none
   char along = 'z';                           // the axis of a cylinder
   bool clear = false;                         // a body that others are seen through
   std::vector<std::array<double, 2>> points;  // of a path, from its middle

@@ -13,7 +13,9 @@ namespace {
 using visualization_msgs::Marker;
 
 constexpr double kTextHeight = 0.6;  // z of all text: above every body
-constexpr double kHeadLetters = 0.3, kGapLetters = 0.2, kBarLetters = 0.15;
+constexpr double kGapLetters = 0.2, kBarLetters = 0.15;
+constexpr std::size_t kNamedBars = 12;                // of more than so many only those are named that stand out
+constexpr double kStandsOut = 2;                      // sigma
 constexpr double kBarsLeft = -7.6, kBarsRight = 4.2;  // x of the residuals' panel
 constexpr double kBarsFoot = -4.05, kBarsTall = 0.75;
 constexpr double kBarsFull = 5;      // sigma at the top of the panel
@@ -94,6 +96,7 @@ void draw_piece(const ViewPart& part, std::size_t piece, std::size_t id, const s
 }
 
 void draw_body(const ViewPart& part, std::size_t id, const PartMark& mark, Drawing& drawing) {
+  if (part.shape == PartShape::text) return;
   const std_msgs::ColorRGBA colour = part.ports.empty() ? grey(0.72F) : colour_of(mark.level);
   if (part.shape == PartShape::path) {
     for (std::size_t i = 0; i + 1 < part.points.size(); ++i) draw_piece(part, i, id, colour, drawing);
@@ -182,9 +185,13 @@ void draw_flow(const ViewPart& part, std::size_t id, double value, Drawing& draw
 }
 
 void draw_bars(const std::vector<ResidualBar>& bars, Drawing& drawing) {
+  const bool many = bars.size() > kNamedBars;
+  const std::string heading =
+      bars.empty() ? "no residuals yet"
+                   : fmt::format("residual over sigma, mean of 1 s; line at {:g}{}", kBarsLimit,
+                                 many ? fmt::format("; {}, named from {:g}", bars.size(), kStandsOut) : "");
   const double middle = 0.5 * (kBarsLeft + kBarsRight), whole = kBarsRight - kBarsLeft;
-  drawing.text("residuals", 0, "", middle, kBarsFoot + kBarsTall + 0.17, kBarLetters,
-               bars.empty() ? "no residuals yet" : "residual over sigma, mean of 1 s; line at 3");
+  drawing.text("residuals", 0, "", middle, kBarsFoot + kBarsTall + 0.17, kBarLetters, heading);
   drawing.box("residuals", 1, middle, kBarsFoot, whole, 0.02, 0, grey(0.3F));
   drawing.box("residuals", 2, middle, kBarsFoot + kBarsTall * kBarsLimit / kBarsFull, whole, 0.015, 0.2, grey(0.5F));
   if (bars.empty()) return;
@@ -197,13 +204,28 @@ void draw_bars(const std::vector<ResidualBar>& bars, Drawing& drawing) {
                             : bars[i].ratio >= kBarsLimit ? PartLevel::warning
                                                           : PartLevel::healthy;
     drawing.box("residuals", 100 + i, x, kBarsFoot + 0.5 * tall, 0.4 * wide, tall, 0.1, colour_of(level));
-    const auto letters = static_cast<std::size_t>(std::max(6.0, 1.8 * wide / kBarLetters));
+    const auto letters = static_cast<std::size_t>(std::max(8.0, 1.8 * wide / kBarLetters));
+    const std::string name = wrapped(fmt::format("{} {:.1f}", words_of(bars[i].channel), bars[i].ratio), letters);
     drawing.text("residuals", 200 + i, "", x, kBarsFoot - 0.25, kBarLetters,
-                 wrapped(fmt::format("{} {:.1f}", words_of(bars[i].channel), bars[i].ratio), letters));
+                 many && bars[i].ratio < kStandsOut ? "" : name);
   }
 }
 
-void draw_legend(Drawing& drawing) {
+// As large as it fits.
+void draw_head(const ViewHead& head, Drawing& drawing) {
+  drawing.box("head", 0, 0, 4.05, kCanvasWidth, 0.75, 0, colour_of(head.level));
+  std::string words;
+  double letters = 0.3;
+  for (; letters > 0.14; letters -= 0.05) {
+    words = wrapped(head.verdict, static_cast<std::size_t>(28 / letters));
+    if (1.3 * letters * static_cast<double>(1 + std::count(words.begin(), words.end(), '\n')) < 0.8) break;
+  }
+  drawing.text("head", 1, "", 0, 4.05, letters, words, grey(head.level == PartLevel::error ? 1.0F : 0.05F));
+  drawing.text("head", 2, "", 0, 3.45, kGapLetters, wrapped(head.gap, 140));
+}
+
+void draw_legend(const std::string& space, Drawing& drawing) {
+  drawing.text("legend", 1000, "", 6.3, -3.1, 0.19, space);
   for (std::size_t i = 0; i < 6; ++i) {
     const auto level = static_cast<PartLevel>(i);
     const double x = 5.45 + 1.7 * static_cast<double>(i % 2), y = -3.45 - 0.4 * static_cast<double>(i / 2);
@@ -243,12 +265,9 @@ visualization_msgs::MarkerArray markers_of(const ViewLayout& layout, const Datas
     draw_label(layout, i, sheet, marks[i], values, drawing);
     if (!layout.parts[i].flow.name.empty()) draw_flow(layout.parts[i], i, values.flows[i], drawing);
   }
-  drawing.box("head", 0, 0, 4.05, kCanvasWidth, 0.75, 0, colour_of(head.level));
-  drawing.text("head", 1, "", 0, 4.05, kHeadLetters, wrapped(head.verdict, 100),
-               grey(head.level == PartLevel::error ? 1.0F : 0.05F));
-  drawing.text("head", 2, "", 0, 3.45, kGapLetters, wrapped(head.gap, 150));
+  draw_head(head, drawing);
   draw_bars(bars, drawing);
-  draw_legend(drawing);
+  draw_legend(space, drawing);
   return drawing.take();
 }
 

@@ -53,8 +53,14 @@ class Grades {
   std::vector<Graded> parts_;
 };
 
+std::string what_of(const faultline_msgs::Alarm& alarm) {
+  if (!alarm.effect.empty()) return words_of(alarm.effect);
+  if (alarm.kind == "model") return "model does not fit";
+  return alarm.kind == "unknown" ? "unexplained" : alarm.kind;
+}
+
 void grade_alarm(const faultline_msgs::Alarm& alarm, Grades& grades) {
-  const std::string what = words_of(alarm.effect.empty() ? alarm.kind : alarm.effect);
+  const std::string what = what_of(alarm);
   const bool cause = alarm.kind == "fault" || alarm.kind == "sensor";
   const std::string text = cause ? fmt::format("{} {:.0f} %", what, 100 * alarm.confidence) : what;
   const int rank = 2 * std::max<int>(alarm.level, 1) + 1;
