@@ -17,7 +17,8 @@ constexpr double kDrawPeriod = 0.25;  // s of wall time
 // s of wall time without an estimate, after which samples are listened to all the same. A player that waits for
 // subscribers of the samples is to wait for the estimators, not for a drawing.
 constexpr double kPatience = 5;
-constexpr double kFresh = 1;         // s of the samples' time that an estimate counts
+constexpr double kFresh = 1;         // s of wall time without an estimate, after which samples move the parts
+constexpr double kBack = 1;          // s of the samples' time: a longer step back is a run that began anew
 constexpr double kResidualTime = 1;  // s, of the mean square
 constexpr double kAlarmsFresh = 5;   // s of wall time; they come once a second
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -56,21 +57,31 @@ ViewPublisher::ViewPublisher(const Datasheet& sheet, const ViewLayout& layout, d
 }
 
 void ViewPublisher::take(const Sample& sample) {
-  sample_time_ = sample.time;
   heard_at_ = steady_seconds();
   channels_ = sample.values;
   plots_.show(sample);
-  if (!estimates_fresh()) move(sample.time);
+  if (!estimates_come()) move(sample.time);
 }
 
 void ViewPublisher::take(const faultline_msgs::Estimate::ConstPtr& message) {
   const double time = to_seconds(message->header.stamp);
-  estimate_time_ = time;
   heard_at_ = steady_seconds();
   estimates_[message->stage] = message;
   look_at_residuals(*message, time);
   plots_.show(*message);
-  move(time);
+  const auto known = carries_.find(message->stage);
+  if (known == carries_.end() ? (carries_[message->stage] = carries(*message)) : known->second) {
+    estimate_at_ = steady_seconds();
+    move(time);
+  }
+}
+
+bool ViewPublisher::carries(const faultline_msgs::Estimate& estimate) const {
+  const std::vector<std::string>& names = estimate.state_names;
+  return std::any_of(layout_.parts.begin(), layout_.parts.end(), [&](const ViewPart& part) {
+    return std::find(names.begin(), names.end(), part.moves.name) != names.end() ||
+           std::find(names.begin(), names.end(), part.turns.name) != names.end();
+  });
 }
 
 void ViewPublisher::look_at_residuals(const faultline_msgs::Estimate& estimate, double time) {
@@ -89,13 +100,14 @@ void ViewPublisher::look_at_residuals(const faultline_msgs::Estimate& estimate, 
   }
 }
 
-bool ViewPublisher::estimates_fresh() const {
-  return estimate_time_ >= 0 && std::abs(sample_time_ - estimate_time_) < std::max(kFresh, 3 * sheet_.sample_period);
+// Samples run ahead of estimates: which of them moves the parts must not change from one to the next.
+bool ViewPublisher::estimates_come() const {
+  return estimate_at_ >= 0 && steady_seconds() - estimate_at_ < std::max(kFresh, 3 * sheet_.sample_period);
 }
 
 double ViewPublisher::value_of(const ViewSource& source) const {
   if (source.name.empty()) return kNaN;
-  if (sample_time_ < 0 || estimates_fresh())
+  if (estimates_come())
     for (const StageSpec& stage : sheet_.estimators) {
       const auto found = estimates_.find(stage.name);
       if (found == estimates_.end()) continue;
@@ -117,9 +129,9 @@ ViewValues ViewPublisher::values() const {
   return found;
 }
 
-// A step back in time is a run that began anew.
 void ViewPublisher::move(double time) {
-  if (moved_ >= 0 && time >= moved_ && time < moved_ + frame_period_) return;
+  const double back = std::max(kBack, 3 * sheet_.sample_period);
+  if (moved_ >= 0 && time > moved_ - back && time < moved_ + frame_period_) return;
   moved_ = time;
   ++frames_;
   const ViewValues now = values();
@@ -167,7 +179,7 @@ ViewHead ViewPublisher::head() const {
 }
 
 void ViewPublisher::draw() {
-  if (!listening_ && (estimate_time_ >= 0 || steady_seconds() - began_ > kPatience)) {
+  if (!listening_ && (!estimates_.empty() || steady_seconds() - began_ > kPatience)) {
     input_.start();
     listening_ = true;
   }

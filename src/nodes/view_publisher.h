@@ -31,7 +31,8 @@ class ViewPublisher {
   void draw();
   ViewValues values() const;
   double value_of(const ViewSource& source) const;
-  bool estimates_fresh() const;
+  bool carries(const faultline_msgs::Estimate& estimate) const;
+  bool estimates_come() const;
   std::vector<ResidualBar> bars() const;
   ViewHead head() const;
   void tell(diagnostic_updater::DiagnosticStatusWrapper& status);
@@ -51,6 +52,7 @@ class ViewPublisher {
   double alarms_at_ = -1, heard_at_ = -1;                                // s, steady
   std::map<std::string, faultline_msgs::Estimate::ConstPtr> estimates_;  // by stage
   std::map<std::string, Residuals> residuals_;                           // likewise
+  std::map<std::string, bool> carries_;                                  // likewise: has a state that moves a part
   faultline_msgs::AlarmArray::ConstPtr alarms_;
   faultline_msgs::Gap::ConstPtr gap_;
   std::uint64_t frames_ = 0;
