@@ -120,8 +120,8 @@ std::array<double, 2> place_on_canvas(const std::vector<ViewPart>& parts, const 
 }
 
 ViewPart read_part(const YamlValue& entry, const Datasheet& sheet, const std::vector<ViewPart>& earlier) {
-  entry.allow({"name", "shape", "at", "size"}, {"along", "clear", "points", "ports", "label", "label_at", "letters",
-                                                "shows", "on", "moves", "turns", "flow"});
+  entry.allow({"name", "shape", "at"}, {"size", "along", "clear", "points", "ports", "label", "label_at", "letters",
+                                        "shows", "on", "moves", "turns", "flow"});
   ViewPart part;
   part.name = entry.at("name").name();
   for (const ViewPart& other : earlier)

@@ -14,11 +14,9 @@ namespace faultline {
 namespace {
 
 constexpr double kDrawPeriod = 0.25;  // s of wall time
-// s of wall time without an estimate, after which samples are listened to all the same. A player that waits for
-// subscribers of the samples is to wait for the estimators, not for a drawing.
+// s of wall time without an estimate, after which samples are listened to all the same, and move the parts. A player
+// that waits for subscribers of the samples is to wait for the estimators, not for a drawing; and estimators may think.
 constexpr double kPatience = 5;
-constexpr double kFresh = 1;         // s of wall time without an estimate, after which samples move the parts
-constexpr double kBack = 1;          // s of the samples' time: a longer step back is a run that began anew
 constexpr double kResidualTime = 1;  // s, of the mean square
 constexpr double kAlarmsFresh = 5;   // s of wall time; they come once a second
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -57,6 +55,8 @@ ViewPublisher::ViewPublisher(const Datasheet& sheet, const ViewLayout& layout, d
 }
 
 void ViewPublisher::take(const Sample& sample) {
+  if (sample.time < sample_time_) moved_ = -1;  // a run that begins anew
+  sample_time_ = sample.time;
   heard_at_ = steady_seconds();
   channels_ = sample.values;
   plots_.show(sample);
@@ -72,6 +72,7 @@ void ViewPublisher::take(const faultline_msgs::Estimate::ConstPtr& message) {
   const auto known = carries_.find(message->stage);
   if (known == carries_.end() ? (carries_[message->stage] = carries(*message)) : known->second) {
     estimate_at_ = steady_seconds();
+    if (message->restarted) moved_ = -1;
     move(time);
   }
 }
@@ -102,7 +103,7 @@ void ViewPublisher::look_at_residuals(const faultline_msgs::Estimate& estimate, 
 
 // Samples run ahead of estimates: which of them moves the parts must not change from one to the next.
 bool ViewPublisher::estimates_come() const {
-  return estimate_at_ >= 0 && steady_seconds() - estimate_at_ < std::max(kFresh, 3 * sheet_.sample_period);
+  return estimate_at_ >= 0 && steady_seconds() - estimate_at_ < std::max(kPatience, 3 * sheet_.sample_period);
 }
 
 double ViewPublisher::value_of(const ViewSource& source) const {
@@ -130,8 +131,7 @@ ViewValues ViewPublisher::values() const {
 }
 
 void ViewPublisher::move(double time) {
-  const double back = std::max(kBack, 3 * sheet_.sample_period);
-  if (moved_ >= 0 && time > moved_ - back && time < moved_ + frame_period_) return;
+  if (moved_ >= 0 && time < moved_ + frame_period_) return;
   moved_ = time;
   ++frames_;
   const ViewValues now = values();

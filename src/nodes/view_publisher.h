@@ -1,6 +1,6 @@
 // A rig's drawing while it runs: /RIG/sample, /RIG/estimate, /RIG/alarms and /RIG/gap in; /tf, /tf_static, /RIG/view
 // (markers, four times a second of wall time while somebody looks) and the topics of plot_topics.h out. Frames have the
-// stamps of the samples. Parts move with the estimate; while no estimate has come for a second, with the sample.
+// stamps of the samples. Parts move with the estimate; while none has come for 5 s, with the sample.
 #pragma once
 
 #include <map>
@@ -48,8 +48,9 @@ class ViewPublisher {
   double frame_period_;
   PlotTopics plots_;
   std::vector<double> channels_;
-  double sample_time_ = -1, estimate_time_ = -1, moved_ = -1;            // s, of the samples' clock
-  double alarms_at_ = -1, heard_at_ = -1;                                // s, steady
+  double sample_time_ = -1, moved_ = -1;   // s, of the samples' clock
+  double estimate_at_ = -1;                // s, steady: when the last estimate with a state that moves a part came
+  double alarms_at_ = -1, heard_at_ = -1;  // s, steady
   std::map<std::string, faultline_msgs::Estimate::ConstPtr> estimates_;  // by stage
   std::map<std::string, Residuals> residuals_;                           // likewise
   std::map<std::string, bool> carries_;                                  // likewise: has a state that moves a part
