@@ -154,7 +154,7 @@ TEST_F(WrittenLayout, GivesFramesThatMove) {
 
 TEST_F(WrittenLayout, IsRefusedInOneLineThatNamesTheKey) {
   const std::map<std::string, std::string> wrong = {
-      {"rig: other\nparts: []\n", "'rig': is 'other'"},
+      {"rig: other\nparts: []\n", "'rig' is 'other'"},
       {"rig: stand\nparts: []\n", "no part with the port flow.tank_air, sensor.level, restriction.outlet"},
       {good_, "no part with the port restriction.outlet"},
       {good_ + "  - {name: outlet, shape: cone, at: [0, 0]}\n", "is 'cone'; allowed are box"},
