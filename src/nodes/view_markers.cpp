@@ -13,7 +13,7 @@ namespace {
 using visualization_msgs::Marker;
 
 constexpr double kTextHeight = 0.6;  // z of all text: above every body
-constexpr double kGapLetters = 0.2, kBarLetters = 0.15;
+constexpr double kGapLetters = 0.18, kBarLetters = 0.15;
 constexpr std::size_t kNamedBars = 12;                // of more than so many only those are named that stand out
 constexpr double kStandsOut = 2;                      // sigma
 constexpr double kBarsLeft = -7.6, kBarsRight = 4.2;  // x of the residuals' panel
@@ -217,11 +217,11 @@ void draw_head(const ViewHead& head, Drawing& drawing) {
   std::string words;
   double letters = 0.3;
   for (; letters > 0.14; letters -= 0.05) {
-    words = wrapped(head.verdict, static_cast<std::size_t>(28 / letters));
+    words = wrapped(head.verdict, static_cast<std::size_t>(34 / letters));
     if (1.3 * letters * static_cast<double>(1 + std::count(words.begin(), words.end(), '\n')) < 0.8) break;
   }
   drawing.text("head", 1, "", 0, 4.05, letters, words, grey(head.level == PartLevel::error ? 1.0F : 0.05F));
-  drawing.text("head", 2, "", 0, 3.45, kGapLetters, wrapped(head.gap, 140));
+  drawing.text("head", 2, "", 0, 3.42, kGapLetters, wrapped(head.gap, 160));
 }
 
 void draw_legend(const std::string& space, Drawing& drawing) {
