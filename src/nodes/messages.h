@@ -29,5 +29,6 @@
 #include <faultline/Ranking.h>
 #include <faultline/RigDescription.h>
 #include <faultline/Sample.h>
+#include <faultline/Scalar.h>
 // clang-format on
 #undef faultline
