@@ -25,19 +25,16 @@ from report_units import decimals_for, show, words  # noqa: E402
 QUIET = 0.5  # s without a message, after the replay ended: nothing is on its way any more
 
 
-NAMED = 0.5  # the least probability of the right cause at which it is told as one
-
-
 def named(alarm):
-    return alarm.kind not in ("fault", "sensor") or alarm.confidence >= NAMED
+    """False: something changed, and there are candidates, none likely enough to be named."""
+    return alarm.kind != "unknown" or not alarm.equivalent
 
 
 def sentence(alarm, start):
     """One line for a person: what, where, how much, since when."""
     if not named(alarm):
-        others = [alarm.effect + "@" + alarm.port] + list(alarm.equivalent)
-        return "something changed, since {:.2f} s; candidates: {} (confidence {:.0f} %)".format(
-            alarm.since.to_sec() - start, ", ".join(others), 100 * alarm.confidence
+        return "something changed, since {:.2f} s; candidates: {}".format(
+            alarm.since.to_sec() - start, ", ".join(alarm.equivalent)
         )
     what = words(alarm.effect) if alarm.effect else words(alarm.kind)
     parts = [what + (" at " + alarm.port if alarm.port else "")]
@@ -68,7 +65,7 @@ class Watch:
         self.start = start  # s, of the samples' clock
         self.last = None  # the newest AlarmArray
         self.heard = 0.0  # when it came, monotonic
-        self.known = {}  # (kind, effect, port, raised) -> active, told as a cause
+        self.known = []  # of each alarm: (kind, effect, port), active
 
     def say(self, text):
         if self.tty:
@@ -84,18 +81,17 @@ class Watch:
                 self.known.clear()
             self.last, self.heard = message, time.monotonic()
             start = self.start or 0.0
-            for alarm in message.alarms:
-                key = (alarm.kind, alarm.effect, alarm.port, alarm.raised.to_sec())
-                before, before_named = self.known.get(key, (None, False))
-                if before is None or named(alarm) and not before_named:
-                    told = alarm.raised.to_sec() if before is None else now
+            for number, alarm in enumerate(message.alarms):
+                what, active = self.known[number] if number < len(self.known) else (None, True)
+                if what != (alarm.kind, alarm.effect, alarm.port):
+                    told = alarm.raised.to_sec() if what is None else now
                     word = alarm.kind.upper() if named(alarm) else "CHANGED"
                     self.say("{:8.2f} s  {:7}  {}".format(told - start, word, sentence(alarm, start)))
-                elif before and not alarm.active:
+                if active and not alarm.active:
                     self.say(
                         "{:8.2f} s  ended    {}".format(alarm.until.to_sec() - start, words(alarm.effect or alarm.kind))
                     )
-                self.known[key] = alarm.active, named(alarm) or before_named
+            self.known = [((alarm.kind, alarm.effect, alarm.port), alarm.active) for alarm in message.alarms]
             if self.tty and now > 0:
                 active = sum(alarm.active for alarm in message.alarms)
                 sys.stdout.write(

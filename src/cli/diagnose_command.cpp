@@ -85,6 +85,7 @@ Json alarm_json(const Alarm& alarm, double start) {
                {"size", Json()},
                {"confidence", finite(alarm.confidence)},
                {"equivalent", alarm.equivalent},
+               {"candidates", alarm.kind == AlarmKind::unknown ? Json(alarm.equivalent) : Json::array()},
                {"text", alarm.text}};
   if (alarm.has_size)
     json["size"] = {{"name", alarm.size_name},

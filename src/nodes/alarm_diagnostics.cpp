@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 namespace faultline {
 namespace {
@@ -53,6 +54,9 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report, const
     add(status, "raised [s]", fmt::format("{:.6f}", alarm.raised));
     add(status, "until [s]", fmt::format("{:.6f}", alarm.until));
     add(status, "confidence", fmt::format("{:.3f}", alarm.confidence));
+    if (!alarm.equivalent.empty())
+      add(status, alarm.kind == AlarmKind::unknown ? "candidates" : "equivalent",
+          fmt::format("{}", fmt::join(alarm.equivalent, ", ")));
     if (alarm.has_size) {
       add(status, fmt::format("{} [{}]", alarm.size_name, alarm.size_unit), fmt::format("{:.6g}", alarm.size));
       add(status, "low", fmt::format("{:.6g}", alarm.low));

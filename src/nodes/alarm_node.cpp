@@ -1,4 +1,4 @@
-// alarm_node: estimates -> alarms and /diagnostics. Parameters and topics: docs/nodes.md.
+// alarm_node: what detectors and isolators say -> alarms and /diagnostics. Parameters and topics: docs/nodes.md.
 #include <fmt/format.h>
 #include <ros/ros.h>
 
@@ -14,10 +14,9 @@ int main(int argc, char** argv) {
       throw InputError(
           fmt::format("{}: the datasheet names no estimator; this rig cannot be diagnosed yet", sheet.file));
     const double patience = parameters.number("patience", 0.5, 0, 60);
-    const std::string reference = parameters.word("reference", "");
     const std::string history = parameters.bytes("history");
     parameters.check_used();
-    AlarmPublisher publisher(sheet, patience, reference, history);
+    AlarmPublisher publisher(sheet, patience, history);
     ros::spin();
     return 0;
   });

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <limits>
+#include <optional>
 
 #include <fmt/format.h>
 #include <ros/ros.h>
@@ -18,41 +18,45 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
-constexpr double kBehind = 1;  // s of estimates behind samples: what a person at the stand should know
+constexpr double kBehind = 1;             // s of judgements behind samples: what a person at the stand should know
+constexpr std::uint64_t kUnjudged = 100;  // samples without a judgement, whatever their stamps say
 
 }  // namespace
 
-AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience, const std::string& reference,
-                               const std::string& history)
+AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience, const std::string& history)
     : sheet_(sheet),
       name_(ros::this_node::getNamespace().size() > 1 ? ros::this_node::getNamespace().substr(1) : sheet.rig),
-      stage_(sheet),
-      join_(occasional_stages(sheet)),
+      keeper_(sheet),
       monitor_(sequence_settings(sheet)),
       silence_(patience),
       before_(sheet.rig, history),
-      reference_(reference),
       health_(sheet.rig, "alarms", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }) {
-  if (!reference_.empty() && std::filesystem::exists(reference_)) {
-    const References references = read_references(reference_, sheet.rig);
-    stage_.restore(references);
-    kept_ = static_cast<std::size_t>(
-        std::count_if(references.stages.begin(), references.stages.end(), [&](const StageReference& kept) {
-          return std::none_of(sheet.estimators.begin(), sheet.estimators.end(),
-                              [&](const StageSpec& spec) { return spec.name == kept.stage; });
-        }));
-  }
   alarms_ = node_.advertise<faultline_msgs::AlarmArray>("alarms", 100, true);
   diagnostics_ = node_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 100);
-  estimates_ = node_.subscribe<faultline_msgs::Estimate>(
-      "estimate", kQueue, [this](const boost::shared_ptr<const faultline_msgs::Estimate>& message) { take(*message); },
-      ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+  const ros::TransportHints fast = ros::TransportHints().tcpNoDelay();
+  const auto take = [this](const auto& message) {
+    join_.add(message);
+    take_pairs();
+  };
+  using DetectionsPtr = boost::shared_ptr<const faultline_msgs::Detections>;
+  using HypothesesPtr = boost::shared_ptr<const faultline_msgs::Hypotheses>;
+  detections_ = node_.subscribe<faultline_msgs::Detections>(
+      "detections", kQueue, [take](const DetectionsPtr& message) { take(message); }, ros::VoidConstPtr(), fast);
+  hypotheses_ = node_.subscribe<faultline_msgs::Hypotheses>(
+      "hypotheses", kQueue, [take](const HypothesesPtr& message) { take(message); }, ros::VoidConstPtr(), fast);
+  samples_ = node_.subscribe<faultline_msgs::Sample>(
+      "sample", kQueue,
+      [this](const boost::shared_ptr<const faultline_msgs::Sample>& message) {
+        hear(to_seconds(message->header.stamp));
+      },
+      ros::VoidConstPtr(), fast);
   end_ = node_.subscribe<std_msgs::Time>("end", 10, [this](const boost::shared_ptr<const std_msgs::Time>& message) {
     run_end_ = to_seconds(message->data);
+    if (judged_ == run_end_) publish();
   });
   watch_timer_ = node_.createWallTimer(ros::WallDuration(0.1), [this](const ros::WallTimerEvent&) { watch(); });
   second_timer_ = node_.createWallTimer(ros::WallDuration(1), [this](const ros::WallTimerEvent&) { each_second(); });
-  published_changes_ = stage_.changes();
+  published_changes_ = keeper_.changes();
   publish();
 }
 
@@ -60,113 +64,86 @@ double AlarmPublisher::simulated_seconds() const {
   return ros::Time::isSimTime() ? ros::Time::now().toSec() : std::numeric_limits<double>::quiet_NaN();
 }
 
-void AlarmPublisher::take(const faultline_msgs::Estimate& message) {
-  const auto from = std::find_if(sheet_.estimators.begin(), sheet_.estimators.end(),
-                                 [&](const StageSpec& spec) { return spec.name == message.stage; });
-  if (from == sheet_.estimators.end()) {
-    ++other_stage_;
-    return;
+void AlarmPublisher::take_pairs() {
+  for (bool more = true; more;) {
+    double time = 0;
+    try {
+      const std::optional<Assessment> assessment = join_.next();
+      if (!assessment) return;
+      keeper_.process(*assessment);
+      time = assessment->time;
+      monitor_.observe(assessment->sequence, time);
+    } catch (const InputError&) {
+      ++bad_;
+      continue;
+    }
+    judged_ = time;
+    judged_at_ = steady_seconds();
+    unjudged_ = 0;
+    if (heard_ == 0) silence_.arrived(time, steady_seconds(), simulated_seconds());
+    if (keeper_.changes() != published_changes_ || judged_ == run_end_) publish();
   }
-  Estimate estimate;
-  try {
-    estimate = from_message(message);
-    if (estimate.channel_status.size() != sheet_.channels.size()) throw InputError("");
-  } catch (const InputError&) {
-    ++bad_;
-    return;
-  }
-  if (!samples_) hear_samples();
-  const double time = estimate.time;
-  const std::uint64_t sequence = estimate.sequence;
-  const auto stage = static_cast<std::size_t>(from - sheet_.estimators.begin());
-  if (!join_.add(stage, std::move(estimate), estimates_of_sample_)) return;
-  monitor_.observe(sequence, time);
-  stage_.process(estimates_of_sample_);
-  judged_ = time;
-  judged_at_ = steady_seconds();
-  if (heard_ == 0) silence_.arrived(time, steady_seconds(), simulated_seconds());
-  if (stage_.changes() != published_changes_) publish();
 }
 
-// From the first estimate on: a player that waits for subscribers of the samples is to wait for the estimators.
-void AlarmPublisher::hear_samples() {
-  samples_ = node_.subscribe<faultline_msgs::Sample>(
-      "sample", kQueue,
-      [this](const boost::shared_ptr<const faultline_msgs::Sample>& message) {
-        heard_ = to_seconds(message->header.stamp);
-        silence_.arrived(heard_, steady_seconds(), simulated_seconds());
-      },
-      ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+void AlarmPublisher::hear(double sample_time) {
+  heard_ = sample_time;
+  ++unjudged_;
+  silence_.arrived(heard_, steady_seconds(), simulated_seconds());
 }
 
 double AlarmPublisher::behind() const { return heard_ > 0 ? std::max(0.0, heard_ - judged_) : 0; }
 
+bool AlarmPublisher::pending() const { return behind() > 0 || unjudged_ > kUnjudged; }
+
 void AlarmPublisher::watch() {
   const double now = silence_.now(steady_seconds(), simulated_seconds());
-  if (std::isnan(now) || behind() > 0 || (heard_ > 0 && heard_ == run_end_)) return;
-  stage_.advance(now);
-  if (stage_.changes() != published_changes_) publish();
+  if (std::isnan(now) || pending() || (heard_ > 0 && heard_ == run_end_)) return;
+  keeper_.advance(now);
+  if (keeper_.changes() != published_changes_) publish();
 }
 
 void AlarmPublisher::publish() {
-  published_changes_ = stage_.changes();
-  const AlarmReport report = before_.with(stage_.report());
+  published_changes_ = keeper_.changes();
+  const AlarmReport report = before_.with(keeper_.report());
   alarms_.publish(to_message(report));
   diagnostic_msgs::DiagnosticArray array = to_diagnostics(report, name_);
   closed_.close(array);
   array.header.stamp = ros::Time::now();
+  const double waited = steady_seconds() - judged_at_;
   if (monitor_.counts().received == 0) {
     array.status[0].level = DiagnosticStatus::STALE;
-    array.status[0].message = "No estimate has come yet.";
-  } else if (const double waited = steady_seconds() - judged_at_;
-             behind() > kBehind || (behind() > 0 && waited > kBehind)) {
+    array.status[0].message = "No sample has been judged yet.";
+  } else if (behind() > kBehind || (pending() && waited > kBehind)) {
     array.status[0].level = DiagnosticStatus::STALE;
     array.status[0].message = fmt::format(
-        "Not judged yet: the estimates are {:.1f} s behind the samples, the last came {:.1f} s ago.", behind(), waited);
+        "Not judged yet: judgements are {:.1f} s behind the samples, the last came {:.1f} s ago.", behind(), waited);
   }
   diagnostics_.publish(array);
 }
 
 void AlarmPublisher::each_second() {
-  keep_reference();
-  if (kept_changes_ != stage_.changes()) {
+  if (kept_changes_ != keeper_.changes()) {
     // A call to the master: here and not in the path of an estimate.
-    std::vector<std::uint8_t> bytes = to_bytes(before_.with(stage_.report()));
+    std::vector<std::uint8_t> bytes = to_bytes(before_.with(keeper_.report()));
     private_node_.setParam("history", XmlRpc::XmlRpcValue(bytes.data(), static_cast<int>(bytes.size())));
-    kept_changes_ = stage_.changes();
+    kept_changes_ = keeper_.changes();
   }
   publish();
-}
-
-void AlarmPublisher::keep_reference() {
-  if (reference_.empty()) return;
-  const References learnt = stage_.references();
-  if (learnt.stages.size() <= kept_) return;
-  try {
-    update_references(learnt, reference_);
-    kept_ = learnt.stages.size();
-    reference_trouble_.clear();
-  } catch (const InputError& error) {
-    reference_trouble_ = error.what();
-  }
 }
 
 void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const SequenceCounts& counts = monitor_.counts();
   const bool silent = counts.received == told_.received;
-  status.summary(DiagnosticStatus::OK, "estimates arrive");
-  status.add("estimates per second", rate_.rate(counts.received));
+  status.summary(DiagnosticStatus::OK, "judgements arrive");
+  status.add("judgements per second", rate_.rate(counts.received));
   tell_counts(counts, told_, status);
   status.add("not understood", bad_);
-  status.add("of other stages", other_stage_);
-  status.add("samples that an estimator left out", join_.dropped());
+  status.add("without their other half", join_.dropped());
   status.add("behind the samples [s]", behind());
-  if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some estimates do not fit this rig");
-  if (!reference_.empty()) status.add("stages with a kept reference", kept_);
-  if (!reference_trouble_.empty()) status.mergeSummary(DiagnosticStatus::WARN, reference_trouble_);
+  if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some judgements do not fit this rig");
   if (silent)
     status.mergeSummary(DiagnosticStatus::WARN,
-                        counts.received == 0 ? "no estimate yet" : "no estimate since the last report");
+                        counts.received == 0 ? "no judgement yet" : "no judgement since the last report");
   if (silence_.clock_stands(steady_seconds(), simulated_seconds()))
     status.mergeSummary(DiagnosticStatus::WARN, "/clock stands still: replay is paused or over, silence is not judged");
 }

@@ -173,6 +173,7 @@ Description from_message(const faultline_msgs::RigDescription& message) {
   description.rig = message.rig;
   description.sample_period = message.sample_period;
   description.made_by = message.made_by;
+  description.start = to_seconds(message.header.stamp);
   for (const faultline_msgs::ChannelDescription& channel : message.channels) {
     description.names.push_back(channel.name);
     description.units.push_back(channel.unit);
@@ -218,6 +219,12 @@ faultline_msgs::Estimate to_message(const Estimate& estimate, const EstimateName
   return message;
 }
 
+ChannelStatus to_channel_status(std::uint8_t word) {
+  if (word > static_cast<std::uint8_t>(ChannelStatus::out_of_range))
+    throw InputError(fmt::format("channel status {} is unknown; 0 to 2 are allowed", static_cast<int>(word)));
+  return static_cast<ChannelStatus>(word);
+}
+
 Estimate from_message(const faultline_msgs::Estimate& message) {
   Estimate estimate;
   estimate.time = to_seconds(message.header.stamp);
@@ -230,11 +237,7 @@ Estimate from_message(const faultline_msgs::Estimate& message) {
   estimate.normalised_innovation = message.normalised_innovation;
   estimate.observed = static_cast<int>(message.observed);
   estimate.channel_status.reserve(message.channel_status.size());
-  for (const std::uint8_t status : message.channel_status) {
-    if (status > static_cast<std::uint8_t>(ChannelStatus::out_of_range))
-      throw InputError(fmt::format("channel status {} is unknown; 0 to 2 are allowed", static_cast<int>(status)));
-    estimate.channel_status.push_back(static_cast<ChannelStatus>(status));
-  }
+  for (const std::uint8_t status : message.channel_status) estimate.channel_status.push_back(to_channel_status(status));
   for (const faultline_msgs::Quantity& quantity : message.quantities)
     estimate.quantities.push_back({quantity.name, quantity.unit, quantity.value, quantity.std});
   if (message.ranking.size() > 1)

@@ -43,6 +43,7 @@ class EstimatorStage;
 EstimateNames names_of(const Datasheet& sheet, const EstimatorStage& stage);
 faultline_msgs::Estimate to_message(const Estimate& estimate, const EstimateNames& names);
 Estimate from_message(const faultline_msgs::Estimate& message);
+ChannelStatus to_channel_status(std::uint8_t word);  // InputError where there is none
 faultline_msgs::Histogram to_message(const HistogramView& view, const EstimateNames& names, double time);
 
 faultline_msgs::AlarmArray to_message(const AlarmReport& report);

@@ -17,6 +17,7 @@ struct Description {
   std::vector<std::string> names;  // of the channels, in the order of the values
   std::vector<std::string> units;
   std::string made_by;
+  double start = 0;  // s, stamp of the run's first sample; 0: not known
 };
 
 // For every channel of the datasheet its place among the described ones. Throws InputError that names the wrong rig,

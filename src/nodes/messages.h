@@ -21,9 +21,11 @@
 #include <faultline/Alarm.h>
 #include <faultline/AlarmArray.h>
 #include <faultline/ChannelDescription.h>
+#include <faultline/Detections.h>
 #include <faultline/Estimate.h>
 #include <faultline/Gap.h>
 #include <faultline/Histogram.h>
+#include <faultline/Hypotheses.h>
 #include <faultline/Quantity.h>
 #include <faultline/RankedHypothesis.h>
 #include <faultline/Ranking.h>

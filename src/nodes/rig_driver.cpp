@@ -26,7 +26,6 @@ RigDriver::RigDriver(const Datasheet& sheet, const std::string& made_by, Listene
       monitor_(sequence_settings(sheet)) {
   description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
   samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners.heard());
-  end_ = node_.advertise<std_msgs::Time>("end", 1);
   description_.publish(to_message(sheet, made_by));
 }
 
@@ -68,9 +67,9 @@ void RigDriver::deliver(const Sample& sample, double arrival) {
   ++published_;
 }
 
-void RigDriver::tell_end() {
+double RigDriver::last_time() const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (published_ > 0) end_.publish(end_of_run(last_time_));
+  return last_time_;
 }
 
 std::uint64_t RigDriver::published() const {
@@ -80,7 +79,7 @@ std::uint64_t RigDriver::published() const {
 
 std::string RigDriver::trouble() const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  return gate_.trouble();
+  return gate_.trouble().empty() ? gate_.refusal() : gate_.trouble();
 }
 
 void RigDriver::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
@@ -98,6 +97,9 @@ void RigDriver::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
     status.mergeSummary(DiagnosticStatus::WARN,
                         "some LCM messages do not decode: does the DAQ use msg/lcm of this version?");
   if (unfit_ > 0) status.mergeSummary(DiagnosticStatus::WARN, last_unfit_);
+  if (gate_.refused() > told_refused_ && !gate_.refusal().empty())
+    status.mergeSummary(DiagnosticStatus::WARN, gate_.refusal());
+  told_refused_ = gate_.refused();
   if (!gate_.trouble().empty())
     status.mergeSummary(gate_.refusing() ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN, gate_.trouble());
   if (silent)

@@ -25,10 +25,10 @@ class RigDriver {
   // One LCM message. `arrival`: s, of a clock that runs evenly. Other channels than the rig's are left alone.
   void take(const std::string& channel, const void* data, int size, double arrival);
   void flush(double arrival);  // no more will come, or none came for a while
-  void tell_end();             // of a log: what was published is all
   void tell(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   std::uint64_t published() const;
+  double last_time() const;  // s, of what was published
   std::string trouble() const;
 
  private:
@@ -37,14 +37,14 @@ class RigDriver {
   const Datasheet& sheet_;
   std::string sample_channel_, description_channel_;
   ros::NodeHandle node_;
-  ros::Publisher samples_, description_, end_;
+  ros::Publisher samples_, description_;
   mutable std::mutex mutex_;  // over all that follows
   SampleGate gate_;
   SequenceMonitor monitor_;
   SequenceCounts told_;
   RateMeter rate_;
   double last_time_ = 0;  // s, of what was published
-  std::uint64_t published_ = 0, undecodable_ = 0, unfit_ = 0;
+  std::uint64_t published_ = 0, undecodable_ = 0, unfit_ = 0, told_refused_ = 0;
   std::string last_unfit_;
 };
 

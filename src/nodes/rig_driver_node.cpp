@@ -6,6 +6,7 @@
 
 #include "faultline/rig/mapping.h"
 #include "faultline/signal/error.h"
+#include "nodes/end_of_run.h"
 #include "nodes/lcm_source.h"
 #include "nodes/node_main.h"
 #include "nodes/rig_driver.h"
@@ -67,8 +68,7 @@ int drive(Parameters& parameters) {
   }
   while (ros::ok() && !source.ended()) ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.05));
   if (!source.ended()) return 0;  // stopped from outside
-  driver.tell_end();
-  linger();
+  if (driver.published() > 0) EndOfRun().tell(driver.last_time());
   if (!source.trouble().empty()) throw InputError(source.trouble());
   if (driver.published() == 0)
     throw InputError(fmt::format("{}: no sample of the rig '{}' in it{}", log, sheet.rig,

@@ -72,7 +72,7 @@ RigSimulator::RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& s
   } else {
     description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
     samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners_.heard());
-    end_ = node_.advertise<std_msgs::Time>("end", 1);
+    end_ = std::make_unique<EndOfRun>();
   }
   health_ =
       std::make_unique<NodeHealth>(sheet.rig, "simulator", [this](diagnostic_updater::DiagnosticStatusWrapper& status) {
@@ -140,7 +140,11 @@ void RigSimulator::run() {
     if (behind_ < 0)
       std::this_thread::sleep_for(std::chrono::duration<double>(std::clamp(-behind_, 1e-3 - wall_period, 0.1)));
   }
-  if (!lcm_ && sent_ > 0 && ros::ok()) end_.publish(end_of_run(sample.time));
+  if (!ros::ok()) return;
+  if (end_ && sent_ > 0)
+    end_->tell(sample.time);
+  else
+    linger();
 }
 
 }  // namespace faultline

@@ -12,6 +12,7 @@
 #include <lcm/lcm-cpp.hpp>
 
 #include "faultline/rig/simulator.h"
+#include "nodes/end_of_run.h"
 #include "nodes/node_health.h"
 #include "nodes/node_main.h"
 #include "nodes/parameters.h"
@@ -45,7 +46,8 @@ class RigSimulator {
   Simulator simulator_;
   Listeners listeners_;
   ros::NodeHandle node_;
-  ros::Publisher end_, samples_, description_;
+  ros::Publisher samples_, description_;
+  std::unique_ptr<EndOfRun> end_;  // of a run over ROS
   std::unique_ptr<lcm::LCM> lcm_;
   std::uint64_t sent_ = 0, failed_ = 0;
   double behind_ = 0, most_behind_ = 0;  // s of wall time

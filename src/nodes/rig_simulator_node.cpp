@@ -11,7 +11,6 @@ int main(int argc, char** argv) {
     parameters.check_used();
     RigSimulator simulator(sheet, settings, std::move(listeners));
     simulator.run();
-    linger();
     return 0;
   });
 }

@@ -69,7 +69,7 @@ void SampleGate::pass(Sample& sample, double arrival) {
     return;
   }
   ++refused_;
-  trouble_ = fmt::format("a sample has {} values, its description names {} channels; mend what writes it",
+  refusal_ = fmt::format("a sample has {} values, its description names {} channels; mend what writes it",
                          sample.values.size(), described_);
 }
 

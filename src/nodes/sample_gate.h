@@ -31,7 +31,8 @@ class SampleGate {
   void push(Sample sample, double now);
   void tick(double now);  // the wait may be over without a further sample
 
-  const std::string& trouble() const { return trouble_; }  // one line; empty if all is well
+  const std::string& trouble() const { return trouble_; }  // one line, while it lasts; empty if all is well
+  const std::string& refusal() const { return refusal_; }  // why the last sample was refused that did not fit
   bool refusing() const { return state_ == State::refusing; }
   std::uint64_t refused() const { return refused_; }
 
@@ -48,7 +49,7 @@ class SampleGate {
   std::vector<std::size_t> places_;
   std::size_t described_ = 0;
   std::deque<Held> held_;
-  std::string trouble_;
+  std::string trouble_, refusal_;
   std::uint64_t refused_ = 0;
 };
 

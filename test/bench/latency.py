@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """End-to-end latency over ROS at 1 kHz: sample published -> estimate received, and bad sample -> data alarm received.
 
-Starts a ROS master, kalman_node and alarm_node of its own on 127.0.0.1, publishes samples of the servo actuator that
+Starts a ROS master, kalman_node, isolator_node and alarm_node of its own on 127.0.0.1, publishes samples of the servo actuator that
 `faultline simulate` made (--csv), and takes wall times at the publisher and at the subscriber, in one process. Every
 2.5 s, from 5 s on, the velocity of one sample is missing: the data alarm that follows is timed from that sample. Prints
 p50, p99 and maximum in ms. Estimates are read as bytes, so that what is timed is the graph and not Python's unpacking.
@@ -143,7 +143,7 @@ def description_of(arguments, names):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--programs', required=True, help='folder of kalman_node and alarm_node')
+    parser.add_argument('--programs', required=True, help='folder of kalman_node, isolator_node and alarm_node')
     parser.add_argument('--csv', required=True, help='samples, as faultline simulate writes them')
     parser.add_argument('--sheet', required=True, help='the datasheet of the rig')
     parser.add_argument('--rig', default='servo_actuator')
@@ -170,6 +170,7 @@ def main():
             time.sleep(0.1)
         time.sleep(2)
         begin(os.path.join(arguments.programs, 'alarm_node'), f'_rig:={arguments.rig}', f'__ns:={arguments.rig}')
+        begin(os.path.join(arguments.programs, 'isolator_node'), f'_rig:={arguments.rig}', f'__ns:={arguments.rig}')
         begin(os.path.join(arguments.programs, 'kalman_node'), f'_rig:={arguments.rig}', f'__ns:={arguments.rig}')
         return measure(arguments)
     finally:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Samples lost between a DAQ and the alarms: simulator -> LCM over UDP multicast -> driver -> kalman_node -> alarm_node
+"""Samples lost between a DAQ and the alarms: simulator -> LCM over UDP multicast -> driver -> kalman_node -> isolator_node -> alarm_node
 at 1 kHz.
 
     ten_minutes.py [--seconds 600] [--build FOLDER] [--json FILE]
@@ -55,7 +55,8 @@ def measure(seconds):
         listener = graph.start(listen)
         nodes = {
             "alarms": graph.node("alarm_node", "alarms", rig=RIG),
-            "kalman": graph.node("kalman_node", "kalman", rig=RIG, wait_for="alarms"),
+            "isolator": graph.node("isolator_node", "isolator", rig=RIG, wait_for="alarms"),
+            "kalman": graph.node("kalman_node", "kalman", rig=RIG, wait_for="isolator"),
             "driver": graph.node("rig_driver_node", "driver", rig=RIG, lcm_url=URL, wait_for="kalman"),
         }
         time.sleep(3)  # LCM keeps nothing for a listener that comes late
@@ -72,7 +73,7 @@ def measure(seconds):
                 cpu[name] = cpu_seconds(process)
         graph.end(nodes["simulator"])
         time.sleep(2.5)  # the last report on /diagnostics
-        for name in ("driver", "kalman", "alarms"):
+        for name in ("driver", "kalman", "isolator", "alarms"):
             graph.end(nodes[name])
         graph.end(listener)
         last = {}
@@ -91,7 +92,7 @@ def measure(seconds):
             "udp": udp_counts(),
             "nodes": {},
         }
-        for name in ("driver", "kalman", "alarms"):
+        for name in ("driver", "kalman", "isolator", "alarms"):
             values = [
                 status["values"]
                 for title, status in last.items()

@@ -85,6 +85,7 @@ TEST_F(ResponseIsolation, TwinsAtOnePlaceGoByTheFirstOfTheDatasheet) {
   const Finding& f = hear({cause("laminar_leakage", kSeal, 4, 100), cause("orifice_leakage", kSeal, 3, 99)});
   EXPECT_EQ(f.effect, "orifice_leakage");
   EXPECT_EQ(f.equivalent, std::vector<std::string>{std::string("laminar_leakage@") + kSeal});
+  EXPECT_NEAR(f.confidence, 1, 1e-12);  // of the place
 }
 
 TEST_F(ResponseIsolation, ANameThatExplainsAsWellStays) {
@@ -104,7 +105,8 @@ TEST_F(ResponseIsolation, TooManyRivalsAreUnknown) {
   EXPECT_EQ(f.kind, AlarmKind::unknown);
   EXPECT_EQ(f.effect, "");
   EXPECT_FALSE(f.has_size);
-  EXPECT_EQ(f.equivalent.size(), 7u);
+  EXPECT_EQ(f.equivalent.size(), 8u);  // all of them are candidates, the likeliest first
+  EXPECT_EQ(f.equivalent.front(), std::string("effect_0@") + kSeal);
 }
 
 TEST_F(ResponseIsolation, TheSecondIsConfirmedFirst) {

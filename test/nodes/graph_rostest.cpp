@@ -1,8 +1,9 @@
-// The test is the rig: it sends samples and holds what kalman_node and alarm_node say against the same stages run here.
+// The test is the rig: it sends samples and holds what kalman_node, isolator_node and alarm_node say against the same stages run here.
 #include <chrono>
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -12,9 +13,11 @@
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 
-#include "faultline/alarms/alarm_stage.h"
+#include "faultline/alarms/alarm_keeper.h"
 #include "faultline/estimators/estimator_stage.h"
+#include "faultline/isolation/isolation_stage.h"
 #include "faultline/rig/simulator.h"
+#include "nodes/assessment_messages.h"
 #include "nodes/conversion.h"
 #include "nodes/node_main.h"
 
@@ -22,6 +25,17 @@ namespace faultline {
 namespace {
 
 constexpr double kStart = 1.7e9;
+// Of a message, but for the count that ROS puts into its header.
+template <class Message>
+std::size_t fingerprint(Message message) {
+  message.header.seq = 0;
+  std::string bytes(ros::serialization::serializationLength(message), '\0');
+  ros::serialization::OStream stream(reinterpret_cast<std::uint8_t*>(bytes.data()),
+                                     static_cast<std::uint32_t>(bytes.size()));
+  ros::serialization::serialize(stream, message);
+  return std::hash<std::string>()(bytes);
+}
+
 constexpr double kLeakFrom = 25;  // s: a leak of 1.5e-8 m^3/(s sqrt(Pa))
 
 class Graph : public ::testing::Test {
@@ -46,6 +60,18 @@ class Graph : public ::testing::Test {
             heard_rankings_.push_back(from_message(*message));
         },
         {}, fast);
+    detections_ = node_.subscribe<faultline_msgs::Detections>(
+        "/servo_actuator/detections", 4 * kQueue,
+        [this](const faultline_msgs::Detections::ConstPtr& message) {
+          heard_detections_.push_back(fingerprint(*message));
+        },
+        {}, fast);
+    hypotheses_ = node_.subscribe<faultline_msgs::Hypotheses>(
+        "/servo_actuator/hypotheses", 4 * kQueue,
+        [this](const faultline_msgs::Hypotheses::ConstPtr& message) {
+          heard_hypotheses_.push_back(fingerprint(*message));
+        },
+        {}, fast);
     alarms_ = node_.subscribe<faultline_msgs::AlarmArray>(
         "/servo_actuator/alarms", 1000,
         [this](const faultline_msgs::AlarmArray::ConstPtr& message) { report_ = from_message(*message); }, {}, fast);
@@ -57,14 +83,13 @@ class Graph : public ::testing::Test {
               said_ = status.message;
             }
         });
-    // The alarm node hears samples, too, once it heard an estimate.
     ASSERT_TRUE(until(
         [this] {
-          return samples_.getNumSubscribers() >= (began_ ? 2u : 1u) && estimates_.getNumPublishers() >= 1 &&
+          return samples_.getNumSubscribers() >= 2 && detections_.getNumPublishers() >= 1 &&
+                 hypotheses_.getNumPublishers() >= 1 && estimates_.getNumPublishers() >= 1 &&
                  alarms_.getNumPublishers() >= 1 && diagnostics_.getNumPublishers() >= 1;
         },
         15));
-    began_ = true;
     std_srvs::Trigger trigger;
     ASSERT_TRUE(ros::service::waitForService("/servo_actuator/kalman/reset", 10000));
     ASSERT_TRUE(ros::service::call("/servo_actuator/kalman/reset", trigger));
@@ -109,7 +134,10 @@ class Graph : public ::testing::Test {
         expected_.push_back(estimates_here_.front());
         for (std::size_t i = 1; i < stages_.size(); ++i)
           if (stages_[i].news()) expected_rankings_.push_back(estimates_here_[i]);
-        alarm_stage_.process(estimates_here_);
+        const Assessment& assessment = isolation_.process(estimates_here_);
+        expected_detections_.push_back(fingerprint(detections_of(assessment, "servo_actuator")));
+        expected_hypotheses_.push_back(fingerprint(hypotheses_of(assessment, "servo_actuator")));
+        keeper_.process(assessment);
       }
       if (row % 500 == 0) {
         ASSERT_TRUE(until([&] { return before + row < heard_.size() + 2000; }, 20)) << "at row " << row;
@@ -117,7 +145,7 @@ class Graph : public ::testing::Test {
     }
     ASSERT_TRUE(until([&] { return heard_.size() == expected_.size(); }, 20))
         << heard_.size() << " of " << expected_.size();
-    ASSERT_TRUE(until([&] { return report_.time == alarm_stage_.report().time; }, 5));
+    ASSERT_TRUE(until([&] { return report_.time == keeper_.report().time; }, 5));
   }
 
   void expect_same_estimates() {
@@ -152,8 +180,20 @@ class Graph : public ::testing::Test {
     }
   }
 
+  // Of detectors and isolators: bit for bit what the same stages say here, of every sample.
+  void expect_same_assessments() {
+    EXPECT_TRUE(until(
+        [this] {
+          return heard_detections_.size() >= expected_detections_.size() &&
+                 heard_hypotheses_.size() >= expected_hypotheses_.size();
+        },
+        20));
+    EXPECT_TRUE(heard_detections_ == expected_detections_) << heard_detections_.size();
+    EXPECT_TRUE(heard_hypotheses_ == expected_hypotheses_) << heard_hypotheses_.size();
+  }
+
   void expect_same_alarms(std::size_t first = 0) {
-    const std::vector<Alarm>& expected = alarm_stage_.report().alarms;
+    const std::vector<Alarm>& expected = keeper_.report().alarms;
     ASSERT_GE(report_.alarms.size(), first + expected.size());
     for (std::size_t i = 0; i < expected.size(); ++i) {
       const Alarm& heard = report_.alarms[first + i];
@@ -170,28 +210,29 @@ class Graph : public ::testing::Test {
   }
 
   static Datasheet* sheet_;
-  static bool began_;  // an earlier test sent samples
   ros::NodeHandle node_;
   ros::Publisher description_, samples_;
-  ros::Subscriber estimates_, alarms_, diagnostics_;
+  ros::Subscriber estimates_, detections_, hypotheses_, alarms_, diagnostics_;
   std::vector<Estimate> heard_, expected_;
   std::vector<Estimate> heard_rankings_, expected_rankings_;
+  std::vector<std::size_t> heard_detections_, expected_detections_, heard_hypotheses_, expected_hypotheses_;
   AlarmReport report_;
   int level_ = -1;
   std::string said_;
   std::vector<EstimatorStage> stages_;
   std::vector<Estimate> estimates_here_;
-  AlarmStage alarm_stage_{*sheet_};
+  IsolationStage isolation_{*sheet_};
+  AlarmKeeper keeper_{*sheet_};
 };
 
 Datasheet* Graph::sheet_ = nullptr;
-bool Graph::began_ = false;
 
 // Every test starts before the last one's time, so that the alarm node begins anew by itself.
 TEST_F(Graph, Test1FindsALeakAndSaysTheSameAsTheStagesHere) {
   run(record(3, 60, true), kStart, 0);
   expect_same_estimates();
   expect_same_rankings();
+  expect_same_assessments();
   EXPECT_GT(expected_rankings_.size(), 20u);
   EXPECT_FALSE(expected_rankings_.back().ranking->first.empty());
   expect_same_alarms();

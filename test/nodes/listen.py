@@ -12,7 +12,7 @@ import time
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
-from faultline.msg import AlarmArray, Estimate, Gap, Histogram, Sample
+from faultline.msg import AlarmArray, Detections, Estimate, Gap, Histogram, Hypotheses, Sample
 
 words = rospy.myargv(sys.argv)
 rig, quiet, file_name, topics = words[1], float(words[2]), words[3], words[4:]
@@ -72,9 +72,33 @@ def alarms(message):
                     "until": alarm.until.to_nsec(),
                     "active": alarm.active,
                     "size": alarm.size,
+                    "text": alarm.text,
+                    "equivalent": alarm.equivalent,
                 }
                 for alarm in message.alarms
             ],
+        }
+    )
+
+
+def detections(message):
+    write(
+        {
+            "topic": "detections",
+            "time": message.header.stamp.to_nsec(),
+            "sequence": message.sequence,
+            "active": {d.name: d.since for d in message.detections if d.active},
+        }
+    )
+
+
+def hypotheses(message):
+    write(
+        {
+            "topic": "hypotheses",
+            "time": message.header.stamp.to_nsec(),
+            "sequence": message.sequence,
+            "active": {h.name: [h.effect, h.port, h.since, h.confidence] for h in message.hypotheses if h.active},
         }
     )
 
@@ -142,6 +166,8 @@ kinds = {
     "sample": (Sample, sample),
     "estimate": (Estimate, estimate),
     "alarms": (AlarmArray, alarms),
+    "detections": (Detections, detections),
+    "hypotheses": (Hypotheses, hypotheses),
     "gap": (Gap, gap),
     "histogram": (Histogram, histogram),
 }

@@ -90,7 +90,7 @@ TEST(SampleGate, RefusesSamplesOfAnotherLength) {
   g.gate.push(Gate::sample({1, 2, 3}), 10);
   EXPECT_TRUE(g.passed.empty());
   EXPECT_EQ(g.gate.refused(), 1u);
-  EXPECT_NE(g.gate.trouble().find("3 values"), std::string::npos);
+  EXPECT_NE(g.gate.refusal().find("3 values"), std::string::npos);
 }
 
 }  // namespace

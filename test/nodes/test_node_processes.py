@@ -9,9 +9,10 @@ import tempfile
 import time
 import unittest
 
-from graph import Graph, built_environment, devel_space, free_port, read_lcm_log, write_lcm_log
+from graph import ROOT, Graph, built_environment, devel_space, free_port, read_lcm_log, write_lcm_log
 
 RIG = "servo_actuator"
+BAG = str(ROOT / "bags/servo_actuator_healthy.bag")
 NODES = (
     "rig_simulator_node",
     "rig_driver_node",
@@ -19,7 +20,9 @@ NODES = (
     "parameter_node",
     "histogram_node",
     "neural_node",
+    "isolator_node",
     "alarm_node",
+    "bag_player_node",
 )
 
 
@@ -71,7 +74,9 @@ class BadParameters(unittest.TestCase):
         ),
         ("alarm_node", {"rig": RIG, "patience": 1000.0}, ["~patience", "1000", "0 to 60"]),
         ("alarm_node", {"rig": RIG, "patience": "long"}, ["~patience", "'long'", "number"]),
-        ("alarm_node", {"rig": RIG, "reference": __file__}, ["test_node_processes.py", "no file of references"]),
+        ("isolator_node", {"rig": RIG, "reference": __file__}, ["test_node_processes.py", "no file of references"]),
+        ("bag_player_node", {"bag": __file__, "recorded": RIG}, ["test_node_processes.py", "cannot be read as a bag"]),
+        ("bag_player_node", {"bag": BAG, "recorded": "press_1"}, ["/press_1/sample", "recorded:="]),
         ("rig_simulator_node", {"rig": RIG, "rate": 0}, ["~rate", "0.01 to 100"]),
         ("rig_simulator_node", {"rig": RIG, "output": "tcp"}, ["~output", "'tcp'", "lcm, ros"]),
         ("rig_simulator_node", {"rig": RIG, "profile": "waltz"}, ["waltz", "square"]),
@@ -100,13 +105,13 @@ class BadParameters(unittest.TestCase):
                     for word in wanted:
                         self.assertIn(word, line[0])
 
-    def test_alarm_node_keeps_what_was_learnt_once(self):
+    def test_isolator_node_keeps_what_was_learnt_once(self):
         rig = "cooling_circuit"
         with Graph() as graph:
             kept = graph.path / "rig.reference"
-            alarms = graph.node("alarm_node", "alarms", rig=rig, reference=str(kept))
-            graph.node("kalman_node", "kalman", rig=rig, wait_for="alarms")
-            graph.node("parameter_node", "parameter", rig=rig, wait_for="alarms")
+            isolator = graph.node("isolator_node", "isolator", rig=rig, reference=str(kept))
+            graph.node("kalman_node", "kalman", rig=rig, wait_for="isolator")
+            graph.node("parameter_node", "parameter", rig=rig, wait_for="isolator")
             graph.node(
                 "rig_simulator_node",
                 "simulator",
@@ -133,13 +138,13 @@ class BadParameters(unittest.TestCase):
             self.assertEqual(
                 [path.name for path in graph.path.iterdir() if path.name.startswith("rig.reference")], ["rig.reference"]
             )
-            graph.end(alarms)
-            again = graph.node("alarm_node", "alarms", rig=rig, reference=str(kept))
+            graph.end(isolator)
+            again = graph.node("isolator_node", "isolator", rig=rig, reference=str(kept))
             time.sleep(2)
             self.assertIsNone(again.poll(), graph.said(again))
             graph.end(again)
             kept.write_text(text[:-2])
-            code, said = graph.wait(graph.node("alarm_node", "alarms", rig=rig, reference=str(kept)), 15)
+            code, said = graph.wait(graph.node("isolator_node", "isolator", rig=rig, reference=str(kept)), 15)
             self.assertEqual(code, 2, said)
             self.assertIn("rig.reference: the file is damaged or cut off", said)
             self.assertEqual(kept.read_text(), text[:-2])

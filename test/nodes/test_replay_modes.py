@@ -2,10 +2,13 @@
 silence."""
 
 import json
+import os
 import pathlib
+import signal
 import subprocess
 import time
 import unittest
+import xmlrpc.client
 
 from graph import Graph, devel_space
 
@@ -104,6 +107,42 @@ class ReplayModes(unittest.TestCase):
         self.assertGreaterEqual(len(alarms), 2)
         self.assertIn("sensor.load_pressure", [port for _, port, _, _ in alarms[0]])
         self.assertEqual(alarms[0], alarms[1])
+
+    def test_a_judgement_that_comes_late_says_so_and_changes_nothing(self):
+        self.play(2)
+        self.wait_for_estimates(3000, 40)
+        node = xmlrpc.client.ServerProxy(self.graph.master.lookupNode("/test", f"/{RIG}/kalman")[2])
+        process = node.getPid("/test")[2]
+        os.kill(process, signal.SIGSTOP)
+        try:
+            limit = time.monotonic() + 30
+            while "Not judged yet" not in self.heard.read_text(errors="replace"):
+                self.assertLess(time.monotonic(), limit)
+                time.sleep(0.1)
+        finally:
+            os.kill(process, signal.SIGCONT)
+        code, said = self.graph.wait(self.player, 60)
+        self.assertEqual(code, 0, said)
+        entries = self.entries()
+        numbers = [entry["sequence"] for entry in entries if entry["topic"] == "estimate"]
+        self.assertEqual(numbers, list(range(1000 * LENGTH + 1)))
+        last = [entry for entry in entries if entry["topic"] == "alarms"][-1]
+        ran = subprocess.run(
+            [str(devel_space() / "lib/faultline/faultline"), "diagnose", str(self.bag), "--json", "-"],
+            env=self.graph.environment,
+            stdout=subprocess.PIPE,
+            check=True,
+            timeout=60,
+        )
+        wanted = json.loads(ran.stdout)["alarms"]
+        start = min(entry["time"] for entry in entries if entry["topic"] == "estimate")
+        self.assertEqual(
+            [(a["kind"], a["effect"], a["port"], a["active"]) for a in last["alarms"]],
+            [(a["kind"], a["effect"], a["port"], a["active"]) for a in wanted],
+        )
+        for told, same in zip(last["alarms"], wanted):
+            for key in ("since", "raised", "until"):
+                self.assertAlmostEqual((told[key] - start) * 1e-9, same[key], delta=2e-6)
 
     def test_a_pause_is_no_silence(self):
         self.play(2, "pause:=true")

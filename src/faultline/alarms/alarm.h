@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "faultline/alarms/reason.h"
+#include "faultline/isolation/reason.h"
 #include "faultline/rig/alarm_kind.h"
 
 namespace faultline {
@@ -22,10 +22,11 @@ struct Alarm {
   bool active = false;
   bool has_size = false;
   std::string size_name, size_unit;
-  double size = 0, low = 0, high = 0;   // 90 % bounds; of an ended alarm: when it was most certain
-  double confidence = 0;                // 0..1, likewise
-  std::string text;                     // one sentence
-  std::vector<std::string> equivalent;  // effect@port of what it cannot be told from
+  double size = 0, low = 0, high = 0;  // 90 % bounds; of an ended alarm: when it was most certain
+  double confidence = 0;               // 0..1, likewise
+  std::string text;                    // one sentence
+  // effect@port of what it cannot be told from; of kind unknown: the candidates, the likeliest first
+  std::vector<std::string> equivalent;
 };
 
 // What a detector looks for but could not have seen for some time: the motion did not show it.

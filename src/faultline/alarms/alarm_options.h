@@ -6,12 +6,6 @@
 namespace faultline {
 
 struct AlarmOptions {
-  // s; a data alarm ends when this long no bad sample came. An alarm per dropped sample would say nothing: this is the
-  // time in which a person reads one line, and well above the pause between two bursts of a loose contact.
-  double data_hold_s = 1.0;
-  // ... but never before this many sample periods: a slow rig shows no burst in a second.
-  double data_hold_periods = 3;
-
   // A rig that gave no sample for max(shortest_stale_s, the lesser of stale_periods and of few_stale_periods +
   // person_stale_s) is silent. A hundred periods are far beyond the jitter of a DAQ; operating system and network may
   // hold samples of a fast rig back for 0.1 s without anything being wrong. Of a slow rig three samples say enough,

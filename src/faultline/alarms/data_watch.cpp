@@ -7,7 +7,7 @@
 namespace faultline {
 
 DataWatch::DataWatch(const Datasheet& sheet, const AlarmOptions& options)
-    : hold_(std::max(options.data_hold_s, options.data_hold_periods * sheet.sample_period)),
+    : bad_(sheet),
       stale_after_(std::max(options.shortest_stale_s,
                             std::min(options.stale_periods * sheet.sample_period,
                                      options.few_stale_periods * sheet.sample_period + options.person_stale_s))) {
@@ -19,33 +19,29 @@ DataWatch::DataWatch(const Datasheet& sheet, const AlarmOptions& options)
       w.port = port;
     w.out_of_range = fmt::format("{}: outside {:g}..{:g} {}; check transducer and scaling", channel.name,
                                  channel.minimum, channel.maximum, channel.unit);
-    w.watched = channel.role != Role::setpoint && !channel.ground_truth;
     channels_.push_back(std::move(w));
   }
 }
 
 void DataWatch::reset() {
   for (Watched& w : channels_) w.alarm = -1;
+  bad_.reset();
   stale_ = -1;
 }
 
-void DataWatch::check_channels(const Estimate& estimate, AlarmBook& book) {
-  for (std::size_t c = 0; c < channels_.size() && c < estimate.channel_status.size(); ++c) {
+void DataWatch::check_channels(double time, const std::vector<ChannelStatus>& status, AlarmBook& book) {
+  bad_.process(time, status);
+  for (std::size_t c = 0; c < channels_.size() && c < status.size(); ++c) {
     Watched& w = channels_[c];
-    if (!w.watched) continue;
-    const ChannelStatus status = estimate.channel_status[c];
-    if (status != ChannelStatus::good) {
-      if (w.alarm < 0)
-        w.alarm = book.raise(
-            AlarmKind::data, "", w.port, AlarmLevel::error, estimate.time, estimate.time,
-            status == ChannelStatus::missing
-                ? fmt::format("{}: no number comes from this channel; check the cable and the converter", w.name)
-                : w.out_of_range);
-      w.last_bad = estimate.time;
-    } else if (w.alarm >= 0 && estimate.time - w.last_bad > hold_) {
-      book.end(w.alarm, w.last_bad);
-    }
-    if (w.alarm >= 0) book.at(w.alarm).until = estimate.time;
+    if (!bad_.is_bad(c))
+      book.end(w.alarm, bad_.last_bad(c));
+    else if (w.alarm < 0)
+      w.alarm = book.raise(
+          AlarmKind::data, "", w.port, AlarmLevel::error, time, time,
+          status[c] == ChannelStatus::missing
+              ? fmt::format("{}: no number comes from this channel; check the cable and the converter", w.name)
+              : w.out_of_range);
+    if (w.alarm >= 0) book.at(w.alarm).until = time;
   }
 }
 

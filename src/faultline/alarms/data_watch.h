@@ -8,7 +8,7 @@
 
 #include "faultline/alarms/alarm_book.h"
 #include "faultline/alarms/alarm_options.h"
-#include "faultline/estimators/estimate.h"
+#include "faultline/isolation/channel_watch.h"
 #include "faultline/rig/datasheet.h"
 
 namespace faultline {
@@ -22,18 +22,16 @@ class DataWatch {
   void advance(double last, double now, AlarmBook& book);
   // One came at `time`: a silence ends. If there was none because it was only on its way, the alarm is taken back.
   void arrived(double last, double time, AlarmBook& book);
-  void check_channels(const Estimate& estimate, AlarmBook& book);
-  bool is_bad(std::size_t channel) const { return channels_[channel].alarm >= 0; }
+  void check_channels(double time, const std::vector<ChannelStatus>& status, AlarmBook& book);
 
  private:
   struct Watched {
     std::string name, port, out_of_range;  // what is told then
-    bool watched = true;
-    int alarm = -1;  // of the book, while active
-    double last_bad = 0;
+    int alarm = -1;                        // of the book, while active
   };
   std::vector<Watched> channels_;
-  double hold_, stale_after_;  // s
+  ChannelWatch bad_;
+  double stale_after_;  // s
   int stale_ = -1;
 };
 

@@ -22,8 +22,9 @@ struct Finding {
   double since = 0;                     // s, when it began, as estimated
   AlarmKind kind = AlarmKind::unknown;  // fault, sensor or unknown
   std::string effect, port;             // of the datasheet; empty where none is claimed
-  std::vector<std::string> equivalent;  // effect@port of what it cannot be told from
-  std::string text;                     // one sentence, without size
+  // effect@port of what it cannot be told from; where no effect is claimed: the candidates, the likeliest first
+  std::vector<std::string> equivalent;
+  std::string text;  // one sentence, without size
   bool has_size = false;
   std::string size_name, size_unit;
   double size = 0, low = 0, high = 0;  // 90 % bounds

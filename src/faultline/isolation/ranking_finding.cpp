@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <set>
 
 namespace faultline {
 namespace {
@@ -75,16 +76,20 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
   finding.port = chosen->port;
   finding.kind = chosen->kind;
   finding.equivalent.clear();
-  double sum = 1;
+  double here = 0, sum = 0;  // likelihoods
+  std::set<std::string> ports = {chosen->port};
   for (const RankedHypothesis& other : ranked) {
-    if (&other == chosen) continue;
     const double behind = evidence - other.evidence;
-    sum += std::exp(-0.5 * behind);
+    const double likelihood = std::exp(-0.5 * behind);
+    sum += likelihood;
+    if (other.port == chosen->port) here += likelihood;
+    if (&other == chosen) continue;
     if (behind > margin || other.name() == chosen->name()) continue;
+    ports.insert(other.port);
     if (std::find(finding.equivalent.begin(), finding.equivalent.end(), other.name()) == finding.equivalent.end())
       finding.equivalent.push_back(other.name());
   }
-  finding.confidence = 1 / std::max(sum, static_cast<double>(finding.equivalent.size()) + 1);
+  finding.confidence = std::min(here / sum, 1 / static_cast<double>(ports.size()));
   finding.text = text(*chosen);
   std::string rivals;
   for (const std::string& name : finding.equivalent) rivals += (rivals.empty() ? "" : ", ") + name;
@@ -92,7 +97,8 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
   if (finding.equivalent.size() > options_.most_rivals) {
     finding.kind = AlarmKind::unknown;
     finding.effect = finding.port = "";
-    finding.text = "Something changed that this motion cannot tell apart: " + chosen->name() + ", " + rivals;
+    finding.text = "Something changed; candidates: " + chosen->name() + ", " + rivals;
+    finding.equivalent.insert(finding.equivalent.begin(), chosen->name());
   }
   finding.has_size = finding.kind != AlarmKind::unknown;
   finding.size_name = chosen->size_name;

@@ -3,7 +3,9 @@
 //
 // Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What
 // explains within `rival` of that evidence (a fraction, and never less than `rival_least`) cannot be told from it
-// and is listed as equivalent; if more than `most_rivals` are, the fault is unknown. Size with 90 % bounds from
+// and is listed as equivalent; if more than `most_rivals` are, the fault is unknown and all of them are candidates.
+// Confidence: that the trouble is at that port, by the evidence of all; never more than one over the ports among what
+// cannot be told apart. Size with 90 % bounds from
 // the ranking's standard deviation and `model_error` (relative: what tolerances leave). The evidence's variances
 // are inflated to decide with care; `std_factor` takes that back for the bounds.
 // Settings: place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals,

@@ -1,4 +1,4 @@
-#include "faultline/alarms/reason.h"
+#include "faultline/isolation/reason.h"
 
 #include <array>
 

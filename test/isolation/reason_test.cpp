@@ -1,5 +1,5 @@
 // The table of reasons against the rules it stands for, over everything that can be known about a claim.
-#include "faultline/alarms/reason.h"
+#include "faultline/isolation/reason.h"
 
 #include <gtest/gtest.h>
 

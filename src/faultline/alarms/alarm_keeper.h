@@ -1,0 +1,82 @@
+// From what detectors and isolators say to alarms: watches the data itself, keeps the life cycle of every alarm and says
+// the verdict: the second half of the alarm stage; isolation/isolation_stage.h is the other.
+//
+// What a detector and an isolator both found is one alarm, by the detector's effect and size. An isolator's alarm changes
+// its place and size as it learns.
+// What an isolator alone finds is named once the confidence in that name is kNamed at least, and as long as it is not
+// below kKept or another one is named. Until then the alarm says that something changed, of kind unknown, with the candidates as its
+// `equivalent`, the likeliest first.
+// Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell
+// silent (stale: from the last sample plus a while; alarm_options.h).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "faultline/alarms/alarm_book.h"
+#include "faultline/alarms/alarm_options.h"
+#include "faultline/alarms/data_watch.h"
+#include "faultline/isolation/assessment.h"
+
+namespace faultline {
+
+// Least confidence at which a cause is told by its name, and at which the name is kept: two that explain as much as
+// each other are named together, of three none is. The distance between the two keeps a name from coming and going.
+constexpr double kNamed = 0.5, kKept = 0.4;
+
+class AlarmKeeper {
+ public:
+  explicit AlarmKeeper(const Datasheet& sheet, const AlarmOptions& options = {});
+
+  // One sample's; begins anew where time jumps back. InputError unless it has the detectors and isolators of the
+  // datasheet.
+  void process(const Assessment& assessment);
+  // The time went on to `now` [s] without a sample; raises the stale alarm where it is due. If the next sample shows
+  // that there was no such silence, the alarm is taken back, so that what is told never depends on how long a sample
+  // was on its way.
+  void advance(double now);
+  void reset();
+
+  // With the verdict and what is withheld as of the last sample.
+  const AlarmReport& report() const;
+  // Counts up whenever an alarm is raised, ends, or changes level: what must be published at once.
+  std::uint64_t changes() const { return book_.changes(); }
+
+ private:
+  // A detector or an isolator, and what became of what it says.
+  struct Source {
+    int alarm = -1;  // of the book, while active
+    Withheld withheld;
+  };
+  struct Detecting : Source {
+    Finding finding;      // its detection in the datasheet's words
+    int unobserved = -1;  // of the report
+    double watched_to = 0;
+  };
+  struct Isolating : Source {
+    // The finding in the words of the detector that found the same, and what they were made of: words are made anew
+    // only where they change.
+    Finding shown, shown_of;
+    int shown_for = -1;
+    bool named = false;
+    Finding unnamed;  // what is told while it has not earned its name
+    std::string unnamed_for;
+  };
+  void check(const Assessment& assessment) const;
+  void take(Detecting& d, const DetectorResult& result, double time);
+  void take(Isolating& i, const IsolatorResult& result, const Assessment& assessment);
+  const Finding& in_words_of(int detector, const DetectorResult& found, const Finding& finding, Isolating& i) const;
+  void tell(Isolating& i, const Finding& finding, double time);
+  void watch_blindness(Detecting& d, const DetectorResult& result, double time);
+  std::string verdict() const;
+
+  std::string rig_;
+  std::vector<Detecting> detecting_;
+  std::vector<Isolating> isolating_;
+  DataWatch data_;
+  bool running_ = false;
+  double last_time_ = 0;
+  mutable AlarmBook book_;  // the report's verdict and what is withheld are only written when somebody reads it
+};
+
+}  // namespace faultline

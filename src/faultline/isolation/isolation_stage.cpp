@@ -1,0 +1,317 @@
+#include "faultline/isolation/isolation_stage.h"
+
+#include <algorithm>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "faultline/signal/error.h"
+#include "faultline/signal/text.h"
+
+namespace faultline {
+namespace {
+
+std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
+  return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
+}
+
+bool yes_or_no(const StageSpec& spec, const std::string& key, bool fallback) {
+  const std::string word = spec.settings.word_or(key, fallback ? "yes" : "no");
+  if (word != "yes" && word != "no")
+    throw InputError(fmt::format("{}: '{}' is '{}'; it must be yes or no", spec.settings.where(), key, word));
+  return word == "yes";
+}
+
+std::string named(const std::string& effect, const std::string& port) { return effect + "@" + port; }
+
+// Whether `name` is effect@port, without making that string.
+bool is_named(const std::string& name, const std::string& effect, const std::string& port) {
+  const std::size_t at = effect.size();
+  return name.size() == at + 1 + port.size() && name[at] == '@' && name.compare(0, at, effect) == 0 &&
+         name.compare(at + 1, port.size(), port) == 0;
+}
+
+bool among(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+}  // namespace
+
+Finding meaning_of(const StageSpec& detector) {
+  Finding meaning;
+  meaning.kind = parse_alarm_kind(detector.settings.word("kind"), detector.settings.where());
+  meaning.effect = detector.settings.word_or("effect", "");
+  meaning.port = detector.settings.word_or("port", "");
+  meaning.text = detector.settings.word("text");
+  return meaning;
+}
+
+IsolationStage::IsolationStage(const Datasheet& sheet)
+    : sheet_(sheet), channels_(sheet), doubted_(sheet.channels.size(), false) {
+  for (const StageSpec& spec : sheet_.detectors) {
+    Watched w;
+    w.meaning = meaning_of(spec);
+    w.named = named(w.meaning.effect, w.meaning.port);
+    w.stage = stage_of(sheet_, spec);
+    w.withholds = w.meaning.kind == AlarmKind::unknown && yes_or_no(spec, "withholds_faults", true);
+    if (w.meaning.kind == AlarmKind::sensor)
+      for (const Port& port : sheet_.ports)
+        if (port.name == w.meaning.port && port.kind == PortKind::sensor)
+          w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(port.channel)));
+    for (const std::string& channel : split_words(spec.settings.word_or("doubts", "")))
+      w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
+    w.detector = make_detector(sheet_, spec);
+    spec.settings.check_used();
+    watched_.push_back(std::move(w));
+    assessment_.detectors.emplace_back();
+    assessment_.detectors.back().name = spec.name;
+  }
+  for (const StageSpec& spec : sheet_.isolators) {
+    Isolated isolated;
+    isolated.stage = stage_of(sheet_, spec);
+    isolated.isolator = make_isolator(sheet_, spec);
+    spec.settings.check_used();
+    isolated_.push_back(std::move(isolated));
+    assessment_.isolators.emplace_back();
+    assessment_.isolators.back().name = spec.name;
+  }
+}
+
+void IsolationStage::reset() {
+  for (std::size_t k = 0; k < watched_.size(); ++k) {
+    Watched& w = watched_[k];
+    w.detector->reset();
+    w.stands = w.raised = false;
+    DetectorResult fresh;
+    fresh.name = std::move(assessment_.detectors[k].name);
+    assessment_.detectors[k] = std::move(fresh);
+  }
+  for (std::size_t k = 0; k < isolated_.size(); ++k) {
+    Isolated& i = isolated_[k];
+    i.isolator->reset();
+    i.raised = false;
+    i.told_for = -1;
+    IsolatorResult fresh;
+    fresh.name = std::move(assessment_.isolators[k].name);
+    assessment_.isolators[k] = std::move(fresh);
+  }
+  channels_.reset();
+  model_fits_ = true;
+  running_ = false;
+}
+
+References IsolationStage::references() const {
+  References references;
+  references.rig = sheet_.rig;
+  const auto add = [&](const std::string& stage, std::optional<Reference> reference) {
+    if (reference) references.stages.push_back({stage, std::move(*reference)});
+  };
+  for (std::size_t k = 0; k < watched_.size(); ++k) add(sheet_.detectors[k].name, watched_[k].detector->reference());
+  for (std::size_t k = 0; k < isolated_.size(); ++k) add(sheet_.isolators[k].name, isolated_[k].isolator->reference());
+  return references;
+}
+
+void IsolationStage::restore(const References& references) {
+  const auto place = [](const std::vector<StageSpec>& specs, const std::string& name) {
+    return static_cast<std::size_t>(
+        std::find_if(specs.begin(), specs.end(), [&](const StageSpec& spec) { return spec.name == name; }) -
+        specs.begin());
+  };
+  for (const auto& [stage, reference] : references.stages) {
+    if (place(sheet_.estimators, stage) < sheet_.estimators.size()) continue;
+    const std::size_t w = place(sheet_.detectors, stage), i = place(sheet_.isolators, stage);
+    try {
+      if (w < watched_.size())
+        watched_[w].detector->restore(reference);
+      else if (i < isolated_.size())
+        isolated_[i].isolator->restore(reference);
+      else
+        throw InputError(fmt::format("the rig {} has no such detector or isolator; learn it anew", sheet_.rig));
+    } catch (const InputError& error) {
+      throw InputError(
+          fmt::format("{}{}{}: {}", references.file, references.file.empty() ? "" : ": ", stage, error.what()));
+    }
+  }
+}
+
+const Assessment& IsolationStage::process(const std::vector<Estimate>& estimates) {
+  if (estimates.size() != std::max<std::size_t>(sheet_.estimators.size(), 1))
+    throw InputError(fmt::format("{}: alarms need the estimates of all {} estimators, there are {}", sheet_.rig,
+                                 sheet_.estimators.size(), estimates.size()));
+  return process(estimates.data());
+}
+
+const Assessment& IsolationStage::process(const Estimate& estimate) {
+  if (sheet_.estimators.size() > 1)
+    throw InputError(fmt::format("{}: alarms need the estimates of all {} estimators, there is one", sheet_.rig,
+                                 sheet_.estimators.size()));
+  return process(&estimate);
+}
+
+const Assessment& IsolationStage::process(const Estimate* estimates) {
+  const Estimate& estimate = estimates[0];
+  if (running_ && estimate.time < assessment_.time) reset();
+  running_ = true;
+  assessment_.time = estimate.time;
+  assessment_.sequence = estimate.sequence;
+  assessment_.channel_status = estimate.channel_status;
+  channels_.process(estimate.time, estimate.channel_status);
+  detect(estimates);
+  isolate(estimates);
+  hand_over();
+  decide_detections();
+  decide_findings();
+  return assessment_;
+}
+
+const IsolatorResult& IsolationStage::isolator_result(const Isolated& i) const {
+  return assessment_.isolators[static_cast<std::size_t>(&i - isolated_.data())];
+}
+
+const Detection& IsolationStage::detection(const Watched& w) const {
+  return assessment_.detectors[static_cast<std::size_t>(&w - watched_.data())].detection;
+}
+
+void IsolationStage::detect(const Estimate* estimates) {
+  model_fits_ = true;
+  for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = channels_.is_bad(c);
+  const auto doubt = [this](const Watched& w) {
+    for (const std::size_t channel : w.doubts) doubted_[channel] = true;
+  };
+  for (std::size_t k = 0; k < watched_.size(); ++k) {
+    Watched& w = watched_[k];
+    DetectorResult& result = assessment_.detectors[k];
+    w.detector->process(estimates[w.stage], result.detection);
+    const Criterion criterion = w.detector->criterion();
+    result.evidence = criterion.value / criterion.threshold;
+    if (!result.detection.active) continue;
+    if (result.size_name.empty()) {  // some know the unit from the first estimate on
+      result.size_name = w.detector->size_name();
+      result.size_unit = w.detector->size_unit();
+    }
+    if (w.withholds) model_fits_ = false;
+    if (w.meaning.kind == AlarmKind::sensor) doubt(w);
+  }
+  for (Watched& w : watched_) {
+    w.claim = Claim();
+    w.claim.kind = w.meaning.kind;
+    w.claim.holds = detection(w).active;
+    w.claim.raised = w.raised;
+    w.claim.in_doubt = std::any_of(w.doubts.begin(), w.doubts.end(), [this](std::size_t c) { return doubted_[c]; });
+    w.stands = reason_of(w.claim) == Reason::told;
+  }
+  for (const Watched& w : watched_)
+    if (w.stands && w.meaning.kind == AlarmKind::fault) doubt(w);
+}
+
+void IsolationStage::isolate(const Estimate* estimates) {
+  for (std::size_t k = 0; k < isolated_.size(); ++k)
+    isolated_[k].isolator->process(estimates[isolated_[k].stage], doubted_, assessment_.isolators[k].finding);
+  // The model is then known well enough: the cause explains what it did not.
+  if (std::any_of(isolated_.begin(), isolated_.end(), [this](const Isolated& i) { return names_the_cause(i); }))
+    model_fits_ = true;
+}
+
+void IsolationStage::hand_over() {
+  for (DetectorResult& result : assessment_.detectors) result.takes_over = -1;
+  for (std::size_t k = 0; k < isolated_.size(); ++k) {
+    Isolated& i = isolated_[k];
+    if (!i.raised || finding(i).active || i.told_for < 0) continue;
+    const auto place = static_cast<std::size_t>(i.told_for);
+    if (!watched_[place].stands || watched_[place].raised) continue;
+    assessment_.detectors[place].takes_over = static_cast<int>(k);
+    watched_[place].raised = true;
+    i.raised = false;
+    i.told_for = -1;
+  }
+}
+
+void IsolationStage::decide_detections() {
+  for (std::size_t k = 0; k < watched_.size(); ++k) {
+    Watched& w = watched_[k];
+    DetectorResult& result = assessment_.detectors[k];
+    w.claim.raised = w.raised;
+    w.claim.model_fits = model_fits_;
+    if (w.stands) {
+      w.claim.explained = explained(w);
+      w.claim.judgement_awaited = judgement_awaited(w);
+      w.claim.told_by_another = told_by_isolator(k);
+    }
+    result.reason = reason_of(w.claim);
+    w.raised = result.reason == Reason::told;
+  }
+}
+
+void IsolationStage::decide_findings() {
+  for (std::size_t k = 0; k < isolated_.size(); ++k) {
+    Isolated& i = isolated_[k];
+    IsolatorResult& result = assessment_.isolators[k];
+    result.detector = names_the_cause(i) ? detected(result.finding) : -1;
+    Claim claim;
+    claim.kind = result.finding.kind;
+    claim.holds = result.finding.active;
+    claim.raised = i.raised;
+    claim.told_by_another =
+        (result.detector >= 0 && watched_[static_cast<std::size_t>(result.detector)].raised) || told_by_another(i);
+    claim.model_fits = model_fits_ || !i.isolator->rests_on_model();
+    result.reason = reason_of(claim);
+    i.raised = result.reason == Reason::told;
+    if (result.reason != Reason::told_by_another) i.told_for = result.detector;
+  }
+}
+
+bool IsolationStage::explained(const Watched& w) const {
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+    const Finding& f = finding(i);
+    if (!names_the_cause(i) || f.kind == AlarmKind::unknown) return false;
+    switch (w.meaning.kind) {
+      case AlarmKind::unknown:
+        return true;
+      case AlarmKind::sensor:
+        return w.meaning.effect.empty() && f.kind == AlarmKind::sensor;
+      case AlarmKind::fault:
+        return !is_named(w.named, f.effect, f.port) && !among(f.equivalent, w.named);
+      case AlarmKind::model:
+      case AlarmKind::data:
+        break;
+    }
+    return false;
+  });
+}
+
+bool IsolationStage::judgement_awaited(const Watched& w) const {
+  if (w.meaning.kind == AlarmKind::sensor && !w.meaning.effect.empty()) return false;
+  if (w.meaning.kind == AlarmKind::data) return false;  // what is done with a reading, whatever the cause is
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+    return i.isolator->overrules() && i.isolator->judged_until() < detection(w).since;
+  });
+}
+
+bool IsolationStage::told_by_isolator(std::size_t detector) const {
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+    return i.raised && names_the_cause(i) && detected(finding(i)) == static_cast<int>(detector);
+  });
+}
+
+bool IsolationStage::told_by_another(const Isolated& i) const {
+  const Finding& f = finding(i);
+  if (!f.active || f.effect.empty()) return false;
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& other) {
+    const Finding& g = finding(other);
+    return &other != &i && other.raised && g.active && !g.effect.empty() &&
+           ((f.effect == g.effect && f.port == g.port) || among(f.equivalent, named(g.effect, g.port)) ||
+            among(g.equivalent, named(f.effect, f.port)));
+  });
+}
+
+int IsolationStage::detected(const Finding& f) const {
+  for (std::size_t k = 0; k < watched_.size(); ++k) {
+    const Watched& w = watched_[k];
+    if (w.stands && w.meaning.kind == AlarmKind::fault && !w.meaning.effect.empty() &&
+        (is_named(w.named, f.effect, f.port) || among(f.equivalent, w.named)))
+      return static_cast<int>(k);
+  }
+  return -1;
+}
+
+}  // namespace faultline

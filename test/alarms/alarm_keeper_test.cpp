@@ -1,0 +1,111 @@
+// From assessments to alarms: when a cause is told by its name, and what is told until then.
+#include "faultline/alarms/alarm_keeper.h"
+
+#include <gtest/gtest.h>
+
+#include "detectors/estimates.h"
+#include "faultline/isolation/isolation_stage.h"
+#include "faultline/signal/error.h"
+
+namespace faultline {
+namespace {
+
+// Nobody says anything.
+Assessment silent() {
+  Assessment a;
+  a.detectors.resize(servo().detectors.size());
+  a.isolators.resize(servo().isolators.size());
+  a.channel_status.assign(servo().channels.size(), ChannelStatus::good);
+  return a;
+}
+
+class Naming : public ::testing::Test {
+ protected:
+  // The first isolator finds this at the next sample.
+  const Alarm& find(const std::string& effect, double confidence) {
+    Finding& f = assessment_.isolators[0].finding;
+    f.active = true;
+    f.kind = AlarmKind::fault;
+    f.effect = effect;
+    f.port = "flow.chamber_a_tank";
+    f.equivalent = {"deadband@restriction.valve"};
+    f.text = "Chamber A: " + effect;
+    f.has_size = true;
+    f.size = 3;
+    f.confidence = confidence;
+    assessment_.isolators[0].reason = Reason::told;
+    assessment_.time += 1;
+    keeper_.process(assessment_);
+    return keeper_.report().alarms.back();
+  }
+
+  Assessment assessment_ = silent();
+  AlarmKeeper keeper_{servo()};
+};
+
+TEST_F(Naming, ACauseIsNamedWhenItIsLikelyEnough) {
+  const Alarm& first = find("orifice_leakage", 0.49);
+  EXPECT_EQ(first.kind, AlarmKind::unknown);
+  EXPECT_EQ(first.level, AlarmLevel::warning);
+  EXPECT_EQ(first.effect + first.port, "");
+  EXPECT_FALSE(first.has_size);
+  EXPECT_EQ(first.equivalent,
+            (std::vector<std::string>{"orifice_leakage@flow.chamber_a_tank", "deadband@restriction.valve"}));
+  EXPECT_EQ(keeper_.report().verdict,
+            "Something changed; candidates: orifice_leakage@flow.chamber_a_tank, deadband@restriction.valve.");
+  const std::uint64_t changes = keeper_.changes();
+  const Alarm& named = find("orifice_leakage", 0.5);
+  EXPECT_EQ(keeper_.changes(), changes + 1);
+  EXPECT_EQ(keeper_.report().alarms.size(), 1u);
+  EXPECT_EQ(named.kind, AlarmKind::fault);
+  EXPECT_EQ(named.level, AlarmLevel::error);
+  EXPECT_EQ(named.effect, "orifice_leakage");
+  EXPECT_EQ(named.equivalent, std::vector<std::string>{"deadband@restriction.valve"});
+  EXPECT_EQ(named.size, 3);
+  EXPECT_EQ(named.raised, 1);
+}
+
+TEST_F(Naming, ANameIsKeptWhileItIsNotMuchLessLikely) {
+  find("orifice_leakage", 0.6);
+  EXPECT_EQ(find("orifice_leakage", 0.41).kind, AlarmKind::fault);
+  EXPECT_EQ(find("laminar_leakage", 0.41).kind, AlarmKind::unknown);  // another one has to earn it
+  EXPECT_EQ(find("orifice_leakage", 0.41).kind, AlarmKind::unknown);
+  EXPECT_EQ(find("orifice_leakage", 0.6).kind, AlarmKind::fault);
+  EXPECT_EQ(find("orifice_leakage", 0.39).kind, AlarmKind::unknown);
+  EXPECT_EQ(keeper_.report().alarms.size(), 1u);
+}
+
+TEST_F(Naming, WhatADetectorFoundTooIsNamedByIt) {
+  assessment_.detectors[0].detection.active = true;
+  assessment_.isolators[0].detector = 0;
+  const Finding meaning = meaning_of(servo().detectors[0]);
+  const Alarm& alarm = find("deadband", 0.1);
+  EXPECT_EQ(alarm.kind, meaning.kind);
+  EXPECT_EQ(alarm.effect, meaning.effect);
+  EXPECT_EQ(alarm.equivalent.front(), "deadband@flow.chamber_a_tank");
+}
+
+TEST_F(Naming, TheDetectorGoesOnWithTheAlarmThatTheIsolatorLeaves) {
+  assessment_.detectors[0].detection.active = true;
+  assessment_.isolators[0].detector = 0;
+  find("deadband", 0.9);
+  assessment_.isolators[0] = IsolatorResult();
+  assessment_.detectors[0].reason = Reason::told;
+  assessment_.detectors[0].takes_over = 0;
+  assessment_.time += 1;
+  keeper_.process(assessment_);
+  ASSERT_EQ(keeper_.report().alarms.size(), 1u);
+  EXPECT_TRUE(keeper_.report().alarms[0].active);
+  EXPECT_EQ(keeper_.report().alarms[0].raised, 1);
+}
+
+TEST_F(Naming, AnAssessmentOfAnotherRigIsRefused) {
+  assessment_.detectors.pop_back();
+  EXPECT_THROW(keeper_.process(assessment_), InputError);
+  assessment_ = silent();
+  assessment_.isolators[0].detector = 99;
+  EXPECT_THROW(keeper_.process(assessment_), InputError);
+}
+
+}  // namespace
+}  // namespace faultline
