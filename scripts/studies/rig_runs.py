@@ -2,6 +2,7 @@
 of a diagnosis."""
 
 import json
+import os
 import pathlib
 import random
 import subprocess
@@ -10,7 +11,9 @@ import numpy as np
 import yaml
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-PROGRAM = ROOT / "catkin_ws/devel/lib/faultline/faultline"
+# Another build can be measured: FAULTLINE_PROGRAM names its program.
+PROGRAM = pathlib.Path(os.environ.get("FAULTLINE_PROGRAM", ROOT / "catkin_ws/devel/lib/faultline/faultline"))
+RIGS = sorted(folder.name for folder in (ROOT / "config").iterdir() if (folder / "rig.yaml").exists())
 
 
 def faultline(*arguments):
@@ -95,3 +98,39 @@ def read_series(file):
         names = text.readline().strip().split(",")
     table = np.genfromtxt(file, delimiter=",", skip_header=1)
     return {name: table[:, i] for i, name in enumerate(names)}
+
+
+class Results:
+    """What a study measured, one entry a line of FILE: a study that was stopped goes on where it was."""
+
+    def __init__(self, file):
+        self.file = pathlib.Path(file)
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        lines = self.file.read_text().splitlines() if self.file.exists() else []
+        self.all = {}
+        for line in lines:
+            try:
+                entry = json.loads(line)
+            except json.JSONDecodeError:  # it was stopped while it wrote
+                continue
+            self.all[entry["name"]] = entry
+
+    def once(self, name, measure):
+        """What measure() gives, or gave when it was done before."""
+        if name not in self.all:
+            self.all[name] = {"name": name, **measure()}
+            with open(self.file, "a") as file:
+                file.write(json.dumps(self.all[name]) + "\n")
+        return self.all[name]
+
+
+def named_alarms(report):
+    """Of a report what studies of reliability count by: its alarms without words, and the course of evidence."""
+    keys = ("kind", "effect", "port", "since", "raised", "until", "active", "confidence", "equivalent", "text")
+    return {
+        "verdict": report["verdict"],
+        "sentence": report["sentence"],
+        "duration": report["duration"],
+        "alarms": [{**{key: alarm[key] for key in keys}, "size": alarm["size"]} for alarm in report["alarms"]],
+        "evidence": [[r["stage"], r["time"], r["evidence"], r["threshold"]] for r in report["rankings"]],
+    }

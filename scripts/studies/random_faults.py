@@ -1,0 +1,118 @@
+#!/usr/bin/python3
+"""Faults drawn at random over all rigs, and what `faultline diagnose` makes of them.
+
+    scripts/studies/random_faults.py [--rigs RIG ...] [--faults 20] [--first 1001] [--work FOLDER] [--print] [--list]
+
+A seed fixes rig parameters (off nominal, with the small effects of every recording), the profile, the effect (any that
+the datasheet lists at any of its ports), its size (over the datasheet's whole range, evenly in the logarithm where that
+is wide) and when it comes, at once, between 30 and 60 % of the run. Seeds below 1000 are for tuning, those from 1001 on
+for reporting. What is done stays in FOLDER: stopped, it goes on where it was.
+
+right: the alarm to read first has the effect and its port. alike: it says that it cannot tell another from that. place:
+another effect at that port. wrong: another port. unnamed: it names none. missed: no alarm. before: there was an alarm
+before the fault, whatever came then."""
+
+import argparse
+import collections
+import json
+import math
+import pathlib
+import random
+import tempfile
+
+from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, faultline, named_alarms, record
+
+GRADES = ("right", "alike", "place", "wrong", "unnamed", "missed", "before")
+RUN = 90  # s, at most; a table in time has its own length
+WIDE = 5  # of a range's ends
+
+
+def drawn_size(parameter, generator):
+    low, high, none = (float(parameter[key]) if parameter[key] is not None else None for key in ("minimum", "maximum", "none"))
+    if none is None or not low < high:  # a shape
+        return math.sqrt(low * high) if low > 0 and high > WIDE * low else 0.5 * (low + high)
+    if none is not None and low < none < high:
+        end = generator.choice((low, high))
+        return none + (end - none) * generator.uniform(0.1, 1)
+    if low > 0 and high > WIDE * low:
+        return low * (high / low) ** generator.uniform(0, 1) if math.isfinite(high) else low * 10 ** generator.uniform(0, 1)
+    return generator.uniform(low, high)
+
+
+def draw(ports, profiles, seed):
+    """(profile, seconds, onset, effect@port, as simulate takes it)"""
+    generator = random.Random(seed)
+    profile = generator.choice(profiles)
+    seconds = profile["duration"] if profile.get("shape") == "table" else min(profile["duration"], RUN)
+    onset = round(generator.uniform(0.3, 0.6) * seconds, 1)
+    port = generator.choice([p for p in ports if p["effects"]])
+    effect = generator.choice(port["effects"])
+    name = f"{effect['effect']}@{port['name']}"
+    if effect["effect"] == "stuck":
+        return profile["name"], seconds, onset, name, f"{name}:from={onset}"
+    sizes = {p["name"]: drawn_size(p, generator) for p in effect["parameters"]}
+    words = ",".join(f"{key}={value:.4g}" for key, value in sizes.items())
+    return profile["name"], seconds, onset, name, f"{name}:{words},from={onset}"
+
+
+def run(rig, ports, profiles, seed):
+    profile, seconds, onset, name, effect = draw(ports, profiles, seed)
+    with tempfile.TemporaryDirectory() as folder:
+        more = ["--profile", profile, "--duration", seconds, "--off-nominal", "--nuisance", "--seed", seed]
+        bag = record(rig, pathlib.Path(folder) / "run.bag", *more, "--effect", effect)
+        report = diagnose(bag)
+    entry = {"profile": profile, "onset": onset, "effect": effect, **named_alarms(report)}
+    return {**entry, "grade": grade(name, onset, entry)}
+
+
+def grade(name, onset, entry):
+    alarms = entry["alarms"]
+    if any(a["raised"] < onset for a in alarms):
+        return "before"
+    if not alarms:
+        return "missed"
+    sentence = entry["sentence"].lower()
+    first = next((a for a in alarms if sentence.startswith(a["text"].lower().rstrip("."))), alarms[0])
+    told = f"{first['effect']}@{first['port']}"
+    if told == name:
+        return "right"
+    if name in first["equivalent"] and first["effect"]:
+        return "alike"
+    port = name.split("@")[1]
+    if first["port"] == port:
+        return "place"
+    return "wrong" if first["effect"] else "unnamed"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rigs", nargs="+", default=RIGS)
+    parser.add_argument("--faults", type=int, default=20, help="of each rig")
+    parser.add_argument("--first", type=int, default=1001, help="the first seed")
+    parser.add_argument("--work", default=str(ROOT / "catkin_ws/reliability/random_faults"))
+    parser.add_argument("--print", action="store_true", help="run nothing")
+    parser.add_argument("--list", action="store_true", help="every fault, too")
+    options = parser.parse_args()
+    print("| rig | faults | " + " | ".join(GRADES) + " |\n|" + "---|" * (len(GRADES) + 2))
+    listed, total = [], collections.Counter()
+    for rig in options.rigs:
+        described = json.loads(faultline("rigs", rig, "--json", "-"))["rigs"][0]
+        profiles = datasheet(rig)["profiles"]
+        results = Results(pathlib.Path(options.work) / f"{rig}.jsonl")
+        grades = collections.Counter()
+        for seed in range(options.first, options.first + options.faults):
+            if options.print and str(seed) not in results.all:
+                continue
+            entry = results.once(str(seed), lambda: run(rig, described["ports"], profiles, seed))
+            grades[entry["grade"]] += 1
+            listed.append((rig, seed, entry))
+        total += grades
+        print(f"| `{rig}` | {sum(grades.values())} | " + " | ".join(str(grades[g]) for g in GRADES) + " |", flush=True)
+    print(f"| all | {sum(total.values())} | " + " | ".join(str(total[g]) for g in GRADES) + " |")
+    if options.list:
+        for rig, seed, entry in listed:
+            print(f"- {rig} {seed} {entry['profile']}: {entry['effect']}: {entry['grade']}: {entry['sentence']}")
+
+
+if __name__ == "__main__":
+    main()
