@@ -162,6 +162,7 @@ TEST_F(Sensor, EstimatesAsTheNetworkDoes) {
   NetworkSignals signals(shape);
   Estimate estimate;
   Random random(1);
+  double square = 0;  // of a's residual, its mean over 2 s
   for (int k = 0; k < 200; ++k) {
     const Sample sample{
         k * 0.01, static_cast<std::uint64_t>(k), {random.normal(), random.normal(), random.normal(), random.normal()}};
@@ -180,10 +181,14 @@ TEST_F(Sensor, EstimatesAsTheNetworkDoes) {
     ASSERT_EQ(estimate.quantities.size(), 4U);
     EXPECT_NEAR(estimate.quantities[0].value, 1 + 4 * network.outputs()[0], 1e-12);
     EXPECT_NEAR(estimate.quantities[3].value, sample.values[3] - (1 + 4 * network.outputs()[1]), 1e-12);
-    if (k > 0) network.take(outputs.data());
+    if (k > 0) {
+      network.take(outputs.data());
+      square += (std::pow(estimate.quantities[1].value, 2) - square) / std::min(200, k);
+      EXPECT_NEAR(estimate.quantities[0].std, std::max(0.125, std::sqrt(square)), 1e-9);
+    }
   }
+  EXPECT_GT(std::sqrt(square), 0.5);
   EXPECT_EQ(estimate.quantities[0].name, "a_network");
-  EXPECT_EQ(estimate.quantities[0].std, 0.125);
   EXPECT_EQ(estimate.quantities[3].name, "b_network_residual");
   const Sample last{2, 200, {0, 0, 0, 0}};
   const std::uint64_t before = allocations();
@@ -202,12 +207,13 @@ TEST_F(Sensor, StaysInTheChannelsRangeAndForgetsADeadTransmitter) {
     ASSERT_LE(std::abs(estimate.quantities[2].value), 100 + 1e-9);
   }
   EXPECT_EQ(stage.counts().restarts, 1U);
-  // Trained with other feedback, it has no word on its error.
+  // Trained with other feedback, it has no word on its error until it has seen some.
   EstimatorStage other(sheet_, spec(structured("own"), model));
-  other.process({0, 0, {0, 0, 0, 0}}, estimate);
   Estimate fresh;
-  other.process({0.01, 1, {0, 0, 0, 0}}, fresh);
+  other.process({0, 0, {0, 0, 0, 0}}, fresh);
   EXPECT_EQ(fresh.quantities[0].std, 0);
+  other.process({0.01, 1, {0, 0, 0, 0}}, fresh);
+  EXPECT_EQ(fresh.quantities[0].std, std::abs(fresh.quantities[1].value));
 }
 
 TEST_F(Sensor, RefusesFilesThatAreNotItsOwn) {

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include <Eigen/Cholesky>
+
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -13,6 +15,8 @@ constexpr double kShortest = 1e-6, kLongest = 1e8;  // s, of times that a datash
 constexpr double kFollows = 0.5;                    // of the motion that it usually shows, at least
 constexpr double kLeastMotion = 0.25;               // of `least`: of a motion that tells whether a reading follows
 constexpr double kSigmas = 2;                       // by which a gain is below that
+constexpr double kUnknown = 0.15;                   // of `least`: standard deviation that no learning goes below
+constexpr double kRest = 4;                         // of what a lie leaves, a channel: of chi square with one degree
 constexpr std::size_t kPerGuard = 3;                // quantities
 
 }  // namespace
@@ -26,7 +30,7 @@ GuardedFilter::GuardedFilter(const Datasheet& sheet, const StageSpec& spec)
       learn_(spec.settings.number("learn", kShortest, kLongest)),
       memory_(spec.settings.number("memory", kShortest, kLongest)),
       release_(spec.settings.number("release", 0, kLongest)),
-      others_(spec.settings.number("others", 0, 1)) {
+      margin_(spec.settings.number("margin", 0, 1e6)) {
   const Settings& settings = spec.settings;
   if (model_->observed_states().empty() || !model_->parts().empty())
     throw InputError("guarded_filter: this process model's measurements are not plainly states of one model");
@@ -48,6 +52,7 @@ GuardedFilter::GuardedFilter(const Datasheet& sheet, const StageSpec& spec)
     guard.noise = model_->measurement_noise()[row];
     guard.without = make_state_estimator(type, *model_);
   }
+  usual_.setZero(static_cast<Eigen::Index>(guards_.size()), static_cast<Eigen::Index>(guards_.size()));
   if (guards_.size() < 2) throw InputError(settings.where() + ": 'least' is to watch two channels or more (above 0)");
 }
 
@@ -67,6 +72,7 @@ void GuardedFilter::begin(const double* channels) {
     guard.off = guard.usual_off = guard.apart = guard.usual_apart = guard.usual_gain = guard.moved = 0;
     guard.spread = 0;
   }
+  usual_.setZero();
   age_ = 0;
   quiet_ = true;
   observed_ = 0;
@@ -139,10 +145,15 @@ bool GuardedFilter::tells(const Guard& guard) const {
 void GuardedFilter::follow(double dt) {
   if (age_ < average_) return;
   const double gain = std::min(1.0, dt / std::min(memory_, age_ - average_ + dt));
+  for (std::size_t i = 0; i < guards_.size(); ++i)
+    for (std::size_t j = 0; j <= i; ++j)
+      usual_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) +=
+          gain * (change(guards_[i]) * change(guards_[j]) -
+                  usual_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
   for (Guard& guard : guards_) {
     guard.usual_off += gain * (guard.off - guard.usual_off);
     guard.usual_apart += gain * (guard.apart - guard.usual_apart);
-    const double missed = guard.reading - guard.predicted;
+    const double missed = guard.reading - stand_in(guard);
     if (guard.readable) guard.spread += gain * (missed * missed - guard.spread);
     double sigma = 0;
     if (age_ < learn_ || !tells(guard) || follows(guard, sigma) < kFollows) continue;
@@ -161,25 +172,55 @@ double GuardedFilter::follows(const Guard& guard, double& sigma) const {
   return gain / guard.usual_gain;
 }
 
-void GuardedFilter::accuse() {
-  Guard* worst = nullptr;
-  double most = 0, next = 0;  // of |d_c|/least_c among those that are trusted
-  std::size_t trusted = 0;
-  for (Guard& guard : guards_) {
-    if (!guard.trusted) continue;
-    ++trusted;
-    const double off = std::abs(guard.off - guard.usual_off) / guard.least;
-    if (worst == nullptr || off > most) {
+// Whether the lie of one channel explains what has changed, as the header tells: the channel, by how much it lies, and
+// by how much less likely the next best is. None where fewer than two are trusted.
+GuardedFilter::Suspect GuardedFilter::suspect() const {
+  std::array<std::size_t, kMaximumOutputs> who{};
+  Eigen::Index n = 0;
+  for (std::size_t i = 0; i < guards_.size(); ++i)
+    if (guards_[i].trusted) who[static_cast<std::size_t>(n++)] = i;
+  if (n < 2) return {};
+  Covariance c(n, n);
+  Outputs d(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const std::size_t a = who[static_cast<std::size_t>(i)];
+    d[i] = change(guards_[a]) / guards_[a].least;
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      const std::size_t b = who[static_cast<std::size_t>(j)];
+      c(i, j) =
+          usual_(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) / guards_[a].least / guards_[b].least;
+    }
+    c(i, i) += kUnknown * kUnknown;
+  }
+  const Eigen::LLT<Covariance> root(c);
+  const Outputs explained = root.solve(d);
+  Suspect found;
+  double most = 0, next = 0;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    Outputs alone = Outputs::Zero(n);
+    alone[i] = 1;
+    root.solveInPlace(alone);
+    const double gain = explained[i] * explained[i] / alone[i];
+    if (gain > most) {
       next = most;
-      most = off;
-      worst = &guard;
+      most = gain;
+      found.guard = who[static_cast<std::size_t>(i)];
+      found.lie = std::abs(explained[i] / alone[i]);
     } else {
-      next = std::max(next, off);
+      next = std::max(next, gain);
     }
   }
-  const bool alone = trusted > 1 && next < others_ * most;
-  quiet_ = trusted == guards_.size() && !(alone && most > 0.5);
-  for (Guard& guard : guards_) {
+  found.margin = most - next;
+  found.plausible = d.dot(explained) - most < kRest * static_cast<double>(n - 1);
+  return found;
+}
+
+void GuardedFilter::accuse() {
+  const Suspect now = suspect();
+  const bool trusted = std::all_of(guards_.begin(), guards_.end(), [](const Guard& g) { return g.trusted; });
+  quiet_ = trusted && !(now.plausible && now.margin > margin_ / 2 && now.lie > 0.5);
+  for (std::size_t i = 0; i < guards_.size(); ++i) {
+    Guard& guard = guards_[i];
     if (!guard.trusted) continue;
     double sigma = 0, another = 0;
     const double gain = follows(guard, sigma);
@@ -187,7 +228,8 @@ void GuardedFilter::accuse() {
       return &other == &guard || !other.trusted || follows(other, another) > kFollows;
     });
     guard.frozen = others_follow && gain + kSigmas * sigma < kFollows;
-    if (!guard.frozen && guard.silent < average_ && !(&guard == worst && alone && most > 1)) continue;
+    const bool lies = i == now.guard && now.plausible && now.margin > margin_ && now.lie > 1;
+    if (!guard.frozen && guard.silent < average_ && !lies) continue;
     guard.trusted = false;
     guard.calm = 0;
   }
@@ -226,9 +268,9 @@ void GuardedFilter::write(const double* channels, bool begun, Estimate& estimate
   auto at = estimate.quantities.end() - static_cast<std::ptrdiff_t>(kPerGuard * guards_.size());
   for (const Guard& guard : guards_) {
     const double std = std::sqrt(std::max({0.0, guard.predicted_variance, guard.spread - guard.noise}));
-    at[0].value = guard.trusted ? guard.reading : guard.predicted;
+    at[0].value = guard.trusted ? guard.reading : stand_in(guard);
     at[0].std = guard.trusted ? 0 : std;
-    at[1].value = guard.predicted;
+    at[1].value = stand_in(guard);
     at[1].std = std;
     at[2].value = guard.trusted ? 0 : guard.apart - guard.usual_apart;
     at += kPerGuard;

@@ -3,11 +3,13 @@
 //
 // A bank of the same filter on the same model with other measurement sets: the main one on all channels that are
 // trusted; the reference without any watched channel; and for each watched channel one on those that are trusted less
-// that channel. A transducer that lies moves its own reading against the reference's prediction and no other; what
-// happens in the process moves several. With d_c the mean over `average` of reading minus reference, less what is usual
-// (learnt over `learn`, then followed over `memory` while nothing is suspected), a channel is not trusted any more when
+// that channel. d_c is the mean over `average` of reading minus reference, less what is usual (learnt over `learn`, then
+// followed over `memory` while nothing is suspected), C the covariance of all d on the healthy rig, learnt alike, plus
+// (0.15 least)^2 each. What happens in the process moves all d together, along C or not; a transducer that lies by l
+// moves its own alone. With e = C^-1 d, l_c = e_c/(C^-1)_cc explains the share e_c^2/(C^-1)_cc of the misfit d'e
+// (generalised least squares, one hypothesis a channel). The channel that explains most is not trusted any more when
 //
-//   |d_c| > least_c  and  |d_j|/least_j < others |d_c|/least_c for every other trusted j
+//   |l_c| > least_c,  it explains more than the next by `margin`,  and leaves less than 4 for each other channel
 //
 // as long as two are trusted; when its reading r follows the motion that the reference p predicts less than half as
 // much as usual while the others do,
@@ -20,17 +22,20 @@
 // predicts (plus what is usual of that) and, where it did not follow, of following. This is structured residuals
 // (Gertler, Fault Detection and Diagnosis in Engineering Systems, 1998) on a bank of filters.
 // Settings: filter (a state estimator), model and its own; least (per channel that the model measures, in its unit; 0:
-// not watched; two watched or more), others, average, learn, memory, release (s).
+// not watched; two watched or more), margin (of chi square), average, learn, memory, release (s).
 // Quantities after the model's, per watched channel: CHANNEL_best, the reading while trusted, else the estimate without
-// it with its standard deviation (the filter's, or what it missed the healthy reading by beyond R, if that is more:
-// a filter does not know its model's error); CHANNEL_virtual, that estimate always; CHANNEL_replaced, 0 while trusted,
-// else by how much it lies: reading minus that estimate, averaged, less what is usual.
-// Fails where the rig begins with a transducer that lies, and where a process moves one reading alone.
+// it plus what is usual of reading minus it, with a standard deviation (the filter's, or what it missed the healthy
+// reading by beyond R, if that is more: a filter does not know its model's error); CHANNEL_virtual, that always;
+// CHANNEL_replaced, 0 while trusted, else by how much it lies: reading minus that estimate, averaged.
+// Fails where the rig begins with a transducer that lies, and where a process moves one reading alone: a new load on a
+// piston, say, may look as the lie of one chamber's pressure.
 #pragma once
 
 #include <memory>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "faultline/estimators/state_estimator.h"
 
@@ -47,6 +52,8 @@ class GuardedFilter : public Estimator {
   void write(const double* channels, bool begun, Estimate& estimate) const override;
 
  private:
+  using Outputs = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaximumOutputs, 1>;
+  using Covariance = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaximumOutputs, kMaximumOutputs>;
   struct Guard {
     std::size_t row, state;  // of y; the state that it is
     std::string channel, unit;
@@ -65,7 +72,15 @@ class GuardedFilter : public Estimator {
 
   void look(double dt);
   void follow(double dt);  // what is usual
+  struct Suspect {
+    std::size_t guard = 0;
+    double lie = 0, margin = 0;  // in units of its least
+    bool plausible = false;      // what the lie leaves is usual
+  };
+  Suspect suspect() const;
   void accuse();
+  static double change(const Guard& guard) { return guard.off - guard.usual_off; }
+  static double stand_in(const Guard& guard) { return guard.predicted + guard.usual_apart; }
   void forgive(double dt);
   bool tells(const Guard& guard) const;  // whether the motion is enough
   double follows(const Guard& guard, double& sigma) const;
@@ -76,7 +91,8 @@ class GuardedFilter : public Estimator {
   std::vector<int> measured_;
   std::vector<std::string> names_;
   std::size_t states_;
-  double period_, average_, learn_, memory_, release_, others_;
+  double period_, average_, learn_, memory_, release_, margin_;
+  Covariance usual_;   // of change() on the healthy rig; lower triangle
   double age_ = 0;     // s
   bool quiet_ = true;  // nothing is suspected
   int observed_ = 0;

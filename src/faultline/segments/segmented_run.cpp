@@ -71,14 +71,50 @@ Breaks find_breaks(const Datasheet& sheet, const SegmentedRun& run, const Segmen
   return found;
 }
 
+Recording compared_inputs(const Datasheet& sheet, const Recording& recording) {
+  Recording result;
+  result.time = recording.time;
+  std::vector<std::size_t> columns;
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    if (sheet.channels[c].predicted_by.empty() || sheet.channels[c].ground_truth) continue;
+    columns.push_back(c);
+    result.channels.push_back(recording.channels[c]);
+  }
+  for (std::size_t k = 0; !columns.empty() && k < recording.rows(); ++k)
+    for (const std::size_t c : columns) result.values.push_back(recording.at(k, c));
+  return result;
+}
+
+// Of such an input, the noise about its command: what the command itself carries is no noise of the transducer.
+double noise_about_command(const Datasheet& sheet, const SegmentedRun& run, std::size_t channel) {
+  Recording difference;
+  difference.time = run.recording.time;
+  difference.channels = {sheet.channels[channel]};
+  const double range = sheet.channels[channel].maximum - sheet.channels[channel].minimum;
+  difference.channels.front().minimum = -range;
+  difference.channels.front().maximum = range;
+  const auto command = static_cast<std::size_t>(sheet.channel(sheet.channels[channel].predicted_by));
+  for (std::size_t k = 0; k < run.recording.rows(); ++k)
+    difference.values.push_back(run.reading(k, static_cast<int>(channel)) - run.recording.at(k, command));
+  return noise_floor(difference, 0);
+}
+
 }  // namespace
 
 std::vector<int> compared_outputs(const Datasheet& sheet) {
   std::vector<int> outputs;
   for (std::size_t c = 0; c < sheet.channels.size(); ++c)
-    if (sheet.channels[c].role == Role::output && !sheet.channels[c].ground_truth)
+    if ((sheet.channels[c].role == Role::output || !sheet.channels[c].predicted_by.empty()) &&
+        !sheet.channels[c].ground_truth)
       outputs.push_back(static_cast<int>(c));
   return outputs;
+}
+
+double SegmentedRun::reading(std::size_t row, int channel) const {
+  const auto c = static_cast<std::size_t>(channel);
+  for (std::size_t i = 0; i < unsmoothed.columns(); ++i)
+    if (unsmoothed.channels[i].name == recording.channels[c].name) return unsmoothed.at(row, i);
+  return recording.at(row, c);
 }
 
 SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording recording, double segment,
@@ -94,6 +130,8 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
   run.recording = std::move(recording);
   const Breaks breaks = find_breaks(sheet, run, options);
   run.stretches = breaks.stretches;
+
+  run.unsmoothed = compared_inputs(sheet, run.recording);
 
   const auto widest =
       static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);
@@ -144,7 +182,10 @@ std::vector<double> noise_of(const Datasheet& sheet, const std::vector<Segmented
   for (const int output : compared_outputs(sheet)) {
     const auto c = static_cast<std::size_t>(output);
     double floor = 0;
-    for (const SegmentedRun& run : runs) floor += noise_floor(run.recording, c) / static_cast<double>(runs.size());
+    for (const SegmentedRun& run : runs)
+      floor += (sheet.channels[c].predicted_by.empty() ? noise_floor(run.recording, c)
+                                                       : noise_about_command(sheet, run, c)) /
+               static_cast<double>(runs.size());
     result.push_back(std::max(floor, smallest_noise(sheet.channels[c], options)));
   }
   return result;

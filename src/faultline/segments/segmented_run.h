@@ -34,16 +34,20 @@ struct SegmentedRun {
   std::size_t lead = 0;               // segments at the head of each stretch that only fill memories
   std::vector<double> counted;        // per segment: readings of outputs that count
   std::string remark;                 // what was left out and why; empty: nothing
+  Recording unsmoothed;               // inputs that are compared: their columns alone, as measured
   // Where each segment starts: starts + start_roots start_shift, the shift beforehand normal with covariance 1
   // (segment_model.h). States x 1, states x directions, directions x 1; NaN: the state goes on.
   std::vector<Eigen::VectorXd> starts, start_shift;
   std::vector<Eigen::MatrixXd> start_roots;
 
+  // What a compared channel shows at a row.
+  double reading(std::size_t row, int channel) const;
   std::size_t segments() const { return restarts.size(); }
   double duration() const { return static_cast<double>(recording.rows()) * period; }  // s
 };
 
-// Channels that a model is held against: outputs that are no ground truth.
+// Channels that a model is held against: outputs, and inputs that it predicts from a command (what a drive makes of it
+// shows there alone; the plant is driven by their readings all the same); none that is ground truth.
 std::vector<int> compared_outputs(const Datasheet& sheet);
 
 // Cuts a recording whose channels are the datasheet's, in order, into segments of `segment` s. No starts yet.

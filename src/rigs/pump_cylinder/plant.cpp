@@ -42,8 +42,8 @@ double BulkModulus::value(double pressure) const {
   return (c1 + p) * (1 / c2 - std::log1p(p / c1));
 }
 
-double BulkModulus::slope(double pressure) const {
-  return pressure < kLowestPressure ? 0.0 : 1 / c2 - 1 - std::log1p(pressure / c1);
+double BulkModulus::slope(double pressure, double value) const {
+  return pressure < kLowestPressure ? 0.0 : value / (c1 + pressure) - 1;
 }
 
 CylinderParameters::CylinderParameters(const Datasheet& sheet, const std::vector<double>& values) {

@@ -27,7 +27,7 @@ namespace faultline {
 struct BulkModulus {
   double c1, c2;
   double value(double pressure) const;
-  double slope(double pressure) const;
+  double slope(double pressure, double value) const;  // `value` there: spares its logarithm
 };
 
 // The datasheet's parameters that plant and observers share; SI units, `values` in the datasheet's order.

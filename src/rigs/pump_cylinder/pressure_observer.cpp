@@ -4,7 +4,7 @@
 //   x = position, velocity, P_A, P_B;  u = w_1, w_2 held over a period;  y = position and, by `pressures`, P_A, P_B
 //   pump_cylinder_linear      x+ = Phi x + G u exactly, of (17): constant volumes and `bulk_modulus`, no gravity and no
 //                             dry friction
-//   pump_cylinder_nonlinear   (23) by Runge-Kutta steps of at most 0.25 ms, Phi = exp(f dt) with f of (25)
+//   pump_cylinder_nonlinear   (23) by Runge-Kutta steps of at most 1/3 ms, Phi = exp(f dt) with f of (25)
 // Dry friction in (23) by `friction`: signed, F_c tanh(v/friction_width), with its own term in f22; unsigned, F_c as it
 // is printed; none. Q is added per period as it stands: scaled by T, as (28) says, it leaves pressures unmeasured.
 //
@@ -32,11 +32,30 @@ namespace {
 
 enum { kPosition, kVelocity, kPressureA, kPressureB, kStates };
 
-constexpr double kLongestStep = 0.25e-3;  // s, of Runge-Kutta: 1/5 of the fastest resonance, 2/3 of the friction's pole
+constexpr double kLongestStep =
+    1e-3 / 3;  // s, of Runge-Kutta: 1.1 rad of the fastest resonance, 0.9 of the friction's pole
 // Sizes that make the entries of f alike, so that its exponential takes few terms.
 const Eigen::Vector4d kSizes(1e-3, 1, 1e7, 1e7);
 
 using Square = Eigen::Matrix4d;
+
+// exp(m) by Taylor's polynomial of degree 6 and squarings: within 1e-7 of the largest entry, in a third of the time of
+// the library's, which goes on to the last digit.
+Square exponential(Square m) {
+  const double norm = m.cwiseAbs().rowwise().sum().maxCoeff();
+  int squarings = 0;
+  for (double left = norm; left > 0.25 && squarings < 60; left /= 2) ++squarings;
+  m *= std::ldexp(1.0, -squarings);
+  const Square m2 = m * m, m3 = m * m2;
+  Square e = m3 * (m / 24 + m2 / 120 + m3 / 720);
+  e += m3 / 6 + m2 / 2 + m + Square::Identity();
+  for (; squarings > 0; --squarings) e = (e * e).eval();
+  return e;
+}
+
+// By one exponential, half the time of std::tanh; the error is of the size of the last digit of 1.
+double smooth_sign(double x) { return 1 - 2 / (std::exp(2 * x) + 1); }
+
 using Rows = Eigen::Matrix<double, kStates, kStates, Eigen::RowMajor>;
 
 class PressureModel : public ProcessModel {
@@ -45,6 +64,7 @@ class PressureModel : public ProcessModel {
     const std::vector<double> nominal = sheet.nominal();
     const auto value = [&](const char* name) { return nominal[static_cast<std::size_t>(sheet.parameter(name))]; };
     weight_ = p_.mass * p_.gravity;
+    per_mass_ = 1 / p_.mass;
     area_ratio_ = p_.cap_area / p_.rod_area;
     offset_ratio_ = value("offset_ratio");
     offset_gain_ = value("offset_gain");
@@ -149,7 +169,7 @@ class PressureModel : public ProcessModel {
   }
 
   CylinderParameters p_;
-  double weight_, area_ratio_, offset_ratio_, offset_gain_;
+  double weight_, per_mass_, area_ratio_, offset_ratio_, offset_gain_;
   double speed1_ = 0, speed2_ = 0;
 
  private:
@@ -223,17 +243,18 @@ class NonlinearModel : public PressureModel {
       throw InputError(settings.where() + ": 'friction' is '" + friction + "'; it is signed, unsigned or none");
     if (friction == "signed") signed_ = p_.coulomb;
     if (friction == "unsigned") constant_ = p_.coulomb;
-    width_ = friction == "signed" ? settings.number("friction_width", 1e-3, 1) : 1.0;
+    if (friction == "signed") sharpness_ = 1 / settings.number("friction_width", 1e-3, 1);
   }
 
   void predict(const double* state, double dt, double* next) const override {
     const int steps = std::max(1, static_cast<int>(std::ceil(dt / kLongestStep - 1e-6)));
     const double h = dt / steps;
     Eigen::Vector4d x = Eigen::Map<const Eigen::Vector4d>(state);
+    // Held: over 1 ms the modulus changes by less than 0.3 %, over a step the volumes by less than 0.1 %.
+    const double beta_a = p_.oil.value(x[kPressureA]), beta_b = p_.oil.value(x[kPressureB]);
     for (int i = 0; i < steps; ++i) {
-      // Held over a step, in which they change by less than 1 %.
-      const double stiff_a = p_.oil.value(x[kPressureA]) / (p_.volume_a + p_.cap_area * x[kPosition]);
-      const double stiff_b = p_.oil.value(x[kPressureB]) / (p_.volume_b - p_.rod_area * x[kPosition]);
+      const double stiff_a = beta_a / (p_.volume_a + p_.cap_area * x[kPosition]);
+      const double stiff_b = beta_b / (p_.volume_b - p_.rod_area * x[kPosition]);
       const auto rate = [&](const Eigen::Vector4d& at) { return this->rate(at, stiff_a, stiff_b); };
       const Eigen::Vector4d k1 = rate(x), k2 = rate(x + 0.5 * h * k1), k3 = rate(x + 0.5 * h * k2),
                             k4 = rate(x + h * k3);
@@ -246,25 +267,24 @@ class NonlinearModel : public PressureModel {
     const double volume_a = p_.volume_a + p_.cap_area * x[kPosition],
                  volume_b = p_.volume_b - p_.rod_area * x[kPosition];
     const double beta_a = p_.oil.value(x[kPressureA]), beta_b = p_.oil.value(x[kPressureB]);
-    const double into_a = inflow_a(x), into_b = inflow_b(x), level = std::tanh(x[kVelocity] / width_);
+    const double into_a = inflow_a(x), into_b = inflow_b(x), level = smooth_sign(x[kVelocity] * sharpness_);
     Square f = Square::Zero();  // (25)
     f(kPosition, kVelocity) = 1;
-    f(kVelocity, kVelocity) = -(p_.viscous + signed_ * (1 - level * level) / width_) / p_.mass;
+    f(kVelocity, kVelocity) = -(p_.viscous + signed_ * (1 - level * level) * sharpness_) / p_.mass;
     f(kVelocity, kPressureA) = p_.cap_area / p_.mass;
     f(kVelocity, kPressureB) = -p_.rod_area / p_.mass;
     f(kPressureA, kPosition) = -p_.cap_area * beta_a * into_a / (volume_a * volume_a);
     f(kPressureA, kVelocity) = -p_.cap_area * beta_a / volume_a;
     f(kPressureA, kPressureA) =
-        (p_.oil.slope(x[kPressureA]) * into_a - 2 * (p_.internal + p_.external_a) * beta_a) / volume_a;
+        (p_.oil.slope(x[kPressureA], beta_a) * into_a - 2 * (p_.internal + p_.external_a) * beta_a) / volume_a;
     f(kPressureA, kPressureB) = p_.internal * beta_a / volume_a;
     f(kPressureB, kPosition) = p_.rod_area * beta_b * into_b / (volume_b * volume_b);
     f(kPressureB, kVelocity) = p_.rod_area * beta_b / volume_b;
     f(kPressureB, kPressureA) = p_.internal * beta_b / volume_b;
     f(kPressureB, kPressureB) =
-        (p_.oil.slope(x[kPressureB]) * into_b - (p_.internal + p_.external_b) * beta_b) / volume_b;
+        (p_.oil.slope(x[kPressureB], beta_b) * into_b - (p_.internal + p_.external_b) * beta_b) / volume_b;
     const Square scaled = dt * kSizes.cwiseInverse().asDiagonal() * f * kSizes.asDiagonal();
-    const Square exponential = scaled.exp();
-    Eigen::Map<Rows>{a} = kSizes.asDiagonal() * exponential * kSizes.cwiseInverse().asDiagonal();
+    Eigen::Map<Rows>{a} = kSizes.asDiagonal() * exponential(scaled) * kSizes.cwiseInverse().asDiagonal();
     return true;
   }
 
@@ -281,12 +301,12 @@ class NonlinearModel : public PressureModel {
   }
   // (23); stiff: beta/V of a side
   Eigen::Vector4d rate(const Eigen::Vector4d& x, double stiff_a, double stiff_b) const {
-    const double dry = constant_ + (signed_ > 0 ? signed_ * std::tanh(x[kVelocity] / width_) : 0.0);
+    const double dry = constant_ + (signed_ > 0 ? signed_ * smooth_sign(x[kVelocity] * sharpness_) : 0.0);
     const double force = p_.cap_area * x[kPressureA] - p_.rod_area * x[kPressureB] - p_.viscous * x[kVelocity];
-    return {x[kVelocity], (force - dry - weight_) / p_.mass, stiff_a * inflow_a(x), stiff_b * inflow_b(x)};
+    return {x[kVelocity], (force - dry - weight_) * per_mass_, stiff_a * inflow_a(x), stiff_b * inflow_b(x)};
   }
 
-  double signed_ = 0, constant_ = 0, width_;
+  double signed_ = 0, constant_ = 0, sharpness_ = 0;
 };
 
 FAULTLINE_PROCESS_MODEL(pump_cylinder_linear, {"pump_cylinder_linear", make_process_model_of<LinearModel>});

@@ -2,8 +2,12 @@
 // replaced by what the others say, and given back when it recovers; what happens in the process replaces none.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <functional>
+#include <map>
 
 #include "allocations.h"
 #include "faultline/detectors/detector.h"
@@ -26,6 +30,7 @@ struct Seen {
   double replaced[2] = {-1, -1}, returned[2] = {-1, -1};  // s; -1: never
   double error = 0;                                       // Pa, RMS of the channel's `best` while it is replaced
   double told = 0;                                        // Pa, RMS of its standard deviation then
+  double within = 0;                                      // share of those samples within 1.645 standard deviations
 };
 
 // `truth` without noise and lies; channel: 0 is A, 1 is B.
@@ -36,8 +41,10 @@ Seen watch(const Recording& measured, const Recording& truth, int channel, const
   const std::size_t column = cylinder_column(kChannels[channel]);
   std::size_t at[2] = {0, 0}, best = 0;
   int count = 0;
+  const double noise = cylinder().channels[column].noise_std;
   for (std::size_t k = 0; k < measured.rows(); ++k) {
     Sample sample = measured.sample(k);
+    const double healthy = sample.values[column];
     if (lie && sample.time >= kFault && sample.time < kEnd)
       sample.values[column] = std::min(1e7, std::max(0.0, lie(sample.values[column], sample.time - kFault)));
     stage.process(sample, e);
@@ -53,10 +60,12 @@ Seen watch(const Recording& measured, const Recording& truth, int channel, const
     if (e.quantities[at[channel]].value == 0 || sample.time >= kEnd) continue;
     seen.error += std::pow(e.quantities[best].value - truth.at(k, column), 2);
     seen.told += std::pow(e.quantities[best].std, 2);
+    seen.within += std::abs(e.quantities[best].value - healthy) < 1.645 * std::hypot(e.quantities[best].std, noise);
     ++count;
   }
   seen.error = std::sqrt(seen.error / std::max(count, 1));
   seen.told = std::sqrt(seen.told / std::max(count, 1));
+  seen.within /= std::max(count, 1);
   return seen;
 }
 
@@ -130,6 +139,96 @@ TEST(Transmitter, NoneIsReplacedForWhatHappensInTheProcess) {
     const Seen seen = watch(simulate(cylinder(), setup, 25), steps().truth, 0, {});
     for (int c = 0; c < 2; ++c) EXPECT_EQ(seen.replaced[c], -1) << effect;
   }
+}
+
+struct Rates {
+  int runs = 0, found = 0, wrong = 0, returned = 0;
+  std::vector<double> delays;
+  double error = 0, told = 0, within = 0;  // sums over those that were found
+};
+
+void print(const std::string& what, Rates& r) {
+  std::sort(r.delays.begin(), r.delays.end());
+  const auto part = [&](double sum) { return r.found > 0 ? sum / r.found : 0.0; };
+  std::printf(
+      "%-34s %2d of %2d found, %d wrong, after %.1f s (median) to %.1f s, %2d given back; error %.3f, told %.3f MPa, "
+      "%.0f %% within 90 %% bounds\n",
+      what.c_str(), r.found, r.runs, r.wrong, r.delays.empty() ? 0 : r.delays[r.delays.size() / 2],
+      r.delays.empty() ? 0 : r.delays.back(), r.returned, std::sqrt(part(r.error)) / 1e6, std::sqrt(part(r.told)) / 1e6,
+      100 * part(r.within));
+}
+
+// The table of docs/pump_cylinder.md is this test with FAULTLINE_DRAWS=8: rigs, each in three motions.
+TEST(Transmitter, OverManyDraws) {
+  const char* draws = std::getenv("FAULTLINE_DRAWS");
+  const int rigs = draws != nullptr ? std::atoi(draws) : 1;
+  double held = -1;
+  const std::pair<const char*, Lie> lies[] = {
+      {"dead", [](double, double) { return 0.0; }},
+      {"bias of 0.4 MPa", [](double y, double) { return y + 4e5; }},
+      {"bias of -0.3 MPa", [](double y, double) { return y - 3e5; }},
+      {"drift of 0.04 MPa/s", [](double y, double t) { return y + 4e4 * t; }},
+      {"stuck", [&held](double y, double) { return held < 0 ? held = y : held; }}};
+  const char* process[] = {"laminar_leakage@flow.pump2_a_b:coefficient=4e-13",
+                           "viscosity_drift@source.oil:factor=0.85",
+                           "laminar_leakage@flow.pump2_b_tank:coefficient=2e-13",
+                           "offset@sensor.pump2_speed:value=0.3",
+                           "coulomb_friction@force.piston:force=300",
+                           "load_force@force.piston:constant=300",
+                           "added_mass@force.piston:mass=100"};
+  std::map<std::string, Rates> found, wrong;
+  Rates healthy;
+  for (int rig = 0; rig < rigs; ++rig)
+    for (const char* profile : {"steps", "cycle", "multisine"}) {
+      const auto seed = static_cast<std::uint64_t>(901 + rig);
+      const Runs runs(profile, seed);
+      const Seen none = watch(runs.measured, runs.truth, 0, {});
+      ++healthy.runs;
+      healthy.wrong += none.replaced[0] >= 0 || none.replaced[1] >= 0;
+      for (const auto& [name, lie] : lies)
+        for (int channel = 0; channel < 2; ++channel) {
+          held = -1;
+          const Seen seen = watch(runs.measured, runs.truth, channel, lie);
+          Rates& r = found[name];
+          ++r.runs;
+          r.wrong +=
+              seen.replaced[1 - channel] >= 0 || (seen.replaced[channel] >= 0 && seen.replaced[channel] < kFault);
+          if (seen.replaced[channel] < kFault || seen.replaced[channel] >= kEnd) continue;
+          ++r.found;
+          r.delays.push_back(seen.replaced[channel] - kFault);
+          r.returned += seen.returned[channel] >= kEnd;
+          r.error += seen.error * seen.error;
+          r.told += seen.told * seen.told;
+          r.within += seen.within;
+        }
+      for (const char* effect : process) {
+        SimulationSetup setup = cylinder_off_nominal(profile, seed);
+        setup.effects.push_back(parse_effect(std::string(effect) + ",from=12"));
+        const Seen seen = watch(simulate(cylinder(), setup, 30), runs.truth, 0, {});
+        ++wrong[effect].runs;
+        wrong[effect].wrong += seen.replaced[0] >= 0 || seen.replaced[1] >= 0;
+      }
+    }
+  std::printf("healthy: replaced in %d of %d\n", healthy.wrong, healthy.runs);
+  Rates all;
+  for (auto& [name, r] : found) {
+    print(name, r);
+    all.runs += r.runs;
+    all.found += r.found;
+    all.wrong += r.wrong;
+    all.within += r.within;
+  }
+  int replaced = 0, runs = 0;
+  for (const auto& [name, r] : wrong) {
+    std::printf("%-60s replaced in %d of %d\n", name.c_str(), r.wrong, r.runs);
+    replaced += r.wrong;
+    runs += r.runs;
+  }
+  EXPECT_LE(healthy.wrong, healthy.runs / 10);
+  EXPECT_GE(all.found, 0.85 * all.runs);
+  EXPECT_LE(all.wrong, 0.05 * all.runs);
+  EXPECT_GT(all.within / all.found, 0.85);
+  EXPECT_LE(replaced, 0.2 * runs);
 }
 
 TEST(Transmitter, AStepAllocatesNothing) {
