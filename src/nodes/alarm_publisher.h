@@ -1,6 +1,6 @@
-// Keeps the alarms of a rig: /RIG/detections and /RIG/hypotheses in; /RIG/alarms (latched) and /diagnostics out, at once
-// when an alarm is raised, ends or changes level, when a run is judged to its end (/RIG/end), and once a second of wall
-// time. Alarms follow from the samples' stamps alone; see silence_watch.h for silence. Whether the rig is silent is
+// Keeps the alarms of a rig: /RIG/detections and /RIG/hypotheses in; /RIG/alarms (latched) and /diagnostics out, at
+// once when an alarm is raised, ends or changes level, when a run is judged to its end (/RIG/end), and once a second of
+// wall time. Alarms follow from the samples' stamps alone; see silence_watch.h for silence. Whether it is silent is
 // judged by /RIG/sample: an estimator may think longer than the rig pauses. While judgements are behind the samples,
 // /diagnostics says so (STALE) and nobody calls the rig silent; neither is it after a run that its source ended.
 #pragma once

@@ -1,6 +1,6 @@
 // The end of a run that has a length of its own (a log, a bag, a simulation): the source says on /RIG/end which sample
-// was the last, and stays until the alarms are judged up to it. A judgement that takes its time is not lost then because
-// the launch ends with its source.
+// was the last, and stays until the alarms are judged up to it. A judgement that takes its time is not lost then
+// because the launch ends with its source.
 #pragma once
 
 #include <ros/node_handle.h>

@@ -2,8 +2,8 @@
 // sources do wrong (stream_watch.h), and its state told. Subscribes to /RIG/description and /RIG/sample when start() is
 // called; `deliver` runs in ROS callbacks and must not block.
 //
-// One node is the source of samples: the first that sent some, as long as it is connected. Samples of a second one would
-// be read as restarts without end, so they are left out, counted and told. Where descriptions contradict each other, the
+// One node is the source of samples: the first that sent some, as long as it is connected. Samples of a second one
+// would be read as restarts without end, so they are left out, counted and told. Where descriptions contradict, the
 // source's own counts. Warnings are told while they last.
 #pragma once
 

@@ -34,7 +34,7 @@ class Naming : public ::testing::Test {
     f.size = 3;
     f.confidence = confidence;
     assessment_.isolators[0].reason = Reason::told;
-    assessment_.time += 1;
+    assessment_.time += 1e-3;
     keeper_.process(assessment_);
     return keeper_.report().alarms.back();
   }
@@ -62,7 +62,7 @@ TEST_F(Naming, ACauseIsNamedWhenItIsLikelyEnough) {
   EXPECT_EQ(named.effect, "orifice_leakage");
   EXPECT_EQ(named.equivalent, std::vector<std::string>{"deadband@restriction.valve"});
   EXPECT_EQ(named.size, 3);
-  EXPECT_EQ(named.raised, 1);
+  EXPECT_DOUBLE_EQ(named.raised, 1e-3);
 }
 
 TEST_F(Naming, ANameIsKeptWhileItIsNotMuchLessLikely) {
@@ -92,11 +92,11 @@ TEST_F(Naming, TheDetectorGoesOnWithTheAlarmThatTheIsolatorLeaves) {
   assessment_.isolators[0] = IsolatorResult();
   assessment_.detectors[0].reason = Reason::told;
   assessment_.detectors[0].takes_over = 0;
-  assessment_.time += 1;
+  assessment_.time += 1e-3;
   keeper_.process(assessment_);
   ASSERT_EQ(keeper_.report().alarms.size(), 1u);
   EXPECT_TRUE(keeper_.report().alarms[0].active);
-  EXPECT_EQ(keeper_.report().alarms[0].raised, 1);
+  EXPECT_DOUBLE_EQ(keeper_.report().alarms[0].raised, 1e-3);
 }
 
 TEST_F(Naming, AnAssessmentOfAnotherRigIsRefused) {

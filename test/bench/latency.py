@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """End-to-end latency over ROS at 1 kHz: sample published -> estimate received, and bad sample -> data alarm received.
 
-Starts a ROS master, kalman_node, isolator_node and alarm_node of its own on 127.0.0.1, publishes samples of the servo actuator that
-`faultline simulate` made (--csv), and takes wall times at the publisher and at the subscriber, in one process. Every
-2.5 s, from 5 s on, the velocity of one sample is missing: the data alarm that follows is timed from that sample. Prints
-p50, p99 and maximum in ms. Estimates are read as bytes, so that what is timed is the graph and not Python's unpacking.
+Starts a ROS master, kalman_node, isolator_node and alarm_node of its own on 127.0.0.1, publishes samples of the servo
+actuator that `faultline simulate` made (--csv), and takes wall times at the publisher and at the subscriber, in one
+process. Every 2.5 s, from 5 s on, the velocity of one sample is missing: the data alarm that follows is timed from that
+sample. Prints p50, p99 and maximum in ms. Estimates are read as bytes, so that what is timed is the graph and not
+Python's unpacking.
 Leaves nothing running. """
 import argparse
 import csv

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Samples lost between a DAQ and the alarms: simulator -> LCM over UDP multicast -> driver -> kalman_node -> isolator_node -> alarm_node
-at 1 kHz.
+"""Samples lost between a DAQ and the alarms: simulator -> LCM over UDP multicast -> driver -> kalman_node ->
+isolator_node -> alarm_node at 1 kHz.
 
     ten_minutes.py [--seconds 600] [--build FOLDER] [--json FILE]
 

@@ -67,7 +67,8 @@ class Nodes(OutsideTest):
 
     def test_a_rig_that_cannot_be_loaded_ends_the_node(self):
         (self.package / f"build/devel/lib/lib{RIG}.so").unlink()
-        for program in ("alarm_node", "isolator_node", "kalman_node", "rig_simulator_node", "gap_node", "rig_driver_node"):
+        programs = ("alarm_node", "isolator_node", "kalman_node", "rig_simulator_node", "gap_node", "rig_driver_node")
+        for program in programs:
             node = self.graph.node(program, "some_node", rig=RIG)
             code, said = self.graph.wait(node, 30)
             self.assertEqual(code, 2, said)

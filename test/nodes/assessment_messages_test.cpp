@@ -2,6 +2,7 @@
 #include "nodes/assessment_messages.h"
 
 #include <gtest/gtest.h>
+#include <boost/make_shared.hpp>
 
 #include <limits>
 

@@ -1,4 +1,4 @@
-// The test is the rig: it sends samples and holds what kalman_node, isolator_node and alarm_node say against the same stages run here.
+// The test is the rig: it sends samples and holds what the nodes say against the same stages run here.
 #include <chrono>
 #include <cmath>
 #include <functional>

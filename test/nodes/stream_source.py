@@ -1,6 +1,6 @@
 """Run in the built environment: a source of samples that does what it is told to do wrong. Reads lines from standard
-input, each the name of a KIND below, and goes on sending that kind until the next; ends with the input. Stamps go on with
-every sample, 1 ms apart where nothing else is said.
+input, each the name of a KIND below, and goes on sending that kind until the next; ends with the input. Stamps go on
+with every sample, 1 ms apart where nothing else is said.
 
 stream_source.py RIG_YAML NODE_NAME"""
 

@@ -33,21 +33,29 @@ TEST_P(StreamTrouble, IsNamedAndCleared) {
 
 INSTANTIATE_TEST_SUITE_P(
     Kinds, StreamTrouble,
-    ::testing::Values(Spoil{"stamps are 0", counted, [](std::uint64_t) { return 0.0; }},
-                      Spoil{"stand still", counted, [](std::uint64_t) { return even(200); }},
-                      Spoil{"do not count (all are 7)", [](std::uint64_t) { return std::uint64_t{7}; }, even},
-                      Spoil{"every 0.01 s", counted, [](std::uint64_t k) { return even(10 * k); }},
-                      Spoil{"every 0.00098 s", counted,
-                            [](std::uint64_t k) { return even(0) + 0.98e-3 * static_cast<double>(k); }},
-                      Spoil{"jitter", counted, [](std::uint64_t k) {
-                              return even(k) + 0.4 * kPeriod * std::sin(2.3 * static_cast<double>(k));
-                            }}));
+    ::testing::Values(
+        Spoil{"stamps are 0", counted, [](std::uint64_t) { return 0.0; }},
+        Spoil{"stand still", counted, [](std::uint64_t) { return even(200); }},
+        Spoil{"do not count (all are 7)", [](std::uint64_t) { return std::uint64_t{7}; }, even},
+        Spoil{"every 0.01 s", counted, [](std::uint64_t k) { return even(10 * k); }},
+        Spoil{"every 0.00098 s", counted, [](std::uint64_t k) { return even(0) + 0.98e-3 * static_cast<double>(k); }},
+        Spoil{"jitter", counted,
+              [](std::uint64_t k) { return even(k) + 0.4 * kPeriod * std::sin(2.3 * static_cast<double>(k)); }},
+        Spoil{"jitter", counted, [](std::uint64_t k) { return even(k) + (k % 2 ? 0.4e-3 : 0); }}));
 
 TEST(StreamWatch, LossesAndSmallJitterAreNoTrouble) {
   StreamWatch watch(kPeriod);
   for (std::uint64_t k = 0; k < 1000; ++k) {
     if (k % 3 == 0) continue;
     watch.add(k, even(k) + 0.05 * kPeriod * std::sin(2.3 * static_cast<double>(k)));
+    EXPECT_EQ(watch.trouble(), "") << k;
+  }
+}
+
+TEST(StreamWatch, APauseOfTheSourceIsNoTrouble) {
+  StreamWatch watch(kPeriod);
+  for (std::uint64_t k = 0; k < 1000; ++k) {
+    watch.add(k, even(k) + (k < 450 ? 0 : 5));
     EXPECT_EQ(watch.trouble(), "") << k;
   }
 }

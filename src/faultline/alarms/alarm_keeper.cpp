@@ -13,8 +13,8 @@ namespace {
 
 std::string size_text(const Alarm& alarm) {
   if (!alarm.has_size) return "";
-  return fmt::format(" {:.3g} {} (90 %: {:.3g} to {:.3g})", alarm.size, alarm.size_unit == "1" ? "" : alarm.size_unit,
-                     alarm.low, alarm.high);
+  return fmt::format(" {:.3g}{}{} (90 %: {:.3g} to {:.3g})", alarm.size, alarm.size_unit == "1" ? "" : " ",
+                     alarm.size_unit == "1" ? "" : alarm.size_unit, alarm.low, alarm.high);
 }
 
 std::string name_of(const Finding& finding) { return finding.effect + "@" + finding.port; }

@@ -1,11 +1,11 @@
-// From what detectors and isolators say to alarms: watches the data itself, keeps the life cycle of every alarm and says
-// the verdict: the second half of the alarm stage; isolation/isolation_stage.h is the other.
+// From what detectors and isolators say to alarms: watches the data itself, keeps the life cycle of every alarm and
+// says the verdict: the second half of the alarm stage; isolation/isolation_stage.h is the other.
 //
-// What a detector and an isolator both found is one alarm, by the detector's effect and size. An isolator's alarm changes
-// its place and size as it learns.
+// What a detector and an isolator both found is one alarm, by the detector's effect and size. An isolator's alarm
+// changes its place and size as it learns.
 // What an isolator alone finds is named once the confidence in that name is kNamed at least, and as long as it is not
-// below kKept or another one is named. Until then the alarm says that something changed, of kind unknown, with the candidates as its
-// `equivalent`, the likeliest first.
+// below kKept or another one is named. Until then the alarm says that something changed, of kind unknown, with the
+// candidates as its `equivalent`, the likeliest first.
 // Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell
 // silent (stale: from the last sample plus a while; alarm_options.h).
 #pragma once

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -11,6 +12,7 @@ namespace {
 constexpr double kWindow = 10;  // s
 constexpr double kLeast = 10, kMost = 100;
 constexpr double kRate = 0.01, kOff = 0.25, kJitter = 0.1;
+constexpr double kPause = 5;  // medians: a longer step is a pause of the source and says nothing about its pace
 
 }  // namespace
 
@@ -47,14 +49,17 @@ std::string StreamWatch::judge() {
         "its samples",
         last_sequence_);
   if (steps_.empty()) return "";
-  std::vector<double> sorted = steps_;
-  std::sort(sorted.begin(), sorted.end());
-  const double median = sorted[sorted.size() / 2];
-  const auto off = std::count_if(sorted.begin(), sorted.end(),
-                                 [&](double step) { return std::abs(step - median) > kOff * period_; });
-  const double share = static_cast<double>(off) / static_cast<double>(sorted.size());
-  if (std::abs(median - period_) > kOff * period_ || (share <= kJitter && std::abs(median - period_) > kRate * period_))
-    return fmt::format("samples come every {:.4g} s, the rig's datasheet says {:.4g} s", median, period_);
+  std::vector<double>& steps = steps_;
+  std::sort(steps.begin(), steps.end());
+  const double longest = kPause * steps[steps.size() / 2];  // of the median
+  while (steps.back() > longest) steps.pop_back();
+  const auto count = static_cast<double>(steps.size());
+  const double mean = std::accumulate(steps.begin(), steps.end(), 0.0) / count;
+  const auto off =
+      std::count_if(steps.begin(), steps.end(), [&](double step) { return std::abs(step - mean) > kOff * period_; });
+  const double share = static_cast<double>(off) / count;
+  if (std::abs(mean - period_) > kOff * period_ || (share <= kJitter && std::abs(mean - period_) > kRate * period_))
+    return fmt::format("samples come every {:.4g} s, the rig's datasheet says {:.4g} s", mean, period_);
   if (share > kJitter)
     return fmt::format("the samples' stamps jitter: {:.0f} % of their steps are more than a quarter of {:.4g} s off",
                        100 * share, period_);

@@ -1,7 +1,8 @@
 // Whether a live stream of samples is what its source promises, by stamps and sequence numbers alone: stamps of zero or
 // that stand still, numbers that do not count, another rate than the datasheet's, jitter. Judged over a window of
-// samples at a time (ten seconds, but at least 10 and at most 100 samples), so that a trouble that is over is not told
-// any more. With T the period, dt the step of the stamps per step of the numbers, and m its median over the window:
+// samples at a time (ten seconds, but at least 10 and at most 100 samples), so that a trouble that is over is not
+// told. With T the period, dt the step of the stamps per step of the numbers, and m its mean over the window (pauses
+// of more than five medians left out):
 //   zero, standing still, not counting: more than half of the samples
 //   jitter: |dt - m| > T/4 for more than a tenth
 //   rate: |m - T| > 1 % of T where there is no jitter, else > T/4
