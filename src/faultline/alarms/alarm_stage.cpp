@@ -1,6 +1,7 @@
 #include "faultline/alarms/alarm_stage.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include <fmt/format.h>
@@ -10,6 +11,9 @@
 
 namespace faultline {
 namespace {
+
+// s, after which a detector that does not say when it can judge has judged.
+constexpr double kLongEnough = 5;
 
 std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
   return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
@@ -157,7 +161,7 @@ void AlarmStage::process(const Estimate* estimates) {
   if (running_ && estimate.time < last_time_) reset();
   if (!running_) {
     running_ = true;
-    last_time_ = estimate.time;
+    begin_ = last_time_ = estimate.time;
   }
   data_.arrived(last_time_, estimate.time, book_);
   last_time_ = book_.report.time = estimate.time;
@@ -171,12 +175,16 @@ void AlarmStage::process(const Estimate* estimates) {
 
 void AlarmStage::detect(const Estimate* estimates) {
   model_fits_ = true;
+  const double age = last_time_ - begin_;
   for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = data_.is_bad(c);
   const auto doubt = [this](const Watched& w) {
     for (const std::size_t channel : w.doubts) doubted_[channel] = true;
   };
   for (Watched& w : watched_) {
     w.detector->process(estimates[w.stage], w.detection);
+    const bool of_transducer = w.finding.kind == AlarmKind::sensor || w.finding.kind == AlarmKind::data;
+    if (!book_.report.judged && !of_transducer)
+      book_.report.judged = std::isfinite(w.detector->criterion().value) || age >= kLongEnough;
     if (w.detection.blind || w.unobserved >= 0) watch_blindness(w, estimates[0].time);
     if (w.withholds && w.detection.active) model_fits_ = false;
     if (w.detection.active && w.finding.kind == AlarmKind::sensor) doubt(w);
@@ -196,7 +204,13 @@ void AlarmStage::detect(const Estimate* estimates) {
 }
 
 void AlarmStage::isolate(const Estimate* estimates) {
-  for (Isolated& i : isolated_) i.isolator->process(estimates[i.stage], doubted_, i.finding);
+  for (Isolated& i : isolated_) {
+    i.isolator->process(estimates[i.stage], doubted_, i.finding);
+    book_.report.judged = book_.report.judged || std::isfinite(i.isolator->judged_until());
+    // What was raised while the data were good stays.
+    i.on_bad_data = i.isolator->rests_on_all_channels() && data_.any_bad() &&
+                    (i.alarm < 0 || book_.at(i.alarm).raised >= data_.bad_since());
+  }
   // The model is then known well enough: the cause explains what it did not.
   if (std::any_of(isolated_.begin(), isolated_.end(), [](const Isolated& i) { return i.names_the_cause(); }))
     model_fits_ = true;
@@ -211,7 +225,7 @@ void AlarmStage::tell_detections(double time) {
     if (w.stands) {
       w.claim.explained = explained(w);
       w.claim.judgement_awaited = judgement_awaited(w);
-      w.claim.told_by_another = told_by_isolator(w);
+      w.claim.told_by_another = told_by_isolator(w) || data_.tells(w.finding.effect, w.finding.port, book_);
     }
     w.reason = reason_of(w.claim);
     if (w.reason != Reason::told) {
@@ -241,6 +255,7 @@ void AlarmStage::tell_findings(double time) {
     i.claim.kind = i.finding.kind;
     i.claim.holds = i.finding.active;
     i.claim.raised = i.alarm >= 0;
+    i.claim.on_bad_data = i.on_bad_data;
     i.claim.told_by_another = (w && w->alarm >= 0) || told_by_another(i);
     i.claim.model_fits = model_fits_ || !i.isolator->rests_on_model();
     i.reason = reason_of(i.claim);
@@ -363,6 +378,7 @@ void AlarmStage::hand_over() {
 }
 
 const AlarmStage::Watched* AlarmStage::detected(const Finding& finding) const {
+  if (finding.effect.empty()) return nullptr;
   for (const Watched& w : watched_)
     if (w.stands && w.finding.kind == AlarmKind::fault && !w.finding.effect.empty() &&
         (is_named(w.named, finding.effect, finding.port) || among(finding.equivalent, w.named)))
@@ -390,6 +406,7 @@ const AlarmReport& AlarmStage::report() const {
 std::string AlarmStage::verdict() const {
   const AlarmReport& report = book_.report;
   const Alarm* first = headline_now(report);
+  if (!first && report.alarms.empty() && !report.judged) return "Nothing could be judged yet.";
   if (!first) return report.alarms.empty() ? "No fault found." : "No fault now; there were alarms before.";
   const auto active =
       std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });

@@ -80,8 +80,9 @@ class AlarmStage {
     // The finding in that detector's words, and what it was made of: words are made anew only where they change.
     Finding shown, shown_of;
     int shown_for = -1;
+    bool on_bad_data = false;
     // Names a cause, having weighed every other.
-    bool names_the_cause() const { return isolator->overrules() && finding.active; }
+    bool names_the_cause() const { return isolator->overrules() && finding.active && !on_bad_data; }
   };
   void process(const Estimate* estimates);
   void detect(const Estimate* estimates);
@@ -107,7 +108,7 @@ class AlarmStage {
   DataWatch data_;
   bool model_fits_ = true;
   bool running_ = false;
-  double last_time_ = 0;
+  double begin_ = 0, last_time_ = 0;  // s
   mutable AlarmBook book_;  // the report's verdict and what is withheld are only written when somebody reads it
 };
 

@@ -1,6 +1,7 @@
-// Alarms about the data themselves: a channel that is missing or out of range, and a rig that fell silent. Both are
-// told at once, with the first bad sample or when the silence is long enough (alarm_options.h); setpoints and ground
-// truth are not watched.
+// Alarms about the data themselves, of every rig by its datasheet's channels alone: a channel that is missing or out
+// of range, one whose readings are not like its transducer's (estimators/channel_watch.h), all of them held, and a rig
+// that fell silent. Told with the first bad sample or when the silence is long enough (alarm_options.h); setpoints and
+// ground truth are not watched. What a detector of the rig already tells is not told twice.
 #pragma once
 
 #include <string>
@@ -23,18 +24,31 @@ class DataWatch {
   // One came at `time`: a silence ends. If there was none because it was only on its way, the alarm is taken back.
   void arrived(double last, double time, AlarmBook& book);
   void check_channels(const Estimate& estimate, AlarmBook& book);
-  bool is_bad(std::size_t channel) const { return channels_[channel].alarm >= 0; }
+  bool is_bad(std::size_t channel) const { return channels_[channel].bad; }
+  // Whether any channel is, and since when [s].
+  bool any_bad() const { return any_bad_; }
+  double bad_since() const { return bad_since_; }
+  // Whether this very trouble of a transducer is told here, or that it gives no reading at all.
+  bool tells(const std::string& effect, const std::string& port, const AlarmBook& book) const;
 
  private:
   struct Watched {
     std::string name, port, out_of_range;  // what is told then
-    bool watched = true;
-    int alarm = -1;  // of the book, while active
-    double last_bad = 0;
+    bool watched = true, noisy = false;    // noisy: its noise is declared
+    ChannelStatus told = ChannelStatus::good;
+    bool bad = false;
+    int alarm = -1;  // of the book, while active; -1 too while another stage tells it
+    double last_bad = 0, since = 0;
   };
+  void tell(Watched& w, ChannelStatus status, double time, AlarmBook& book);
+  bool all_held(const Estimate& estimate) const;
+
   std::vector<Watched> channels_;
   double hold_, stale_after_;  // s
-  int stale_ = -1;
+  int stale_ = -1, held_ = -1;
+  double last_held_ = 0;
+  bool any_bad_ = false;
+  double bad_since_ = 0;
 };
 
 }  // namespace faultline
