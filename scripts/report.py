@@ -61,6 +61,7 @@ VERDICTS = [
     ("data", "BAD DATA"),
     ("model", "MODEL GAP"),
     ("unknown", "UNKNOWN"),
+    ("not_observable", "NOT OBSERVABLE"),
 ]
 # What an alarm is called that names no effect.
 KIND_NAMES = {

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""False alarms of all rigs on healthy runs: off nominal within the tolerances, with the small effects of every recording.
+"""False alarms of all rigs on healthy runs, off nominal within the tolerances, with the small effects of every one.
 
     scripts/studies/false_alarms.py [--rigs RIG ...] [--hours 20] [--first 1] [--work FOLDER] [--print]
         [--faults FOLDER] [--picture FILE]

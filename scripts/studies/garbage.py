@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What `faultline diagnose` answers to recordings that are not what they say, over all rigs, from their datasheets alone.
+"""What `faultline diagnose` answers to recordings that are not what they say, over all rigs.
 
     scripts/studies/garbage.py [--rigs RIG ...] [--profiles RIG=PROFILE ...] [--channels 2] [--seconds 60] [--seed 1]
         [--work FOLDER] [--before FOLDER] [--print]
@@ -24,6 +24,7 @@ LATE = 0.05  # s
 HELD = 10  # samples
 UNITS = {"bar": 1e5, "kPa": 1e3, "psi": 6894.757293168361}
 SIZES = ("m^2", "m^3/rad")  # of a parameter that another build has half as large again
+KINDS = ("named", "warned", "false name", "healthy")
 # What names it: words that the headline's effect, port or text has, or the effects of the library that it is.
 WORDS = {
     "frozen": ("stuck", "same value", "repeat"),
@@ -177,12 +178,11 @@ def verdict_on(way, channels, report):
     if report["verdict"] == "not_observable":
         return "named" if way == "one row" else "warned"
     told = report["sentence"].lower()
-    places = [a["port"] for a in alarms if a["effect"]] + [a["effect"] for a in alarms]
     words = next(w for start, w in WORDS.items() if way.startswith(start))
-    head = told + " ".join(places[:0])
-    if any(word in head for word in words) and (not channels or any(c.lower() in head.replace(" ", "_") for c in channels)):
-        return "named"
     first = next((a for a in alarms if a["text"].lower().rstrip(".") in told), None)
+    where = told.replace(" ", "_") + (first["port"] if first else "")
+    if any(word in told for word in words) and (not channels or any(c in where for c in channels)):
+        return "named"
     on_channel = first and any(c in first["port"] or c in first["text"] for c in channels)
     if report["verdict"] in ("data", "unknown") or (report["verdict"] == "sensor" and (on_channel or not channels)):
         return "warned"
@@ -193,7 +193,8 @@ def answer(way, channels, change, rig, sheet, options):
     profile = options.profiles.get(rig, sheet["profiles"][0]["name"])
     with tempfile.TemporaryDirectory() as folder:
         file = pathlib.Path(folder) / "run.csv"
-        more = ["--profile", profile, "--duration", options.seconds, "--off-nominal", "--nuisance", "--seed", options.seed]
+        more = ["--profile", profile, "--duration", options.seconds, "--seed", options.seed]
+        more += ["--off-nominal", "--nuisance"]
         if way == "another build":
             parameter = next((p for p in sheet["parameters"] if p["unit"] in SIZES), None)
             if not parameter:
@@ -207,13 +208,15 @@ def answer(way, channels, change, rig, sheet, options):
                 header = text.readline().strip()
             table = read_table(file)
             change(table, np.random.default_rng(options.seed))
-            np.savetxt(file, np.column_stack(list(table.values())), delimiter=",", header=header, comments="", fmt="%.10g")
+            rows = np.column_stack(list(table.values()))
+            np.savetxt(file, rows, delimiter=",", header=header, comments="", fmt="%.10g")
         try:
             report = diagnose(file, "--rig", rig)
         except SystemExit as refused:
-            return {"class": "named", "answer": "refused: " + str(refused).splitlines()[-1][-120:], "channels": channels}
+            line = str(refused).splitlines()[-1]
+            return {"class": "named", "answer": "refused: " + line[-120:], "channels": channels}
     kind = verdict_on(way, [] if way == "another build" else channels, report)
-    return {"class": kind, "answer": f"{report['verdict']}: {report['sentence']}", "channels": channels, "alarms": len(report["alarms"])}
+    return {"class": kind, "answer": f"{report['verdict']}: {report['sentence']}", "channels": channels}
 
 
 def main():
@@ -223,7 +226,6 @@ def main():
     parser.add_argument("--channels", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=60)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--ways", nargs="+", default=[], help="only ways that start so")
     parser.add_argument("--work", default=str(ROOT / "catkin_ws/reliability/garbage"))
     parser.add_argument("--before", help="FOLDER of another build")
     parser.add_argument("--print", action="store_true", help="run nothing")
@@ -234,10 +236,11 @@ def main():
         sheet = datasheet(rig)
         results = Results(pathlib.Path(options.work) / f"{rig}.jsonl")
         before = Results(pathlib.Path(options.before) / f"{rig}.jsonl").all if options.before else {}
-        print(f"\n`{rig}`:\n\n| injected |{' before |' if before else ''} answer |\n|---|---|{'---|' if before else ''}")
+        more = (" before |", "---|") if before else ("", "")
+        print(f"\n`{rig}`:\n\n| injected |{more[0]} answer |\n|---|---|{more[1]}")
         for way, channels, change in injections(sheet, options.channels):
             name = " ".join([way, *channels])
-            if (options.print and name not in results.all) or (options.ways and not way.startswith(tuple(options.ways))):
+            if options.print and name not in results.all:
                 continue
             now = results.once(name, lambda: answer(way, channels, change, rig, sheet, options))
             cells = [before[name], now] if name in before else [now]
@@ -245,9 +248,9 @@ def main():
                 classes.setdefault(way, {}).setdefault(when, collections.Counter())[cell["class"]] += 1
             text = " | ".join(f"**{cell['class']}**: {cell['answer'][:160]}" for cell in cells)
             print(f"| {way} {', '.join(f'`{c}`' for c in now['channels'])} | {text} |", flush=True)
-    print("\nAll rigs: how many answers of each kind.\n\n| injected | before: named, warned, false name, healthy | now |\n|---|---|---|")
+    print(f"\nAll rigs: {' / '.join(KINDS)}.\n\n| injected | before | now |\n|---|---|---|")
     for way, counts in classes.items():
-        cells = [" / ".join(str(counts.get(w, {}).get(k, 0)) for k in ("named", "warned", "false name", "healthy")) for w in ("before", "now")]
+        cells = [" / ".join(str(counts.get(when, {}).get(kind, 0)) for kind in KINDS) for when in ("before", "now")]
         print(f"| {way} | {cells[0]} | {cells[1]} |")
 
 

@@ -28,14 +28,15 @@ WIDE = 5  # of a range's ends
 
 
 def drawn_size(parameter, generator):
-    low, high, none = (float(parameter[key]) if parameter[key] is not None else None for key in ("minimum", "maximum", "none"))
-    if none is None or not low < high:  # a shape
+    low, high = float(parameter["minimum"]), float(parameter["maximum"])
+    if parameter["none"] is None:  # a shape
         return math.sqrt(low * high) if low > 0 and high > WIDE * low else 0.5 * (low + high)
-    if none is not None and low < none < high:
+    none = float(parameter["none"])
+    if low < none < high:
         end = generator.choice((low, high))
         return none + (end - none) * generator.uniform(0.1, 1)
     if low > 0 and high > WIDE * low:
-        return low * (high / low) ** generator.uniform(0, 1) if math.isfinite(high) else low * 10 ** generator.uniform(0, 1)
+        return low * (high / low if math.isfinite(high) else 10) ** generator.uniform(0, 1)
     return generator.uniform(low, high)
 
 

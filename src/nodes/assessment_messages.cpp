@@ -34,6 +34,7 @@ faultline_msgs::Detections detections_of(const Assessment& a, const std::string&
   message.header.stamp = to_stamp(a.time);
   message.header.frame_id = rig;
   message.sequence = a.sequence;
+  message.judged = a.judged;
   for (const ChannelStatus status : a.channel_status)
     message.channel_status.push_back(static_cast<std::uint8_t>(status));
   message.detections.resize(a.detectors.size());
@@ -95,6 +96,7 @@ Assessment to_assessment(const faultline_msgs::Detections& detections, const fau
   Assessment a;
   a.time = to_seconds(detections.header.stamp);
   a.sequence = detections.sequence;
+  a.judged = detections.judged != 0;
   for (const std::uint8_t status : detections.channel_status) a.channel_status.push_back(to_channel_status(status));
   for (const faultline_msgs::Detection& from : detections.detections) {
     DetectorResult to;

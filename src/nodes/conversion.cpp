@@ -96,6 +96,7 @@ faultline_msgs::Ranking to_message(const Ranking& ranking) {
   message.judged_until = ranking.judged_until;
   message.threshold = ranking.threshold;
   message.evidence = ranking.evidence;
+  message.doubt = ranking.doubt;
   for (const RankedHypothesis& hypothesis : ranking.first) message.first.push_back(to_message(hypothesis));
   for (const RankedHypothesis& hypothesis : ranking.second) message.second.push_back(to_message(hypothesis));
   return message;
@@ -107,6 +108,7 @@ Ranking from_message(const faultline_msgs::Ranking& message) {
   ranking.judged_until = message.judged_until;
   ranking.threshold = message.threshold;
   ranking.evidence = message.evidence;
+  ranking.doubt = message.doubt;
   for (const auto& hypothesis : message.first) ranking.first.push_back(from_message(hypothesis));
   for (const auto& hypothesis : message.second) ranking.second.push_back(from_message(hypothesis));
   return ranking;
@@ -220,8 +222,9 @@ faultline_msgs::Estimate to_message(const Estimate& estimate, const EstimateName
 }
 
 ChannelStatus to_channel_status(std::uint8_t word) {
-  if (word > static_cast<std::uint8_t>(ChannelStatus::out_of_range))
-    throw InputError(fmt::format("channel status {} is unknown; 0 to 2 are allowed", static_cast<int>(word)));
+  if (word > static_cast<std::uint8_t>(ChannelStatus::last))
+    throw InputError(fmt::format("channel status {} is unknown; 0 to {} are allowed", static_cast<int>(word),
+                                 static_cast<int>(ChannelStatus::last)));
   return static_cast<ChannelStatus>(word);
 }
 

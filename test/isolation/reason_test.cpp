@@ -15,16 +15,17 @@ constexpr AlarmKind kKinds[] = {AlarmKind::fault, AlarmKind::sensor, AlarmKind::
 template <class Check>
 void for_every_claim(const Check& check) {
   for (const AlarmKind kind : kKinds)
-    for (int bits = 0; bits < 128; ++bits)
+    for (int bits = 0; bits < 256; ++bits)
       check(Claim{kind, (bits & 1) > 0, (bits & 2) > 0, (bits & 4) > 0, (bits & 8) > 0, (bits & 16) > 0,
-                  (bits & 32) > 0, (bits & 64) > 0});
+                  (bits & 32) > 0, (bits & 64) > 0, (bits & 128) > 0});
 }
 
 TEST(Reason, ToldIsWhatNothingSpeaksAgainst) {
   int told = 0;
   for_every_claim([&told](const Claim& c) {
     const bool fault = c.kind == AlarmKind::fault;
-    const bool wanted = c.holds && !c.explained && (c.raised || (!c.judgement_awaited && !c.told_by_another)) &&
+    const bool wanted = c.holds && !c.on_bad_data && !c.explained &&
+                        (c.raised || (!c.judgement_awaited && !c.told_by_another)) &&
                         (!fault || c.raised || (c.model_fits && !c.in_doubt));
     ASSERT_EQ(reason_of(c) == Reason::told, wanted);
     told += wanted;

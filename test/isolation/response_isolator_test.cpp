@@ -41,6 +41,7 @@ class ResponseIsolation : public ::testing::Test {
     ranking->evidence = first.empty() ? 2 : first.front().evidence;
     ranking->first = first;
     ranking->second = second;
+    ranking->doubt = doubt_;
     Estimate estimate;
     estimate.time = 11 + heard_;
     estimate.channel_status.assign(servo().channels.size(), ChannelStatus::good);
@@ -51,6 +52,7 @@ class ResponseIsolation : public ::testing::Test {
   }
 
   double heard_ = 0;
+  std::string doubt_;
   Finding finding_;
   std::unique_ptr<Isolator> isolator_ = make_isolator(servo(), servo().isolators[0]);
 };
@@ -107,6 +109,31 @@ TEST_F(ResponseIsolation, TooManyRivalsAreUnknown) {
   EXPECT_FALSE(f.has_size);
   EXPECT_EQ(f.equivalent.size(), 8u);  // all of them are candidates, the likeliest first
   EXPECT_EQ(f.equivalent.front(), std::string("effect_0@") + kSeal);
+}
+
+TEST_F(ResponseIsolation, ASizeAtItsBoundIsUnknown) {
+  RankedHypothesis largest = cause("orifice_leakage", kSeal, 3, 100);
+  largest.amplitude = 2.5;  // 5e-8, where the datasheet ends
+  const Finding& f = hear({largest});
+  EXPECT_TRUE(f.active);
+  EXPECT_EQ(f.kind, AlarmKind::unknown);
+  EXPECT_EQ(f.effect + f.port, "");
+  EXPECT_FALSE(f.has_size);
+  EXPECT_EQ(f.equivalent, std::vector<std::string>{std::string("orifice_leakage@") + kSeal});
+  EXPECT_NE(f.text.find("5e-08 m^3/(s sqrt(Pa))"), std::string::npos) << f.text;
+  largest.amplitude = 2.4;
+  largest.evidence = 101;
+  EXPECT_EQ(hear({largest}).effect, "orifice_leakage");
+}
+
+TEST_F(ResponseIsolation, AChannelThatIsNotWhatItIsCalledComesBeforeAnyFault) {
+  doubt_ = "position: its sign is turned";
+  const Finding& f = hear({cause("orifice_leakage", kSeal, 3, 100)});
+  EXPECT_TRUE(f.active);
+  EXPECT_EQ(f.kind, AlarmKind::data);
+  EXPECT_EQ(f.effect + f.port, "");
+  EXPECT_EQ(f.text, doubt_);
+  EXPECT_FALSE(f.has_size);
 }
 
 TEST_F(ResponseIsolation, TheSecondIsConfirmedFirst) {

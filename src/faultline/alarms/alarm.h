@@ -52,6 +52,7 @@ struct AlarmReport {
   std::vector<Alarm> alarms;  // in the order in which they were raised, ended ones included
   std::vector<Unobserved> unobserved;
   std::vector<Withheld> withheld;
+  bool judged = false;  // something that would show a fault has judged so far
 };
 
 // Worst first: stale data hides everything else, then errors, then warnings.

@@ -107,6 +107,7 @@ bool AlarmBook::take_back(int& number) {
 void AlarmBook::clear() {
   report.alarms.clear();
   report.unobserved.clear();
+  report.judged = false;
   sizes_.clear();
   ++changes_;
 }

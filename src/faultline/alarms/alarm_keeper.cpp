@@ -92,6 +92,7 @@ void AlarmKeeper::process(const Assessment& a) {
   }
   data_.arrived(last_time_, a.time, book_);
   last_time_ = book_.report.time = a.time;
+  book_.report.judged = a.judged;
   data_.check_channels(a.time, a.channel_status, book_);
   for (std::size_t d = 0; d < detecting_.size(); ++d) take(detecting_[d], a.detectors[d], a.time);
   for (std::size_t i = 0; i < isolating_.size(); ++i) take(isolating_[i], a.isolators[i], a);
@@ -107,9 +108,11 @@ void AlarmKeeper::take(Detecting& d, const DetectorResult& result, double time) 
   } else if (d.alarm < 0) {
     d.finding.equivalent.clear();
   }
-  if (result.reason != Reason::told) {
+  if (d.withheld.reason == Reason::told && data_.tells(d.finding.effect, d.finding.port, book_))
+    d.withheld.reason = Reason::told_by_another;
+  if (d.withheld.reason != Reason::told) {
     book_.end(d.alarm, time);
-    if (result.reason == Reason::absent) return;
+    if (d.withheld.reason == Reason::absent) return;
     d.withheld.kind = d.finding.kind;
     d.withheld.effect = d.finding.effect;
     d.withheld.port = d.finding.port;
@@ -232,6 +235,7 @@ const AlarmReport& AlarmKeeper::report() const {
 std::string AlarmKeeper::verdict() const {
   const AlarmReport& report = book_.report;
   const Alarm* first = headline_now(report);
+  if (!first && report.alarms.empty() && !report.judged) return "Nothing could be judged yet.";
   if (!first) return report.alarms.empty() ? "No fault found." : "No fault now; there were alarms before.";
   const auto active =
       std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });

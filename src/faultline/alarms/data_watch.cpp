@@ -1,10 +1,31 @@
 #include "faultline/alarms/data_watch.h"
 
 #include <algorithm>
+#include <array>
 
 #include <fmt/format.h>
 
 namespace faultline {
+namespace {
+
+struct Trouble {
+  ChannelStatus status;
+  AlarmKind kind;
+  const char* effect;  // that it is at a sensor port; empty: none
+  const char* text;
+};
+
+constexpr std::array<Trouble, 5> kTroubles = {{
+    {ChannelStatus::missing, AlarmKind::data, "",
+     "no number comes from this channel; check the cable and the converter"},
+    {ChannelStatus::frozen, AlarmKind::sensor, "stuck", "this transducer is stuck: it repeats its reading"},
+    {ChannelStatus::noisy, AlarmKind::sensor, "noise", "this transducer is noisy"},
+    {ChannelStatus::spiky, AlarmKind::sensor, "", "this transducer has spikes; check cable and connector"},
+    {ChannelStatus::quiet, AlarmKind::data, "",
+     "far less noise than this transducer has; check the unit of its numbers and its cable"},
+}};
+
+}  // namespace
 
 DataWatch::DataWatch(const Datasheet& sheet, const AlarmOptions& options)
     : bad_(sheet),
@@ -24,23 +45,63 @@ DataWatch::DataWatch(const Datasheet& sheet, const AlarmOptions& options)
 }
 
 void DataWatch::reset() {
-  for (Watched& w : channels_) w.alarm = -1;
+  for (Watched& w : channels_) {
+    w.alarm = -1;
+    w.told = ChannelStatus::good;
+  }
   bad_.reset();
-  stale_ = -1;
+  stale_ = held_ = -1;
+}
+
+bool DataWatch::tells(const std::string& effect, const std::string& port, const AlarmBook& book) const {
+  return !effect.empty() && std::any_of(channels_.begin(), channels_.end(), [&](const Watched& w) {
+    if (w.alarm < 0) return false;
+    // What repeats then is the last good reading.
+    if (w.told == ChannelStatus::missing || w.told == ChannelStatus::out_of_range) return w.port == port;
+    const Alarm& alarm = book.report.alarms[static_cast<std::size_t>(w.alarm)];
+    return alarm.effect == effect && alarm.port == port;
+  });
+}
+
+void DataWatch::tell(Watched& w, ChannelStatus status, double time, AlarmBook& book) const {
+  if (w.told == status) return;
+  book.end(w.alarm, time);
+  w.told = status;
+  if (status == ChannelStatus::out_of_range) {
+    w.alarm = book.raise(AlarmKind::data, "", w.port, AlarmLevel::error, time, time, w.out_of_range);
+    return;
+  }
+  const auto* t =
+      std::find_if(kTroubles.begin(), kTroubles.end(), [&](const Trouble& x) { return x.status == status; });
+  const std::string effect = w.port.empty() ? "" : t->effect;
+  const bool told_already =
+      !effect.empty() && std::any_of(book.report.alarms.begin(), book.report.alarms.end(), [&](const Alarm& a) {
+        return a.active && a.effect == effect && a.port == w.port;
+      });
+  if (told_already) return;
+  w.alarm = book.raise(t->kind, effect, w.port, AlarmLevel::error, time, time, w.name + ": " + t->text);
+  book.at(w.alarm).confidence = 1;
 }
 
 void DataWatch::check_channels(double time, const std::vector<ChannelStatus>& status, AlarmBook& book) {
   bad_.process(time, status);
-  for (std::size_t c = 0; c < channels_.size() && c < status.size(); ++c) {
+  if (!bad_.held()) {
+    book.end(held_, bad_.last_held());
+  } else if (held_ < 0) {
+    held_ = book.raise(AlarmKind::data, "", "", AlarmLevel::error, time, time,
+                       "All transducers repeat their readings: samples of a slower rate that are held, or a source "
+                       "that stands still");
+    book.at(held_).confidence = 1;
+  }
+  if (held_ >= 0) book.at(held_).until = time;
+  for (std::size_t c = 0; c < channels_.size(); ++c) {
     Watched& w = channels_[c];
-    if (!bad_.is_bad(c))
+    if (bad_.is_bad(c)) {
+      tell(w, bad_.trouble(c), time, book);
+    } else {
       book.end(w.alarm, bad_.last_bad(c));
-    else if (w.alarm < 0)
-      w.alarm = book.raise(
-          AlarmKind::data, "", w.port, AlarmLevel::error, time, time,
-          status[c] == ChannelStatus::missing
-              ? fmt::format("{}: no number comes from this channel; check the cable and the converter", w.name)
-              : w.out_of_range);
+      w.told = ChannelStatus::good;
+    }
     if (w.alarm >= 0) book.at(w.alarm).until = time;
   }
 }

@@ -1,6 +1,7 @@
-// Alarms about the data themselves: a channel that is missing or out of range, and a rig that fell silent. Both are
-// told at once, with the first bad sample or when the silence is long enough (alarm_options.h); setpoints and ground
-// truth are not watched.
+// Alarms about the data themselves, of every rig by its datasheet's channels alone: a channel that is missing or out
+// of range, one whose readings are not like its transducer's (estimators/channel_watch.h), all of them held, and a rig
+// that fell silent. Told with the first bad sample or when the silence is long enough (alarm_options.h); setpoints and
+// ground truth are not watched. What a detector of the rig already tells is not told twice.
 #pragma once
 
 #include <string>
@@ -8,7 +9,7 @@
 
 #include "faultline/alarms/alarm_book.h"
 #include "faultline/alarms/alarm_options.h"
-#include "faultline/isolation/channel_watch.h"
+#include "faultline/isolation/bad_channels.h"
 #include "faultline/rig/datasheet.h"
 
 namespace faultline {
@@ -23,16 +24,21 @@ class DataWatch {
   // One came at `time`: a silence ends. If there was none because it was only on its way, the alarm is taken back.
   void arrived(double last, double time, AlarmBook& book);
   void check_channels(double time, const std::vector<ChannelStatus>& status, AlarmBook& book);
+  // Whether this very trouble of a transducer is told here, or that it gives no reading at all.
+  bool tells(const std::string& effect, const std::string& port, const AlarmBook& book) const;
 
  private:
   struct Watched {
     std::string name, port, out_of_range;  // what is told then
-    int alarm = -1;                        // of the book, while active
+    ChannelStatus told = ChannelStatus::good;
+    int alarm = -1;  // of the book, while active; -1 too while another stage tells it
   };
+  void tell(Watched& w, ChannelStatus status, double time, AlarmBook& book) const;
+
   std::vector<Watched> channels_;
-  ChannelWatch bad_;
+  BadChannels bad_;
   double stale_after_;  // s
-  int stale_ = -1;
+  int stale_ = -1, held_ = -1;
 };
 
 }  // namespace faultline

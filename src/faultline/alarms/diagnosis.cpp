@@ -75,13 +75,16 @@ bool Diagnosis::process(const Sample& sample) {
 }
 
 const char* to_string(VerdictKind kind) {
-  constexpr std::array<const char*, 5> kWords = {"healthy", "fault", "sensor", "unknown",
-                                                 "data"};  // in the enum's order
+  constexpr std::array<const char*, 6> kWords = {"healthy", "fault", "sensor",
+                                                 "unknown", "data",  "not_observable"};  // in the enum's order
   return kWords.at(static_cast<std::size_t>(kind));
 }
 
 Verdict verdict_of(const AlarmReport& report, double start, double end) {
   const Alarm* first = headline(report);
+  if (!first && !report.judged)
+    return {VerdictKind::not_observable,
+            fmt::format("Not observable: in {:.1f} s no stage could judge, so nothing is known.", end - start)};
   if (!first) return {VerdictKind::healthy, fmt::format("No fault found in {:.1f} s.", end - start)};
   std::string sentence = text_of(*first, start);
   const std::size_t more = report.alarms.size() - 1;

@@ -2,7 +2,8 @@
 // run them (the rig's estimators, then its alarm stage), and what a whole recording says in the end.
 //
 // A verdict over a recording is that of its headline (alarm.h): what is there at the end before what ended, then fault
-// before sensor before unknown before data; healthy if there was no alarm.
+// before sensor before unknown before data; healthy if there was no alarm, and not observable if there was none because
+// nothing that would have shown a fault could judge.
 // Limits: the alarm stage starts over when time jumps back, and what it said before is then gone (SampleCheck counts
 // such jumps).
 #pragma once
@@ -15,7 +16,7 @@
 
 namespace faultline {
 
-enum class VerdictKind { healthy, fault, sensor, unknown, data };
+enum class VerdictKind { healthy, fault, sensor, unknown, data, not_observable };
 const char* to_string(VerdictKind kind);
 
 struct Verdict {

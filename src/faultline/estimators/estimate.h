@@ -16,6 +16,14 @@ enum class ChannelStatus : std::uint8_t {
   good = 0,
   missing = 1,       // NaN or infinite
   out_of_range = 2,  // outside what the transducer can show
+  // Numbers that are not like its transducer's (channel_watch.h); only the rig's first stage tells these. They are used
+  // all the same: what they are worth is for the alarms to say.
+  frozen = 3,
+  noisy = 4,
+  spiky = 5,
+  quiet = 6,
+  at_end = 7,  // nothing but an end of its range for a while: such readings show no noise
+  last = at_end
 };
 
 struct Quantity {
@@ -54,6 +62,7 @@ struct Ranking {
   double evidence = 0;      // of the best of all hypotheses
   std::vector<RankedHypothesis> first;   // what is wrong; empty: nothing is
   std::vector<RankedHypothesis> second;  // what else is wrong, beside the best of the first
+  std::string doubt;  // a channel that is not what it is called explains more than all of them; empty: none does
 };
 
 struct Estimate {

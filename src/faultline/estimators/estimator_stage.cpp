@@ -36,6 +36,9 @@ EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
   estimator_ = make_estimator(sheet, spec);
   spec.settings.check_used();
   held_.assign(channels_.size(), 0);
+  usable_.resize(channels_.size());
+  if (!sheet.estimators.empty() && sheet.estimators.front().name == spec.name)
+    for (const Channel& channel : channels_) watches_.emplace_back(channel);
 }
 
 void EstimatorStage::reset() {
@@ -60,6 +63,8 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
     return false;
   }
   bool restart = !running_ || dt < 0 || dt > gap_;
+  if (restart)
+    for (ChannelWatch& watch : watches_) watch.reset();
 
   // Only the channels that this estimator reads are its business; the status of all is told.
   const std::size_t n = channels_.size();
@@ -71,8 +76,9 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
       status = ChannelStatus::missing;
     else if (value < channels_[c].minimum || value > channels_[c].maximum)
       status = ChannelStatus::out_of_range;
-    estimate.channel_status[c] = status;
+    usable_[c] = estimate.channel_status[c] = status;
     if (status == ChannelStatus::good) held_[c] = value;
+    if (status == ChannelStatus::good && !watches_.empty()) estimate.channel_status[c] = watches_[c].add(value);
     if (status == ChannelStatus::missing) ++counts_.missing;
     if (status == ChannelStatus::out_of_range) ++counts_.out_of_range;
   }
@@ -83,7 +89,7 @@ bool EstimatorStage::process(const Sample& sample, Estimate& estimate) {
     // Lost samples: the model runs on in steps of the sample period with the last commands held.
     const int steps = std::max(1, static_cast<int>(std::lround(dt / period_)));
     last_time_ = sample.time;
-    restart = !estimator_->advance(held_.data(), estimate.channel_status.data(), dt, steps);
+    restart = !estimator_->advance(held_.data(), usable_.data(), dt, steps);
     if (restart) begin(sample);
   }
 

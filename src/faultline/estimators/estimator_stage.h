@@ -5,12 +5,14 @@
 // Gating: a measured channel that is missing or out of its range is left out of the correction; a driving channel holds
 // its last good value. A sample whose time is no number, or is not newer than the last, is not used (process returns
 // false) unless time jumped back by more than `jump`, or forward by more than `gap`: then everything begins anew with
-// that sample.
+// that sample. The rig's first stage also says of channels that are used whether they look like their transducers'
+// (channel_watch.h).
 #pragma once
 
 #include <memory>
 #include <vector>
 
+#include "faultline/estimators/channel_watch.h"
 #include "faultline/estimators/estimator.h"
 #include "faultline/signal/sample.h"
 
@@ -49,6 +51,8 @@ class EstimatorStage {
   double gap_, jump_;  // s
   std::unique_ptr<Estimator> estimator_;
   std::vector<double> held_;
+  std::vector<ChannelStatus> usable_;  // of this sample: good, missing or out of range
+  std::vector<ChannelWatch> watches_;  // one per channel; none but in the first stage
   bool running_ = false, news_ = true;
   double last_time_ = 0;
   EstimatorCounts counts_;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "faultline/attribution/screening.h"
+#include "faultline/estimators/plausibility.h"
 
 namespace faultline {
 namespace {
@@ -32,6 +33,7 @@ void FaultResponses::reset() {
   stretches_ = age_ = 0;
   first_.clear();
   second_.clear();
+  doubt_text_.clear();
   candidates_.clear();
   evidence_ = 0;
   known_.forget_starts();
@@ -334,6 +336,7 @@ void FaultResponses::end_event() {
   age_ = 0;
   first_.clear();
   second_.clear();
+  doubt_text_.clear();
   know_healthy();
 }
 
@@ -424,6 +427,9 @@ void FaultResponses::find_healthy_or_fault() {
   know_fault(now);
   look_beside(now.prior);
   if (!second_.empty()) know_fault(now);
+  ModelPoint found = point_;
+  for (const EffectSpec& effect : found_effects()) found.effects.push_back(effect);
+  doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found);
   if (!event_) {
     since_ = recent_[recent_.size() - window_.stretches]->begin;
     event_ = true;

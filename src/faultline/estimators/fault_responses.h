@@ -46,6 +46,8 @@ class FaultResponses {
   const std::vector<RankedFault>& first() const { return first_; }
   // The same for what is wrong beside the first.
   const std::vector<RankedFault>& second() const { return second_; }
+  // A channel that is not what it is called explains more (plausibility.h); empty: none does.
+  const std::string& doubt() const { return doubt_text_; }
   double since() const { return since_; }  // s, start of the first stretch that shows it
   // Of the best, refined or not; of a stretch not looked at closely, what there could be at most.
   double evidence() const { return evidence_; }
@@ -114,6 +116,7 @@ class FaultResponses {
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
   KnownModel known_;
+  std::string doubt_text_;
   unsigned age_ = 0;        // of the event, in stretches
   unsigned stretches_ = 0;  // since the beginning
 };

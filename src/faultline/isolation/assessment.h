@@ -34,6 +34,7 @@ struct Assessment {
   double time = 0;  // s
   std::uint64_t sequence = 0;
   std::vector<ChannelStatus> channel_status;  // one per channel of the rig
+  bool judged = false;                        // something that would show a fault has judged so far
   std::vector<DetectorResult> detectors;      // in the datasheet's order
   std::vector<IsolatorResult> isolators;
 };

@@ -1,6 +1,7 @@
 #include "faultline/isolation/isolation_stage.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include <fmt/format.h>
@@ -10,6 +11,9 @@
 
 namespace faultline {
 namespace {
+
+// s, after which a detector that does not say when it can judge has judged.
+constexpr double kLongEnough = 5;
 
 std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
   return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
@@ -96,6 +100,7 @@ void IsolationStage::reset() {
     assessment_.isolators[k] = std::move(fresh);
   }
   channels_.reset();
+  assessment_.judged = false;
   model_fits_ = true;
   running_ = false;
 }
@@ -151,6 +156,7 @@ const Assessment& IsolationStage::process(const Estimate& estimate) {
 const Assessment& IsolationStage::process(const Estimate* estimates) {
   const Estimate& estimate = estimates[0];
   if (running_ && estimate.time < assessment_.time) reset();
+  if (!running_) begin_ = estimate.time;
   running_ = true;
   assessment_.time = estimate.time;
   assessment_.sequence = estimate.sequence;
@@ -184,6 +190,9 @@ void IsolationStage::detect(const Estimate* estimates) {
     w.detector->process(estimates[w.stage], result.detection);
     const Criterion criterion = w.detector->criterion();
     result.evidence = criterion.value / criterion.threshold;
+    const bool of_transducer = w.meaning.kind == AlarmKind::sensor || w.meaning.kind == AlarmKind::data;
+    if (!of_transducer && (std::isfinite(criterion.value) || assessment_.time - begin_ >= kLongEnough))
+      assessment_.judged = true;
     if (!result.detection.active) continue;
     if (result.size_name.empty()) {  // some know the unit from the first estimate on
       result.size_name = w.detector->size_name();
@@ -205,8 +214,13 @@ void IsolationStage::detect(const Estimate* estimates) {
 }
 
 void IsolationStage::isolate(const Estimate* estimates) {
-  for (std::size_t k = 0; k < isolated_.size(); ++k)
-    isolated_[k].isolator->process(estimates[isolated_[k].stage], doubted_, assessment_.isolators[k].finding);
+  for (std::size_t k = 0; k < isolated_.size(); ++k) {
+    Isolated& i = isolated_[k];
+    i.isolator->process(estimates[i.stage], doubted_, assessment_.isolators[k].finding);
+    const double until = i.isolator->judged_until();
+    if (std::isfinite(until) && until > begin_) assessment_.judged = true;
+    i.on_bad_data = i.isolator->rests_on_all_channels() && channels_.any_bad() && raised_on_bad_data(i);
+  }
   // The model is then known well enough: the cause explains what it did not.
   if (std::any_of(isolated_.begin(), isolated_.end(), [this](const Isolated& i) { return names_the_cause(i); }))
     model_fits_ = true;
@@ -221,6 +235,7 @@ void IsolationStage::hand_over() {
     if (!watched_[place].stands || watched_[place].raised) continue;
     assessment_.detectors[place].takes_over = static_cast<int>(k);
     watched_[place].raised = true;
+    watched_[place].raised_at = i.raised_at;
     i.raised = false;
     i.told_for = -1;
   }
@@ -238,7 +253,9 @@ void IsolationStage::decide_detections() {
       w.claim.told_by_another = told_by_isolator(k);
     }
     result.reason = reason_of(w.claim);
-    w.raised = result.reason == Reason::told;
+    const bool told = result.reason == Reason::told;
+    if (told && !w.raised) w.raised_at = assessment_.time;
+    w.raised = told;
   }
 }
 
@@ -251,16 +268,21 @@ void IsolationStage::decide_findings() {
     claim.kind = result.finding.kind;
     claim.holds = result.finding.active;
     claim.raised = i.raised;
+    claim.on_bad_data = i.on_bad_data;
     claim.told_by_another =
         (result.detector >= 0 && watched_[static_cast<std::size_t>(result.detector)].raised) || told_by_another(i);
     claim.model_fits = model_fits_ || !i.isolator->rests_on_model();
     result.reason = reason_of(claim);
-    i.raised = result.reason == Reason::told;
+    const bool told = result.reason == Reason::told;
+    if (told && !i.raised) i.raised_at = assessment_.time;
+    i.raised = told;
     if (result.reason != Reason::told_by_another) i.told_for = result.detector;
   }
 }
 
 bool IsolationStage::explained(const Watched& w) const {
+  // Numbers that are not the transducers' own fit no model.
+  if (w.meaning.kind == AlarmKind::unknown && channels_.unusable() && raised_on_bad_data(w)) return true;
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     const Finding& f = finding(i);
     if (!names_the_cause(i) || f.kind == AlarmKind::unknown) return false;
@@ -268,7 +290,7 @@ bool IsolationStage::explained(const Watched& w) const {
       case AlarmKind::unknown:
         return true;
       case AlarmKind::sensor:
-        return w.meaning.effect.empty() && f.kind == AlarmKind::sensor;
+        return w.meaning.effect.empty() && (f.kind == AlarmKind::sensor || f.kind == AlarmKind::data);
       case AlarmKind::fault:
         return !is_named(w.named, f.effect, f.port) && !among(f.equivalent, w.named);
       case AlarmKind::model:
@@ -305,6 +327,7 @@ bool IsolationStage::told_by_another(const Isolated& i) const {
 }
 
 int IsolationStage::detected(const Finding& f) const {
+  if (f.effect.empty()) return -1;
   for (std::size_t k = 0; k < watched_.size(); ++k) {
     const Watched& w = watched_[k];
     if (w.stands && w.meaning.kind == AlarmKind::fault && !w.meaning.effect.empty() &&

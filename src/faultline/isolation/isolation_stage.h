@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "faultline/isolation/assessment.h"
-#include "faultline/isolation/channel_watch.h"
+#include "faultline/isolation/bad_channels.h"
 #include "faultline/rig/reference.h"
 
 namespace faultline {
@@ -48,13 +48,16 @@ class IsolationStage {
     bool withholds = true;
     std::vector<std::size_t> doubts;  // channels that isolators leave out while it stands
     Claim claim;
-    bool stands = false;  // as far as is known without the isolators
-    bool raised = false;  // its alarm was told at the last sample
+    bool stands = false;   // as far as is known without the isolators
+    bool raised = false;   // its alarm was told at the last sample
+    double raised_at = 0;  // s
   };
   struct Isolated {
     std::unique_ptr<Isolator> isolator;
     std::size_t stage = 0;
     bool raised = false;
+    double raised_at = 0;  // s
+    bool on_bad_data = false;
     int told_for = -1;  // the detector that found the same, while this one's alarm tells it
   };
   const Assessment& process(const Estimate* estimates);
@@ -67,7 +70,14 @@ class IsolationStage {
   const IsolatorResult& isolator_result(const Isolated& i) const;
   const Detection& detection(const Watched& w) const;
   // Names a cause, having weighed every other.
-  bool names_the_cause(const Isolated& i) const { return i.isolator->overrules() && finding(i).active; }
+  bool names_the_cause(const Isolated& i) const {
+    return i.isolator->overrules() && finding(i).active && !i.on_bad_data;
+  }
+  // A claim that rests on all channels and was not raised before one of them went bad.
+  template <class Stage>
+  bool raised_on_bad_data(const Stage& s) const {
+    return !s.raised || s.raised_at >= channels_.bad_since();
+  }
   bool explained(const Watched& w) const;
   bool judgement_awaited(const Watched& w) const;
   bool told_by_isolator(std::size_t detector) const;
@@ -79,10 +89,11 @@ class IsolationStage {
   Datasheet sheet_;
   std::vector<Watched> watched_;
   std::vector<Isolated> isolated_;
-  ChannelWatch channels_;
+  BadChannels channels_;
   std::vector<bool> doubted_;  // one per channel: its transducer is known to be off
   bool model_fits_ = true;
   bool running_ = false;
+  double begin_ = 0;  // s
   Assessment assessment_;
 };
 

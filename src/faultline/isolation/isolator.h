@@ -44,6 +44,8 @@ class Isolator {
   virtual bool overrules() const { return false; }
   // Whether its findings are worth nothing where the rig's model does not explain the measurements.
   virtual bool rests_on_model() const { return true; }
+  // Whether its findings rest on every channel of the rig, so that one that is off spoils them.
+  virtual bool rests_on_all_channels() const { return false; }
   virtual double judged_until() const { return std::numeric_limits<double>::infinity(); }  // s
   // As Detector has them: what it learnt of the healthy rig, and to judge by that instead of learning.
   virtual std::optional<Reference> reference() const { return {}; }

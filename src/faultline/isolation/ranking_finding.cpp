@@ -5,8 +5,12 @@
 #include <cmath>
 #include <set>
 
+#include <fmt/format.h>
+
 namespace faultline {
 namespace {
+
+constexpr double kAtBound = 0.005;  // of the way from no effect to the bound
 
 RankingOptions read_options(const Settings& s) {
   RankingOptions o;
@@ -28,7 +32,7 @@ std::string spaced(std::string name) {
 }  // namespace
 
 RankingFinding::RankingFinding(const Datasheet& sheet, const Settings& settings) : options_(read_options(settings)) {
-  for (const Port& port : sheet.ports) components_[port.name] = port.component;
+  for (const Port& port : sheet.ports) ports_[port.name] = port;
 }
 
 void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool restarted, Finding& finding) {
@@ -63,14 +67,16 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
 void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding& finding) {
   const double evidence = ranked.front().evidence;
   const double margin = std::max(options_.rival_fraction * evidence, options_.rival_evidence);
-  // A name that explains as well as the best stays.
-  const RankedHypothesis* chosen = &ranked.front();
+  // A name that explains as well as the best stays; one at its bound gives way to one that is not.
+  const auto counts = [&](const RankedHypothesis& h) { return h.evidence >= evidence - margin && !at_bound(h); };
+  const auto first = std::find_if(ranked.begin(), ranked.end(), counts);
+  const RankedHypothesis* chosen = first == ranked.end() ? &ranked.front() : &*first;
   for (const RankedHypothesis& h : ranked)
-    if (h.order == named_ && h.evidence >= evidence - margin) chosen = &h;
+    if (h.order == named_ && (counts(h) || (first == ranked.end() && h.evidence >= evidence - margin))) chosen = &h;
   // Twins at one place go by the name that the datasheet lists first.
   const std::string port = chosen->port;
   for (const RankedHypothesis& h : ranked)
-    if (h.evidence >= evidence - margin && h.order < chosen->order && h.port == port) chosen = &h;
+    if (counts(h) && h.order < chosen->order && h.port == port) chosen = &h;
   named_ = chosen->order;
   finding.effect = chosen->effect;
   finding.port = chosen->port;
@@ -100,7 +106,20 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
     finding.text = "Something changed; candidates: " + chosen->name() + ", " + rivals;
     finding.equivalent.insert(finding.equivalent.begin(), chosen->name());
   }
-  finding.has_size = finding.kind != AlarmKind::unknown;
+  if (!heard_->doubt.empty()) {
+    finding.kind = options_.second ? AlarmKind::unknown : AlarmKind::data;
+    finding.effect = finding.port = "";
+    finding.equivalent.clear();
+    finding.text = heard_->doubt;
+  } else if (finding.kind != AlarmKind::unknown && at_bound(*chosen)) {
+    finding.equivalent.insert(finding.equivalent.begin(), chosen->name());
+    finding.kind = AlarmKind::unknown;
+    finding.effect = finding.port = "";
+    finding.text =
+        fmt::format("No fault of the datasheet explains it; nearest is {} at its largest {}, {:.3g}{}", chosen->name(),
+                    chosen->size_name, chosen->size(), chosen->size_unit == "1" ? "" : " " + chosen->size_unit);
+  }
+  finding.has_size = !finding.effect.empty();
   finding.size_name = chosen->size_name;
   finding.size_unit = chosen->size_unit;
   finding.none = chosen->none;
@@ -111,9 +130,25 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
   finding.high = sizes.high;
 }
 
+bool RankingFinding::at_bound(const RankedHypothesis& h) const {
+  const auto port = ports_.find(h.port);
+  if (port == ports_.end()) return false;
+  for (const FittingEffect& effect : port->second.effects) {
+    const auto found = effect.effect == h.effect ? effect.bounds.find(h.size_name) : effect.bounds.end();
+    if (found == effect.bounds.end()) continue;
+    const Bounds& b = found->second;
+    if (std::isinf(h.none)) return h.size() <= (1 + kAtBound) * b.minimum;
+    const auto reaches = [&](double bound) {
+      return std::abs(h.size() - bound) <= kAtBound * std::abs(bound - h.none);
+    };
+    return (b.maximum > h.none && reaches(b.maximum)) || (b.minimum < h.none && reaches(b.minimum));
+  }
+  return false;
+}
+
 std::string RankingFinding::text(const RankedHypothesis& h) const {
-  const auto found = components_.find(h.port);
-  std::string component = found == components_.end() ? h.port : found->second;
+  const auto found = ports_.find(h.port);
+  std::string component = found == ports_.end() ? h.port : found->second.component;
   if (!component.empty()) component[0] = static_cast<char>(std::toupper(component[0]));
   return component + ": " + spaced(h.effect);
 }

@@ -3,7 +3,9 @@
 //
 // Finding: the hypothesis of most evidence, from the `confirm`-th judgement in a row that finds something. What
 // explains within `rival` of that evidence (a fraction, and never less than `rival_least`) cannot be told from it
-// and is listed as equivalent; if more than `most_rivals` are, the fault is unknown and all of them are candidates.
+// and is listed as equivalent; if more than `most_rivals` are, the fault is unknown and all of them are candidates. So
+// it is where the size lies at the largest that the datasheet allows: what goes beyond is something else, or more than
+// one thing. Where the ranking doubts a channel, that is told instead, as trouble of the data.
 // Confidence: that the trouble is at that port, by the evidence of all; never more than one over the ports among what
 // cannot be told apart. Size with 90 % bounds from
 // the ranking's standard deviation and `model_error` (relative: what tolerances leave). The evidence's variances
@@ -48,8 +50,9 @@ class RankingFinding {
  private:
   void write(const std::vector<RankedHypothesis>& ranked, Finding& finding);
   std::string text(const RankedHypothesis& h) const;
+  bool at_bound(const RankedHypothesis& h) const;
 
-  std::map<std::string, std::string> components_;  // of the ports
+  std::map<std::string, Port> ports_;
   RankingOptions options_;
   std::shared_ptr<const Ranking> heard_;  // the last
   double judged_ = -std::numeric_limits<double>::infinity();

@@ -15,7 +15,7 @@ bool fault(const Claim& c) { return c.kind == AlarmKind::fault; }
 
 constexpr std::array<Row, 7> kReasons = {{
     {Reason::absent, [](const Claim& c) { return !c.holds; }, "its condition does not hold"},
-    {Reason::transducer_in_doubt, [](const Claim& c) { return fault(c) && !c.raised && c.in_doubt; },
+    {Reason::transducer_in_doubt, [](const Claim& c) { return c.on_bad_data || (fault(c) && !c.raised && c.in_doubt); },
      "a transducer that it rests on is itself off"},
     {Reason::explained, [](const Claim& c) { return c.explained; }, "another cause explains it"},
     {Reason::judgement_awaited, [](const Claim& c) { return !c.raised && c.judgement_awaited; },

@@ -31,6 +31,7 @@ struct Claim {
   bool judgement_awaited = false;  // of when it began
   bool told_by_another = false;
   bool model_fits = true;
+  bool on_bad_data = false;  // it weighed all channels, and one of them was off before it was raised
 };
 
 Reason reason_of(const Claim& claim);

@@ -18,6 +18,7 @@ class ResponseIsolator : public Isolator {
 
   void reset() override { answer_.reset(); }
   bool overrules() const override { return !answer_.second(); }
+  bool rests_on_all_channels() const override { return true; }
   double judged_until() const override { return answer_.judged_until(); }
 
   void process(const Estimate& estimate, const std::vector<bool>&, Finding& finding) override {

@@ -1,0 +1,89 @@
+#include "faultline/estimators/channel_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace faultline {
+namespace {
+
+constexpr double kNoisy = 6, kQuiet = 50;  // times the noise of the datasheet
+constexpr int kBlocksOnEnd = 2;
+constexpr double kSpike = 12;  // sigma
+constexpr int kSpikes = 3;
+constexpr double kRounded = 2;        // resolutions over noise, from which equal readings are nothing unusual
+constexpr double kByChance = 1e-13;   // of as many equal readings
+constexpr double kLeastShare = 1e-6;  // of equal neighbours, where nothing is rounded
+constexpr double kFewestEqual = 5;
+constexpr double kHeldShare = 0.75, kMostEqualShare = 0.3;  // of equal neighbours: of held readings, by chance
+constexpr double kSixthWeight = 30.397368307141328;         // sqrt(924)
+constexpr double kMedianOfNormal = 0.6744897501960817;
+constexpr double kRootOfPi = 1.7724538509055159;
+
+}  // namespace
+
+ChannelWatch::ChannelWatch(const Channel& channel)
+    : low_(channel.minimum),
+      high_(channel.maximum),
+      watched_((channel.role == Role::output || channel.role == Role::input) && !channel.ground_truth &&
+               channel.noise_std > 0) {
+  if (!watched_) return;
+  sigma_ = std::hypot(channel.noise_std, channel.resolution / std::sqrt(12.0));
+  rounded_ = channel.resolution > kRounded * channel.noise_std;
+  equal_share_ = std::max(channel.resolution / (2 * kRootOfPi * channel.noise_std), kLeastShare);
+  const double count = 1 + std::ceil(std::log(kByChance) / std::log(equal_share_));
+  count_ = rounded_ ? 0 : static_cast<std::size_t>(std::max(kFewestEqual, count));
+}
+
+void ChannelWatch::reset() {
+  last_ = {};
+  spikes_ = {};
+  readings_ = in_block_ = same_ = longest_ = equal_ = ends_ = block_ = 0;
+  noisy_ = quiet_ = 0;
+  status_ = ChannelStatus::good;
+}
+
+ChannelStatus ChannelWatch::add(double value) {
+  if (!watched_) return ChannelStatus::good;
+  const bool end = value <= low_ || value >= high_;
+  same_ = readings_ > 0 && value == last_.back() && !end ? same_ + 1 : 1;
+  longest_ = std::max(longest_, same_);
+  equal_ += same_ > 1;
+  ends_ += end;
+  std::rotate(last_.begin(), last_.begin() + 1, last_.end());
+  last_.back() = value;
+  if (++readings_ < last_.size()) return status_;
+
+  const auto& x = last_;
+  sixth_[in_block_++] = std::abs(x[0] + x[6] - 6 * (x[1] + x[5]) + 15 * (x[2] + x[4]) - 20 * x[3]);
+  const auto [least, most] = std::minmax({x[1], x[2], x[4], x[5]});
+  const double beyond = std::max(x[3] - most, least - x[3]);
+  spikes_[block_] += beyond > kSpike * sigma_ + 3 * (most - least);
+  if (in_block_ == kBlock) status_ = judge();
+  return status_;
+}
+
+ChannelStatus ChannelWatch::judge() {
+  auto* middle = sixth_.data() + kBlock / 2;
+  std::nth_element(sixth_.begin(), middle, sixth_.end());
+  const double noise = *middle / (kSixthWeight * kMedianOfNormal * sigma_);
+  const bool all_at_end = ends_ >= kBlock;
+  const bool tells = ends_ == 0 && !rounded_;
+  const bool held = equal_share_ < kMostEqualShare && static_cast<double>(equal_) >= kHeldShare * kBlock;
+  const bool frozen = (count_ > 0 && longest_ >= count_) || held;
+  noisy_ = tells && noise > kNoisy ? noisy_ + 1 : 0;
+  quiet_ = tells && !frozen && noise * kQuiet < 1 ? quiet_ + 1 : 0;
+  const bool spiky = std::accumulate(spikes_.begin(), spikes_.end(), 0) >= kSpikes;
+  block_ = (block_ + 1) % kBlocks;
+  spikes_[block_] = 0;
+  in_block_ = 0;
+  longest_ = same_;
+  equal_ = ends_ = 0;
+  if (frozen) return ChannelStatus::frozen;
+  if (noisy_ >= kBlocksOnEnd) return ChannelStatus::noisy;
+  if (spiky) return ChannelStatus::spiky;
+  if (quiet_ >= kBlocksOnEnd) return ChannelStatus::quiet;
+  return all_at_end ? ChannelStatus::at_end : ChannelStatus::good;
+}
+
+}  // namespace faultline

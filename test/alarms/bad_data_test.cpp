@@ -1,0 +1,87 @@
+// Recordings that are not what they say: what is told instead of a fault, on simulated runs of a healthy rig that is
+// off its datasheet.
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "detectors/estimates.h"
+#include "faultline/alarms/diagnosis.h"
+
+namespace faultline {
+namespace {
+
+using Change = std::function<void(Recording&, std::size_t row)>;
+
+double& at(Recording& r, std::size_t row, const std::string& channel) {
+  return r.values[row * r.columns() + static_cast<std::size_t>(find_channel(r.channels, channel))];
+}
+
+struct Told {
+  Verdict verdict;
+  AlarmReport report;
+};
+
+Told diagnosed(const Change& change, double seconds = 20) {
+  Recording r = simulate(servo(), off_nominal("steps", 3), seconds);
+  for (std::size_t k = 0; k < r.rows(); ++k) change(r, k);
+  Diagnosis diagnosis(servo());
+  for (std::size_t k = 0; k < r.rows(); ++k) diagnosis.process(r.sample(k));
+  return {verdict_of(diagnosis.report(), 0, seconds), diagnosis.report()};
+}
+
+void expect_no_fault(const AlarmReport& report) {
+  for (const Alarm& alarm : report.alarms) EXPECT_NE(alarm.kind, AlarmKind::fault) << alarm.text;
+}
+
+TEST(BadData, AFrozenTransducerIsNamedAndNoFaultRestsOnIt) {
+  const Told told = diagnosed([](Recording& r, std::size_t k) {
+    if (k > 10000) at(r, k, "load_force") = at(r, 10000, "load_force");
+  });
+  EXPECT_EQ(told.verdict.kind, VerdictKind::sensor) << told.verdict.sentence;
+  EXPECT_NE(told.verdict.sentence.find("load_force"), std::string::npos) << told.verdict.sentence;
+  EXPECT_NE(told.verdict.sentence.find("stuck"), std::string::npos) << told.verdict.sentence;
+  EXPECT_NEAR(told.report.alarms.front().since, 10, 0.15);
+  expect_no_fault(told.report);
+}
+
+TEST(BadData, PressuresInAnotherUnitAreDataNotAFault) {
+  for (const double unit : {1e5, 1e3, 6894.76}) {
+    const Told told = diagnosed([&](Recording& r, std::size_t k) {
+      for (std::size_t c = 0; c < r.columns(); ++c)
+        if (r.channels[c].unit == "Pa") r.values[k * r.columns() + c] /= unit;
+    });
+    EXPECT_EQ(told.verdict.kind, VerdictKind::data) << told.verdict.sentence;
+    EXPECT_NE(told.verdict.sentence.find("unit"), std::string::npos) << told.verdict.sentence;
+    expect_no_fault(told.report);
+  }
+}
+
+TEST(BadData, ATurnedSignAndExchangedChannelsAreNamed) {
+  const Told turned = diagnosed([](Recording& r, std::size_t k) { at(r, k, "position") *= -1; });
+  EXPECT_EQ(turned.verdict.kind, VerdictKind::data) << turned.verdict.sentence;
+  EXPECT_NE(turned.verdict.sentence.find("position: its sign"), std::string::npos) << turned.verdict.sentence;
+  const Told exchanged = diagnosed(
+      [](Recording& r, std::size_t k) { std::swap(at(r, k, "chamber_a_pressure"), at(r, k, "chamber_b_pressure")); });
+  EXPECT_NE(exchanged.verdict.sentence.find("chamber_a_pressure and chamber_b_pressure are exchanged"),
+            std::string::npos)
+      << exchanged.verdict.sentence;
+}
+
+TEST(BadData, SamplesThatAreHeldAreOneAlarm) {
+  const Told told = diagnosed([](Recording& r, std::size_t k) {
+    for (std::size_t c = 0; c < r.columns(); ++c) r.values[k * r.columns() + c] = r.at(k / 10 * 10, c);
+  });
+  EXPECT_EQ(told.verdict.kind, VerdictKind::data) << told.verdict.sentence;
+  EXPECT_NE(told.verdict.sentence.find("repeat their readings"), std::string::npos) << told.verdict.sentence;
+  expect_no_fault(told.report);
+}
+
+TEST(BadData, ARunTooShortToJudgeIsNotObservable) {
+  const Told told = diagnosed([](Recording&, std::size_t) {}, 0.002);
+  EXPECT_EQ(told.verdict.kind, VerdictKind::not_observable) << told.verdict.sentence;
+  EXPECT_TRUE(told.report.alarms.empty());
+  EXPECT_EQ(diagnosed([](Recording&, std::size_t) {}).verdict.kind, VerdictKind::healthy);
+}
+
+}  // namespace
+}  // namespace faultline
