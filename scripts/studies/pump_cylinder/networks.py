@@ -254,7 +254,7 @@ def shipped(work):
     found = {}
     for name, arguments in SHIPPED.items():
         bag = work.simulated(f"shipped_{name.replace(' ', '_')}.bag", "--nuisance", "--compression", "none", *arguments)
-        _, course = diagnose(bag, "--config", config, "--series-rows", 10000, series=True)
+        _, course = diagnose(bag, "--config", config, "--series-rows", 1000000, series=True)
         course = {column: values[course["t"] > 1] for column, values in course.items()}
         found[name] = {}
         for symbol, channel in PRESSURES.items():
