@@ -15,9 +15,15 @@ import tempfile
 import numpy as np
 
 from paper_runs import PRESSURES, RIG
-from rig_runs import datasheet, diagnose, faultline, read_table, record, write_datasheet
+from rig_runs import datasheet, faultline, read_table, record, write_datasheet
 
-ROWS = 60000
+
+def columns(file, names):
+    """Of a long table, as a mapping."""
+    with open(file) as text:
+        head = text.readline().strip().split(",")
+    table = np.loadtxt(file, delimiter=",", skiprows=1, usecols=[head.index(name) for name in names])
+    return dict(zip(names, table.T))
 
 
 def main():
@@ -34,7 +40,12 @@ def main():
         common = ["--profile", "cycle", "--seed", 5, "--off-nominal", "--nuisance", "--duration", options.seconds]
         record(RIG, bag, *common, "--effect", warm)
         config = write_datasheet(alone, folder / "one.yaml")
-        _, course = diagnose(bag, "--config", config, "--series-rows", ROWS, series=True)
+        # Every row: of stretches a series keeps the extremes, which are no samples of an error.
+        series = folder / "series.csv"
+        rows = ["--series", series, "--series-rows", 2000 * options.seconds]
+        faultline("diagnose", bag, "--config", config, "--json", folder / "report.json", *rows)
+        kinds = ("{}", "q.{}_virtual", "q.{}_virtual.std")
+        course = columns(series, ["t", *(kind.format(c) for c in PRESSURES.values() for kind in kinds)])
         table = folder / "open.csv"
         faultline("simulate", RIG, "--drive", bag, "--no-noise", "--quiet", "-o", table)
         model = read_table(table)

@@ -1,8 +1,8 @@
 // The estimator `network`: a trained network (networks/network.h) as a virtual sensor of channels.
 //
 // Quantities, per output: CHANNEL_network, its estimate, and CHANNEL_network_residual, measured minus estimated; their
-// standard deviation is the network's rms error when it was trained (0 where that was with other feedback than here), or
-// the rms residual of the last `memory` s where that is more: a network does not know where it leaves what it was
+// standard deviation is the network's rms error when it was trained (0 where that was with other feedback than here),
+// or the rms residual of the last `memory` s where that is more: a network does not know where it leaves what it was
 // trained on, but a transmitter that still reads does. Where none reads it is what it was last.
 // No estimate leaves its channel's range. With feedback all, estimates begin from the mean of the training, so that a
 // transmitter that is dead spoils nothing; with own, from what is measured. Where samples are lost it runs on with the

@@ -91,7 +91,7 @@ std::vector<SegmentedRun> cut_in_two(const Datasheet& sheet, const SegmentedRun&
     Recording part;
     part.rig = run.recording.rig;
     part.channels = run.recording.channels;
-    for (std::size_t k = half ? middle : 0; k < (half ? rows : middle); ++k) part.append(run.recording.sample(k));
+    for (std::size_t k = half ? middle : 0; k < (half ? rows : middle); ++k) part.append(run.measured(k));
     parts.push_back(cut_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part),
                             static_cast<double>(run.segment) * run.period, options));
   }

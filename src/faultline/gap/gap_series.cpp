@@ -26,7 +26,7 @@ GapSeries gap_series(const ResidualModel& model, std::size_t run, const ModelCha
   for (std::size_t k = 0; k < recording.rows(); k += every) {
     series.time.push_back(recording.time[k] - start);
     for (std::size_t o = 0; o < model.outputs().size(); ++o) {
-      const double measured = model.runs()[run].reading(k, model.outputs()[o]);
+      const double measured = model.runs()[run].reading(k, static_cast<std::size_t>(model.outputs()[o]));
       series.values.push_back(measured);
       for (const Eigen::MatrixXf& level : levels)
         series.values.push_back(measured - model.noise()[o] * static_cast<double>(level(static_cast<Eigen::Index>(k),

@@ -179,7 +179,7 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
   const auto residual = [&](std::size_t row, std::size_t output, const double* channels) {
     const auto c = static_cast<std::size_t>(outputs_[output]);
     const Channel& channel = sheet_->channels[c];
-    const double r = (std::clamp(run.reading(row, outputs_[output]), channel.minimum, channel.maximum) -
+    const double r = (std::clamp(run.reading(row, c), channel.minimum, channel.maximum) -
                       std::clamp(channels[c], channel.minimum, channel.maximum)) /
                      sigma[output];
     return static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);

@@ -71,20 +71,6 @@ Breaks find_breaks(const Datasheet& sheet, const SegmentedRun& run, const Segmen
   return found;
 }
 
-Recording compared_inputs(const Datasheet& sheet, const Recording& recording) {
-  Recording result;
-  result.time = recording.time;
-  std::vector<std::size_t> columns;
-  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
-    if (sheet.channels[c].predicted_by.empty() || sheet.channels[c].ground_truth) continue;
-    columns.push_back(c);
-    result.channels.push_back(recording.channels[c]);
-  }
-  for (std::size_t k = 0; !columns.empty() && k < recording.rows(); ++k)
-    for (const std::size_t c : columns) result.values.push_back(recording.at(k, c));
-  return result;
-}
-
 // Of such an input, the noise about its command: what the command itself carries is no noise of the transducer.
 double noise_about_command(const Datasheet& sheet, const SegmentedRun& run, std::size_t channel) {
   Recording difference;
@@ -95,7 +81,7 @@ double noise_about_command(const Datasheet& sheet, const SegmentedRun& run, std:
   difference.channels.front().maximum = range;
   const auto command = static_cast<std::size_t>(sheet.channel(sheet.channels[channel].predicted_by));
   for (std::size_t k = 0; k < run.recording.rows(); ++k)
-    difference.values.push_back(run.reading(k, static_cast<int>(channel)) - run.recording.at(k, command));
+    difference.values.push_back(run.reading(k, channel) - run.recording.at(k, command));
   return noise_floor(difference, 0);
 }
 
@@ -110,11 +96,10 @@ std::vector<int> compared_outputs(const Datasheet& sheet) {
   return outputs;
 }
 
-double SegmentedRun::reading(std::size_t row, int channel) const {
-  const auto c = static_cast<std::size_t>(channel);
-  for (std::size_t i = 0; i < unsmoothed.columns(); ++i)
-    if (unsmoothed.channels[i].name == recording.channels[c].name) return unsmoothed.at(row, i);
-  return recording.at(row, c);
+Sample SegmentedRun::measured(std::size_t row) const {
+  Sample sample = recording.sample(row);
+  for (std::size_t c = 0; c < sample.values.size(); ++c) sample.values[c] = reading(row, c);
+  return sample;
 }
 
 SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording recording, double segment,
@@ -131,7 +116,10 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
   const Breaks breaks = find_breaks(sheet, run, options);
   run.stretches = breaks.stretches;
 
-  run.unsmoothed = compared_inputs(sheet, run.recording);
+  run.unsmoothed.resize(sheet.channels.size());
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c)
+    for (std::size_t k = 0; !sheet.channels[c].predicted_by.empty() && k < run.recording.rows(); ++k)
+      run.unsmoothed[c].push_back(run.recording.at(k, c));
 
   const auto widest =
       static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);

@@ -34,14 +34,17 @@ struct SegmentedRun {
   std::size_t lead = 0;               // segments at the head of each stretch that only fill memories
   std::vector<double> counted;        // per segment: readings of outputs that count
   std::string remark;                 // what was left out and why; empty: nothing
-  Recording unsmoothed;               // inputs that are compared: their columns alone, as measured
+  std::vector<std::vector<double>> unsmoothed;  // per channel, of inputs that are compared: as measured; else empty
   // Where each segment starts: starts + start_roots start_shift, the shift beforehand normal with covariance 1
   // (segment_model.h). States x 1, states x directions, directions x 1; NaN: the state goes on.
   std::vector<Eigen::VectorXd> starts, start_shift;
   std::vector<Eigen::MatrixXd> start_roots;
 
-  // What a compared channel shows at a row.
-  double reading(std::size_t row, int channel) const;
+  // What a compared channel shows at a row; and that row as it was measured.
+  double reading(std::size_t row, std::size_t channel) const {
+    return unsmoothed[channel].empty() ? recording.at(row, channel) : unsmoothed[channel][row];
+  }
+  Sample measured(std::size_t row) const;
   std::size_t segments() const { return restarts.size(); }
   double duration() const { return static_cast<double>(recording.rows()) * period; }  // s
 };
