@@ -113,7 +113,7 @@ class LaunchFiles(unittest.TestCase):
             self.assertLess(abs(last[name] / value - 1), within, name)
 
     def test_a_session_is_recorded_whole(self):
-        # At half the pace: rosbag record itself queues 100 messages a topic, which is little on a busy
+        # Slowly: rosbag record itself queues 100 messages a topic, which is little on a busy
         # machine.
         bag = self.graph.path / "session.bag"
         recorder = self.launch("record.launch", f"rig:={RIG}", f"bag:={bag}", "compression:=lz4")
@@ -121,7 +121,7 @@ class LaunchFiles(unittest.TestCase):
         while f"/{RIG}/sample" not in [topic for topic, _ in self.graph.master.getSystemState("/test")[2][1]]:
             self.assertLess(time.monotonic(), limit, self.graph.said(recorder))
             time.sleep(0.05)
-        code, said = self.graph.wait(self.launch("servo_actuator.launch", "rate:=0.5", "duration:=6"), 60)
+        code, said = self.graph.wait(self.launch("servo_actuator.launch", "rate:=0.25", "duration:=4"), 60)
         self.assertEqual(code, 0, said)
         self.graph.end(recorder)
         info = yaml.safe_load(
@@ -137,7 +137,9 @@ class LaunchFiles(unittest.TestCase):
         for name in ("sample", "estimate", "detections", "hypotheses"):
             numbers = self.sequence_numbers(bag, f"/{RIG}/{name}")
             self.assertLess(numbers[0], 2000)
-            self.assertEqual(numbers, list(range(numbers[0], 6001)))
+            whole = list(range(numbers[0], 4001))
+            self.assertEqual(sorted(set(whole) - set(numbers)), [], name)
+            self.assertEqual(numbers, whole, name)
 
     def sequence_numbers(self, bag, topic):
         # Without the stage that speaks only now and then.
