@@ -7,8 +7,7 @@ namespace faultline {
 namespace {
 
 constexpr double kNear = 0.25;       // of the anchors' span
-constexpr double kSlack = 0.25;      // of the way from a mean to its limit
-constexpr double kFewest = 4;        // blocks' weight below which there is no line
+constexpr double kFewest = 6;        // blocks' weight below which there is no line
 constexpr double kQuantile = 1.645;  // two-sided 90 %
 
 double within(double s) { return std::clamp(s, 0.0, kNever); }
@@ -76,16 +75,6 @@ void SaturationWatch::anchor(std::size_t bin, double mean, double low, double hi
   }
   sides_[0].left = least - ends_[0];
   sides_[1].left = ends_[1] - most;
-  for (int k = 0; k < 2; ++k) {
-    double sum = 0;
-    int count = 0;
-    for (const Anchor& a : anchors_) {
-      if (!a.near[k]) continue;
-      sum += k == 0 ? a.mean - a.low : a.high - a.mean;
-      ++count;
-    }
-    sides_[k].slack = kSlack * sum / std::max(1, count);
-  }
 }
 
 void SaturationWatch::pass(double dt) {
@@ -99,12 +88,7 @@ void SaturationWatch::add(std::size_t bin, double value) {
     Side& side = sides_[k];
     side.sum += k == 0 ? a.mean - value : value - a.mean;
     if (++side.count < block_) continue;
-    const double drift = side.sum / side.count;
-    side.climbed = std::max(0.0, side.climbed + drift - side.slack);
-    if (side.climbed > 0)
-      side.line.add(side.since, drift, horizon_);
-    else
-      side.line.clear();
+    side.line.add(side.since, side.sum / side.count, horizon_);
     side.since = side.sum = 0;
     side.count = 0;
   }
@@ -113,7 +97,7 @@ void SaturationWatch::add(std::size_t bin, double value) {
 void SaturationWatch::restart() {
   for (Side& side : sides_) {
     side.line.clear();
-    side.sum = side.since = side.climbed = 0;
+    side.sum = side.since = 0;
     side.count = 0;
   }
 }

@@ -4,9 +4,7 @@
 // Each bin of the operating range has an anchor: mean m and limits l < m < h that it had when it was healthy. Towards
 // the high end H the nearest bins are those whose h lies in the highest quarter of all anchors' span; what is left is
 // H - max h. Towards the low end likewise. Samples y of these bins give d = y - m; means of d over blocks are fitted by
-// a line in time, a + b s, by least squares with weights that fall by e over `horizon` (s counts from the last block). The
-// line begins where the drift does: at the last block at which the sum of d - slack, cut at nothing, was nothing, with a
-// slack of a quarter of what lies between m and h.
+// a line in time, a + b s, by least squares with weights that fall by e over `horizon` (s counts from the last block).
 // The end is reached where the line has climbed by what is left. The interval is Fieller's: all s at which the line's
 // 90 % band, from its covariance and the scatter of the blocks about it, holds that level. Where b is not above nothing
 // by that measure, nothing is in sight (kNever), with the band's upper edge as the earliest time that cannot be
@@ -59,9 +57,7 @@ class SaturationWatch {
     bool near[2] = {false, false};  // the low end, the high end
   };
   struct Side {
-    double left = 0;   // from the nearest anchor's limit to the end
-    double slack = 0;  // a drift below it is none
-    double climbed = 0;
+    double left = 0;  // from the nearest anchor's limit to the end
     DriftLine line;
     double sum = 0, since = 0;
     int count = 0;
