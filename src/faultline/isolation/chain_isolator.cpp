@@ -15,8 +15,8 @@
 //                            is not the same. Where just one variable goes both ways, the one before it in the chain is
 //                            what drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
-// Where the one that names the place has shifted one way, while the one before it, which drives it, is not a third as far
-// towards its limits, nothing moved it: then it is taken for what its own transducer does, where `alone` lists that.
+// Where the one that names the place has shifted one way, while the one before it, which drives it, is not a third as
+// far towards its limits, nothing moved it: then it is its own transducer, where `alone` lists what that does.
 // Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
 // that: then it and what lies before it are looked at alone.
 //
