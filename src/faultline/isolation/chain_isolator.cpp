@@ -5,8 +5,8 @@
 //
 // A variable has shifted (high or low) while such a share is above its limit, or its level off its healthy mean by more
 // than its limit, until they are below half of that; both ways in turn where both shares are above theirs, as friction
-// and play do it. The limits are `share` (`both` for both ways) and `level`, or, where that is more, what the healthy rig
-// does by itself over `learn` s: mean + sigmas std of the share, sigmas std of the level.
+// and play do it. The limits are `share` (`both` for both ways) and `level`, or, where that is more, what the healthy
+// rig does by itself over `learn` s: mean + sigmas std of the share, sigmas std of the level.
 //
 // What is named, by the signs over the chain:
 //   no variable both ways    the place of the last shifted variable that has one
