@@ -6,9 +6,9 @@ common_causes.py [--valve 101] [--learn 7] [--work FOLDER]
 
 A valve that learnt at 5 bar and 20 degrees runs two hours at another supply or temperature (which wander as before),
 without a fault and with the datasheet's prestage leak, growing from 600 s to 3600 s.
-Then the prestage leak growing over 8 hours instead, at the supply and temperature that were learnt. Printed: the alarms,
-and the highest share of a window in which a common cause lay on one side outside of what was learnt, in the first and
-in the last hour."""
+Then the prestage leak growing over 8 hours instead, at the supply and temperature that were learnt. Printed: the
+alarms, and the highest share of a window in which a common cause lay on one side outside of what was learnt, in the
+first and in the last hour."""
 
 import argparse
 

@@ -124,7 +124,8 @@ def main():
     faults = options.faults.split(",") if options.faults else names
     chain = [stage for stage in sheet["isolators"] if stage["type"] == "chain"][0]
     variables = re.split(r",\s*", chain["chain"])
-    valves = Valves(options.work, options.learn, sheet, [] if options.growth > 1 else ["--substep", 0.001], options.keep)
+    always = [] if options.growth > 1 else ["--substep", 0.001]
+    valves = Valves(options.work, options.learn, sheet, always, options.keep)
     seeds = range(options.first, options.first + options.valves)
     growth, results, healthy = options.growth, {fault: [] for fault in faults}, []
     for valve in seeds:

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""What histograms and chain say of a transducer that is off: steps at 600 s, at a third to a half of what the datasheet's
-bounds allow, on a valve that learnt its healthy self.
+"""What histograms and chain say of a transducer that is off: steps at 600 s, at a third to a half of what the
+datasheet's bounds allow, on a valve that learnt its healthy self.
 
 transducers.py [--valve 101] [--learn 7] [--work FOLDER] [--keep FOLDER]
 

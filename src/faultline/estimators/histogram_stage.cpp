@@ -1,8 +1,8 @@
 // The estimator `histogram`: multi-variable histograms (histogram.h) of channels of any rig, learnt while it runs.
 //
 // Quantities: judging (1 once it judges, else 0); then per observed channel CHANNEL.average, the scaled moving average
-// (0 and 1 are the limits), CHANNEL.above and CHANNEL.below, the shares of the window in which that was beyond them, and
-// CHANNEL.level, the mean over the window of samples cut at the limits.
+// (0 and 1 are the limits), CHANNEL.above and CHANNEL.below, the shares of the window in which that was beyond them,
+// and CHANNEL.level, the mean over the window of samples cut at the limits.
 // With `horizon` also CHANNEL.saturation, CHANNEL.saturation_low, CHANNEL.saturation_high, in s: when it will reach an
 // end of its range, with the bounds of its 90 % interval (histogram_saturation.h). Anchors are the bins as they are
 // when judging begins, or when they may judge for the first time after that.

@@ -5,8 +5,8 @@
 //
 // A variable has shifted (high or low) while such a share is above its limit, or its level off its healthy mean by more
 // than its limit, until they are below half of that; both ways in turn where both shares are above theirs, as friction
-// and play do it. The limits are `share` (`both` for both ways) and `level`, or, where that is more, what the healthy rig
-// does by itself over `learn` s: mean + sigmas std of the share, sigmas std of the level.
+// and play do it. The limits are `share` (`both` for both ways) and `level`, or, where that is more, what the healthy
+// rig does by itself over `learn` s: mean + sigmas std of the share, sigmas std of the level.
 //
 // What is named, by the signs over the chain:
 //   no variable both ways    the place of the last shifted variable that has one
@@ -15,8 +15,8 @@
 //                            is not the same. Where just one variable goes both ways, the one before it in the chain is
 //                            what drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
-// Where the one that names the place has shifted one way, while the one before it, which drives it, is not a third as far
-// towards its limits, nothing moved it: then it is taken for what its own transducer does, where `alone` lists that.
+// Where the one that names the place has shifted one way, while the one before it, which drives it, is not a third as
+// far towards its limits, nothing moved it: then it is its own transducer, where `alone` lists what that does.
 // Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
 // that: then it and what lies before it are looked at alone.
 //
