@@ -168,11 +168,7 @@ ViewHead ViewPublisher::head() const {
                            : "Not judged: no alarm node is heard.";
   } else {
     head.verdict = alarms_->verdict;
-    head.level = heard_at_ < 0 ? PartLevel::unjudged : PartLevel::healthy;
-    for (const faultline_msgs::Alarm& alarm : alarms_->alarms)
-      if (alarm.active)
-        head.level =
-            std::max(head.level, alarm.level == faultline_msgs::Alarm::WARNING ? PartLevel::warning : PartLevel::error);
+    head.level = heard_at_ < 0 ? PartLevel::unjudged : level_of(*alarms_);
   }
   if (gap_) head.gap = gap_->text;
   return head;

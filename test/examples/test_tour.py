@@ -26,7 +26,7 @@ class Tour(unittest.TestCase):
                 command = command.replace("/path/to/faultline", str(ROOT))
                 command = command.replace("view.launch", "view.launch rviz:=false")
                 # Of launches that were told to end, wait says that they did not end by themselves.
-                command = command + " || true" if command == "wait %2 %4" else command
+                command = command + " || true" if command == "wait %2 %3 %4" else command
                 script += [f"echo '@@@ {command}'", command]
             env = dict(
                 os.environ,
