@@ -1,5 +1,5 @@
-"""view_node on recordings of all rigs, in simulated time: frames follow the estimate, a part has its alarm's colour while the
-alarm lasts and no longer, and the layouts for plotting tools name topics that exist and speak."""
+"""view_node on recordings of all rigs, in simulated time: frames follow the estimate, a part has its alarm's colour
+while the alarm lasts and no longer, and the layouts for plotting tools name topics that exist and speak."""
 
 import ast
 import json
@@ -57,7 +57,8 @@ class ViewNode(unittest.TestCase):
 
     @staticmethod
     def nodes(graph):
-        return {name.split("/")[-1] for part in graph.master.getSystemState("/test")[2] for _, who in part for name in who}
+        state = graph.master.getSystemState("/test")[2]
+        return {name.split("/")[-1] for part in state for _, who in part for name in who}
 
     def layouts(self, graph, rig, launch):
         """Written by the script while the rig runs; every topic in them exists."""
