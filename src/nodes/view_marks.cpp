@@ -22,7 +22,7 @@ struct Graded {
 std::vector<std::string> ports_of(const Datasheet& sheet, const std::string& place) {
   std::vector<std::string> ports;
   for (const Port& port : sheet.ports)
-    if (port.name == place || port.channel == place) ports.push_back(port.name);
+    if (!place.empty() && (port.name == place || port.channel == place)) ports.push_back(port.name);
   return ports;
 }
 

@@ -253,6 +253,9 @@ TEST_F(WrittenLayout, PartsHaveTheWorstOfAlarmAndGap) {
   EXPECT_EQ(levels(true), (std::vector<L>{L::candidate, L::gap, L::healthy}));
   alarms.alarms[0].active = false;
   EXPECT_EQ(level_of(alarms), L::healthy);
+  gap.port = "";  // not placed: no part
+  gap.inseparable.clear();
+  EXPECT_EQ(levels(true), (std::vector<L>{L::healthy, L::healthy, L::healthy}));
   gap.left_normal = false;
   EXPECT_EQ(levels(true), (std::vector<L>{L::healthy, L::healthy, L::healthy}));
 }
