@@ -45,8 +45,9 @@ def plotjuggler(tabs):
     for name, plots in tabs:
         tab = ElementTree.SubElement(window, "Tab", containers="1", tab_name=name)
         sizes = ";".join("{:.6f}".format(1 / len(plots)) for _ in plots)
+        container = ElementTree.SubElement(tab, "Container")
         splitter = ElementTree.SubElement(
-            ElementTree.SubElement(tab, "Container"), "DockSplitter", orientation="-", count=str(len(plots)), sizes=sizes
+            container, "DockSplitter", orientation="-", count=str(len(plots)), sizes=sizes
         )
         for title, topics in plots:
             area = ElementTree.SubElement(splitter, "DockArea", name=title)

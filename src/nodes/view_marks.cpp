@@ -22,7 +22,7 @@ struct Graded {
 std::vector<std::string> ports_of(const Datasheet& sheet, const std::string& place) {
   std::vector<std::string> ports;
   for (const Port& port : sheet.ports)
-    if (port.name == place || port.channel == place) ports.push_back(port.name);
+    if (!place.empty() && (port.name == place || port.channel == place)) ports.push_back(port.name);
   return ports;
 }
 
@@ -59,9 +59,11 @@ std::string what_of(const faultline_msgs::Alarm& alarm) {
   return alarm.kind == "unknown" ? "unexplained" : alarm.kind;
 }
 
+bool names_a_cause(const faultline_msgs::Alarm& alarm) { return alarm.kind == "fault" || alarm.kind == "sensor"; }
+
 void grade_alarm(const faultline_msgs::Alarm& alarm, Grades& grades) {
   const std::string what = what_of(alarm);
-  const bool cause = alarm.kind == "fault" || alarm.kind == "sensor";
+  const bool cause = names_a_cause(alarm);
   const std::string text = cause ? fmt::format("{} {:.0f} %", what, 100 * alarm.confidence) : what;
   const int rank = 2 * std::max<int>(alarm.level, 1) + 1;
   if (cause && alarm.confidence < kNamed) {
@@ -101,6 +103,17 @@ std::vector<PartMark> part_marks(const ViewLayout& layout, const Datasheet& shee
     marks.push_back(part.mark);
   }
   return marks;
+}
+
+PartLevel level_of(const faultline_msgs::AlarmArray& alarms) {
+  PartLevel worst = PartLevel::healthy;
+  for (const faultline_msgs::Alarm& alarm : alarms.alarms)
+    if (alarm.active)
+      worst = std::max(
+          worst, alarm.level == faultline_msgs::Alarm::WARNING || (names_a_cause(alarm) && alarm.confidence < kNamed)
+                     ? PartLevel::warning
+                     : PartLevel::error);
+  return worst;
 }
 
 std_msgs::ColorRGBA colour_of(PartLevel level) {

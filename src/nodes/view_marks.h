@@ -35,6 +35,9 @@ struct Judgements {
 // of equals the alarm.
 std::vector<PartMark> part_marks(const ViewLayout& layout, const Datasheet& sheet, const Judgements& heard);
 
+// Of the whole rig: a cause that is named with less than even odds is a warning.
+PartLevel level_of(const faultline_msgs::AlarmArray& alarms);
+
 // Told apart also without seeing red and green: they differ in brightness from step to step, and the gap in hue.
 std_msgs::ColorRGBA colour_of(PartLevel level);
 

@@ -17,6 +17,7 @@ constexpr double kDrawPeriod = 0.25;  // s of wall time
 // s of wall time without an estimate, after which samples are listened to all the same, and move the parts. A player
 // that waits for subscribers of the samples is to wait for the estimators, not for a drawing; and estimators may think.
 constexpr double kPatience = 5;
+constexpr double kResend = 1;        // s of wall time
 constexpr double kResidualTime = 1;  // s, of the mean square
 constexpr double kAlarmsFresh = 5;   // s of wall time; they come once a second
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -134,12 +135,18 @@ void ViewPublisher::move(double time) {
   if (moved_ >= 0 && time < moved_ + frame_period_) return;
   moved_ = time;
   ++frames_;
+  resent_ = 0;
+  send_frames(to_stamp(time));
+}
+
+void ViewPublisher::send_frames(const ros::Time& stamp) {
+  sent_at_ = steady_seconds();
   const ViewValues now = values();
   std::vector<geometry_msgs::TransformStamped> moving;
   for (std::size_t i = 0; i < layout_.parts.size(); ++i) {
     if (!moves(layout_.parts[i])) continue;
     moving.push_back(frame_of(layout_, i, now, space_));
-    moving.back().header.stamp = to_stamp(time);
+    moving.back().header.stamp = stamp;
   }
   if (!moving.empty()) broadcaster_.sendTransform(moving);
 }
@@ -168,11 +175,7 @@ ViewHead ViewPublisher::head() const {
                            : "Not judged: no alarm node is heard.";
   } else {
     head.verdict = alarms_->verdict;
-    head.level = heard_at_ < 0 ? PartLevel::unjudged : PartLevel::healthy;
-    for (const faultline_msgs::Alarm& alarm : alarms_->alarms)
-      if (alarm.active)
-        head.level =
-            std::max(head.level, alarm.level == faultline_msgs::Alarm::WARNING ? PartLevel::warning : PartLevel::error);
+    head.level = heard_at_ < 0 ? PartLevel::unjudged : level_of(*alarms_);
   }
   if (gap_) head.gap = gap_->text;
   return head;
@@ -183,6 +186,9 @@ void ViewPublisher::draw() {
     input_.start();
     listening_ = true;
   }
+  // Whoever begins to look while nothing moves must find the parts, too; no stamp is sent twice.
+  if (steady_seconds() - sent_at_ > kResend)
+    send_frames(to_stamp(std::max(moved_, 0.0)) + ros::Duration().fromNSec(++resent_));
   if (markers_.getNumSubscribers() == 0) return;
   const bool judged = alarms_ && steady_seconds() - alarms_at_ <= kAlarmsFresh && heard_at_ >= 0;
   const Judgements heard{judged ? alarms_.get() : nullptr, gap_.get()};

@@ -28,6 +28,7 @@ class ViewPublisher {
   void take(const faultline_msgs::Estimate::ConstPtr& message);
   void look_at_residuals(const faultline_msgs::Estimate& estimate, double time);
   void move(double time);
+  void send_frames(const ros::Time& stamp);
   void draw();
   ViewValues values() const;
   double value_of(const ViewSource& source) const;
@@ -57,6 +58,8 @@ class ViewPublisher {
   faultline_msgs::AlarmArray::ConstPtr alarms_;
   faultline_msgs::Gap::ConstPtr gap_;
   std::uint64_t frames_ = 0;
+  double sent_at_ = 0;       // s, steady: the last frames
+  std::int64_t resent_ = 0;  // times that they were sent again
   ros::NodeHandle node_;
   tf2_ros::TransformBroadcaster broadcaster_;
   tf2_ros::StaticTransformBroadcaster static_broadcaster_;

@@ -19,19 +19,21 @@ class Tour(unittest.TestCase):
         self.assertGreater(len(told), 12)
         for picture in re.findall(r"\]\((\S+)\.png\)", text):
             self.assertTrue((ROOT / "docs" / f"{picture}.png").exists(), picture)
+        port = free_port()
         with tempfile.TemporaryDirectory(prefix="faultline_tour_") as folder:
             script = ["set -eo pipefail"]
             for command in told:
                 command = command.replace("/path/to/faultline/catkin_ws/devel", str(devel_space()))
                 command = command.replace("/path/to/faultline", str(ROOT))
+                command = command.replace("roscore", f"roscore -p {port}")
                 command = command.replace("view.launch", "view.launch rviz:=false")
                 # Of launches that were told to end, wait says that they did not end by themselves.
-                command = command + " || true" if command == "wait %2 %4" else command
+                command = command + " || true" if command == "wait %2 %3 %4" else command
                 script += [f"echo '@@@ {command}'", command]
             env = dict(
                 os.environ,
                 PATH="/usr/bin:/bin:/usr/sbin:/sbin",
-                ROS_MASTER_URI=f"http://127.0.0.1:{free_port()}",
+                ROS_MASTER_URI=f"http://127.0.0.1:{port}",
                 ROS_IP="127.0.0.1",
                 ROS_HOME=folder,
                 ROS_LOG_DIR=str(pathlib.Path(folder) / "log"),

@@ -231,11 +231,13 @@ TEST_F(WrittenLayout, PartsHaveTheWorstOfAlarmAndGap) {
   alarm.active = true;
   alarm.equivalent = {"clogging@restriction.outlet"};
   alarms.alarms = {alarm};
+  EXPECT_EQ(level_of(alarms), L::error);
   EXPECT_EQ(levels(true), (std::vector<L>{L::error, L::healthy, L::candidate}));
   EXPECT_EQ(part_marks(layout, sheet_, {&alarms, nullptr})[0].text, "orifice leakage 87 %");
   EXPECT_EQ(part_marks(layout, sheet_, {&alarms, nullptr})[2].text, "clogging?");
   alarms.alarms[0].confidence = 0.33;  // less than even odds
   EXPECT_EQ(levels(true), (std::vector<L>{L::candidate, L::healthy, L::candidate}));
+  EXPECT_EQ(level_of(alarms), L::warning);
   alarms.alarms[0].kind = "data";  // by channel; no claim that confidence is about
   alarms.alarms[0].effect = "";
   alarms.alarms[0].port = "level";
@@ -250,6 +252,10 @@ TEST_F(WrittenLayout, PartsHaveTheWorstOfAlarmAndGap) {
   gap.worst = 4;  // graver than a warning
   EXPECT_EQ(levels(true), (std::vector<L>{L::candidate, L::gap, L::healthy}));
   alarms.alarms[0].active = false;
+  EXPECT_EQ(level_of(alarms), L::healthy);
+  gap.port = "";  // not placed: no part
+  gap.inseparable.clear();
+  EXPECT_EQ(levels(true), (std::vector<L>{L::healthy, L::healthy, L::healthy}));
   gap.left_normal = false;
   EXPECT_EQ(levels(true), (std::vector<L>{L::healthy, L::healthy, L::healthy}));
 }
