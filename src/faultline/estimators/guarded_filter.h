@@ -3,9 +3,9 @@
 //
 // A bank of the same filter on the same model with other measurement sets: the main one on all channels that are
 // trusted; the reference without any watched channel; and for each watched channel one on those that are trusted less
-// that channel. d_c is the mean over `average` of reading minus reference, less what is usual (learnt over `learn`, then
-// followed over `memory` while nothing is suspected), C the covariance of all d on the healthy rig, learnt alike, plus
-// (0.15 least)^2 each. What happens in the process moves all d together, along C or not; a transducer that lies by l
+// that channel. d_c is the mean over `average` of reading minus reference, less what is usual (learnt over `learn`,
+// then followed over `memory` while nothing is suspected), C the covariance of all d on the healthy rig, learnt alike,
+// plus (0.15 least)^2 each. What happens in the process moves all d together; a transducer that lies by l
 // moves its own alone. With e = C^-1 d, l_c = e_c/(C^-1)_cc explains the share e_c^2/(C^-1)_cc of the misfit d'e
 // (generalised least squares, one hypothesis a channel). The channel that explains most is not trusted any more when
 //
