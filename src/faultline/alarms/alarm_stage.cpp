@@ -206,7 +206,8 @@ void AlarmStage::detect(const Estimate* estimates) {
 void AlarmStage::isolate(const Estimate* estimates) {
   for (Isolated& i : isolated_) {
     i.isolator->process(estimates[i.stage], doubted_, i.finding);
-    book_.report.judged = book_.report.judged || std::isfinite(i.isolator->judged_until());
+    const double until = i.isolator->judged_until();
+    book_.report.judged = book_.report.judged || (std::isfinite(until) && until > begin_);
     // What was raised while the data were good stays.
     i.on_bad_data = i.isolator->rests_on_all_channels() && data_.any_bad() &&
                     (i.alarm < 0 || book_.at(i.alarm).raised >= data_.bad_since());
@@ -321,6 +322,10 @@ void AlarmStage::watch_blindness(Watched& w, double time) {
 }
 
 bool AlarmStage::explained(const Watched& w) const {
+  // Numbers that are not the transducers' own fit no model.
+  if (w.finding.kind == AlarmKind::unknown && data_.unusable() &&
+      (w.alarm < 0 || book_.report.alarms[static_cast<std::size_t>(w.alarm)].raised >= data_.bad_since()))
+    return true;
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     const Finding& f = i.finding;
     if (!i.names_the_cause() || f.kind == AlarmKind::unknown) return false;
@@ -328,7 +333,7 @@ bool AlarmStage::explained(const Watched& w) const {
       case AlarmKind::unknown:
         return true;
       case AlarmKind::sensor:
-        return w.finding.effect.empty() && f.kind == AlarmKind::sensor;
+        return w.finding.effect.empty() && (f.kind == AlarmKind::sensor || f.kind == AlarmKind::data);
       case AlarmKind::fault:
         return !is_named(w.named, f.effect, f.port) && !among(f.equivalent, w.named);
       case AlarmKind::model:

@@ -53,7 +53,7 @@ void DataWatch::reset() {
     w.told = ChannelStatus::good;
   }
   stale_ = held_ = -1;
-  any_bad_ = false;
+  any_bad_ = unusable_ = false;
 }
 
 bool DataWatch::tells(const std::string& effect, const std::string& port, const AlarmBook& book) const {
@@ -115,7 +115,7 @@ void DataWatch::check_channels(const Estimate& estimate, AlarmBook& book) {
     book.end(held_, last_held_);
   }
   if (held_ >= 0) book.at(held_).until = estimate.time;
-  any_bad_ = held_ >= 0;
+  any_bad_ = unusable_ = held_ >= 0;
   bad_since_ = any_bad_ ? book.at(held_).since : estimate.time;
   for (std::size_t c = 0; c < channels_.size() && c < estimate.channel_status.size(); ++c) {
     Watched& w = channels_[c];
@@ -132,6 +132,7 @@ void DataWatch::check_channels(const Estimate& estimate, AlarmBook& book) {
     if (w.alarm >= 0) book.at(w.alarm).until = estimate.time;
     if (!w.bad) continue;
     any_bad_ = true;
+    unusable_ = unusable_ || w.told == ChannelStatus::quiet;
     bad_since_ = std::min(bad_since_, w.since);
   }
 }

@@ -28,6 +28,8 @@ class DataWatch {
   // Whether any channel is, and since when [s].
   bool any_bad() const { return any_bad_; }
   double bad_since() const { return bad_since_; }
+  // Whether the numbers are held, or in another unit.
+  bool unusable() const { return unusable_; }
   // Whether this very trouble of a transducer is told here, or that it gives no reading at all.
   bool tells(const std::string& effect, const std::string& port, const AlarmBook& book) const;
 
@@ -47,7 +49,7 @@ class DataWatch {
   double hold_, stale_after_;  // s
   int stale_ = -1, held_ = -1;
   double last_held_ = 0;
-  bool any_bad_ = false;
+  bool any_bad_ = false, unusable_ = false;
   double bad_since_ = 0;
 };
 
