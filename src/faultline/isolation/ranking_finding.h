@@ -5,8 +5,9 @@
 // explains within `rival` of that evidence (a fraction, and never less than `rival_least`) cannot be told from it
 // and is listed as equivalent; if more than `most_rivals` are, the fault is unknown. So it is where the size lies at
 // the largest that the datasheet allows: what goes beyond is something else, or more than one thing. Where the ranking
-// doubts a channel, that is told instead, as trouble of the data. Size with 90 % bounds from the ranking's standard deviation and `model_error` (relative: what tolerances leave). The evidence's
-// variances are inflated to decide with care; `std_factor` takes that back for the bounds.
+// doubts a channel, that is told instead, as trouble of the data. Size with 90 % bounds from the ranking's standard
+// deviation and `model_error` (relative: what tolerances leave). The evidence's variances are inflated to decide with
+// care; `std_factor` takes that back for the bounds.
 // Settings: place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals,
 // model_error, std_factor [1].
 #pragma once
