@@ -183,7 +183,7 @@ void AlarmStage::detect(const Estimate* estimates) {
   for (Watched& w : watched_) {
     w.detector->process(estimates[w.stage], w.detection);
     const bool of_transducer = w.finding.kind == AlarmKind::sensor || w.finding.kind == AlarmKind::data;
-    if (!book_.report.judged && !of_transducer)
+    if (!book_.report.judged && !of_transducer && age > 0)
       book_.report.judged = std::isfinite(w.detector->criterion().value) || age >= kLongEnough;
     if (w.detection.blind || w.unobserved >= 0) watch_blindness(w, estimates[0].time);
     if (w.withholds && w.detection.active) model_fits_ = false;
