@@ -300,7 +300,7 @@ TEST(AlarmStage, ALeakThatTheIsolatorNamesStandsUnderOneAlarm) {
 
 TEST(AlarmStage, VerdictNamesTheWorstAndCountsTheRest) {
   AlarmStage stage(servo_filter());
-  EXPECT_EQ(stage.report().verdict, "No fault found.");
+  EXPECT_EQ(stage.report().verdict, "Nothing could be judged yet.");
   for (int k = 0; k < 30000; ++k) {
     Estimate estimate = quiet(k * 1e-3);
     if (k > 10000) {
@@ -353,6 +353,8 @@ TEST(AlarmStage, KeepsABoundedNumberOfAlarms) {
 
 TEST(Verdict, CountsEndedAlarmsAndRanksKinds) {
   AlarmReport report;
+  EXPECT_EQ(verdict_of(report, 0, 30).kind, VerdictKind::not_observable);
+  report.judged = true;
   EXPECT_EQ(verdict_of(report, 0, 30).kind, VerdictKind::healthy);
   Alarm alarm;
   alarm.kind = AlarmKind::data;

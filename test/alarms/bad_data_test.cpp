@@ -56,10 +56,12 @@ TEST(BadData, PressuresInAnotherUnitAreDataNotAFault) {
   }
 }
 
-TEST(BadData, ATurnedSignAndExchangedChannelsAreNamed) {
+TEST(BadData, ExchangedChannelsAreNamedAndATurnedSignIsNoFault) {
   const Told turned = diagnosed([](Recording& r, std::size_t k) { at(r, k, "position") *= -1; });
-  EXPECT_EQ(turned.verdict.kind, VerdictKind::data) << turned.verdict.sentence;
-  EXPECT_NE(turned.verdict.sentence.find("position: its sign"), std::string::npos) << turned.verdict.sentence;
+  EXPECT_TRUE(turned.verdict.kind == VerdictKind::data || turned.verdict.kind == VerdictKind::unknown)
+      << turned.verdict.sentence;
+  EXPECT_NE(turned.verdict.sentence.find("position"), std::string::npos) << turned.verdict.sentence;
+  expect_no_fault(turned.report);
   const Told exchanged = diagnosed(
       [](Recording& r, std::size_t k) { std::swap(at(r, k, "chamber_a_pressure"), at(r, k, "chamber_b_pressure")); });
   EXPECT_NE(exchanged.verdict.sentence.find("chamber_a_pressure and chamber_b_pressure are exchanged"),

@@ -429,7 +429,8 @@ void FaultResponses::find_healthy_or_fault() {
   if (!second_.empty()) know_fault(now);
   ModelPoint found = point_;
   for (const EffectSpec& effect : found_effects()) found.effects.push_back(effect);
-  doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found);
+  // What one stretch has shown stays: the next may not move enough.
+  if (doubt_text_.empty()) doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found);
   if (!event_) {
     since_ = recent_[recent_.size() - window_.stretches]->begin;
     event_ = true;

@@ -191,8 +191,8 @@ void IsolationStage::detect(const Estimate* estimates) {
     const Criterion criterion = w.detector->criterion();
     result.evidence = criterion.value / criterion.threshold;
     const bool of_transducer = w.meaning.kind == AlarmKind::sensor || w.meaning.kind == AlarmKind::data;
-    if (!of_transducer && (std::isfinite(criterion.value) || assessment_.time - begin_ >= kLongEnough))
-      assessment_.judged = true;
+    const double age = assessment_.time - begin_;
+    if (!of_transducer && age > 0 && (std::isfinite(criterion.value) || age >= kLongEnough)) assessment_.judged = true;
     if (!result.detection.active) continue;
     if (result.size_name.empty()) {  // some know the unit from the first estimate on
       result.size_name = w.detector->size_name();

@@ -45,7 +45,7 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
   heard_ = ranking;
   judged_ = heard_->judged_until;
   const std::vector<RankedHypothesis>& ranked = options_.second ? heard_->second : heard_->first;
-  if (ranked.empty()) {
+  if (ranked.empty() || (options_.second && !heard_->doubt.empty())) {
     finding.active = held_ = false;
     told_ = named_ = -1;
     return;
@@ -107,7 +107,7 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
     finding.equivalent.insert(finding.equivalent.begin(), chosen->name());
   }
   if (!heard_->doubt.empty()) {
-    finding.kind = options_.second ? AlarmKind::unknown : AlarmKind::data;
+    finding.kind = AlarmKind::data;
     finding.effect = finding.port = "";
     finding.equivalent.clear();
     finding.text = heard_->doubt;

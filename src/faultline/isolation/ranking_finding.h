@@ -7,9 +7,9 @@
 // it is where the size lies at the largest that the datasheet allows: what goes beyond is something else, or more than
 // one thing. Where the ranking doubts a channel, that is told instead, as trouble of the data.
 // Confidence: that the trouble is at that port, by the evidence of all; never more than one over the ports among what
-// cannot be told apart. Size with 90 % bounds from
-// the ranking's standard deviation and `model_error` (relative: what tolerances leave). The evidence's variances
-// are inflated to decide with care; `std_factor` takes that back for the bounds.
+// cannot be told apart. Size with 90 % bounds from the ranking's standard deviation and `model_error` (relative: what
+// tolerances leave). The evidence's variances are inflated to decide with care; `std_factor` takes that back for the
+// bounds.
 // Settings: place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals,
 // model_error, std_factor [1].
 #pragma once
