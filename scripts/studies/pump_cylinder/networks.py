@@ -6,8 +6,8 @@ Figs 15, 18 and 21 to 26, training times, and the coupled estimate over ten minu
         [--only noe,narx,structured,long,shipped] [--architectures 1,2,3,4,5,6,7,8,9] [--epochs 1000]
 
 What is there in FOLDER is not made again, and a training that was stopped goes on. `--ship FILE` writes the decoupled
-network as the rig's datasheet names it. shipped: that network on runs that chose nothing: the rig of the paper, seeds 21
-and 22, and rigs off their datasheet in motions that it was not trained on.
+network as the rig's datasheet names it. shipped: that network on runs that chose nothing: the rig of the paper, seeds
+21 and 22, and rigs off their datasheet in motions that it was not trained on.
 
 Black box: the nine NARX architectures on the run that stands for Fig 6, pressures smoothed without phase (see
 one_step.py); NOE from the weights of architecture 7, its outputs begun anew from what is measured every 10 ms, then
