@@ -197,6 +197,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   ranking.judged_until = 1.0 / 7;
   ranking.threshold = 15;
   ranking.evidence = 130.5;
+  ranking.doubt = "position: its sign is turned";
   ranking.first = {leak, offset};
   ranking.second = {offset};
   Estimate estimate;
@@ -208,6 +209,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   EXPECT_EQ(back.ranking->judged_until, ranking.judged_until);
   EXPECT_EQ(back.ranking->threshold, 15);
   EXPECT_EQ(back.ranking->evidence, 130.5);
+  EXPECT_EQ(back.ranking->doubt, ranking.doubt);
   ASSERT_EQ(back.ranking->first.size(), 2u);
   ASSERT_EQ(back.ranking->second.size(), 1u);
   const RankedHypothesis& b = back.ranking->first[0];
