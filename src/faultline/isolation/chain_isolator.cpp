@@ -16,7 +16,8 @@
 //                            what drives it and names nothing of its own.
 //   only variables without a place   unknown: the pattern fits no place
 // Where the one that names the place has shifted one way, while the one before it, which drives it, is not a third as
-// far towards its limits, nothing moved it: then it is its own transducer, where `alone` lists what that does.
+// far towards its limits nor half way, nothing moved it: then it is its own transducer, where `alone` lists what that
+// does.
 // Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
 // that: then it and what lies before it are looked at alone.
 //
@@ -254,10 +255,10 @@ class ChainIsolator : public Isolator {
   Shift shift_at(int i) const { return i < 0 ? Shift::none : chain_[static_cast<std::size_t>(i)].shift; }
 
   bool driven(int i) const {
-    constexpr double kAnswer = 1.0 / 3;
+    constexpr double kAnswer = 1.0 / 3, kEnough = 0.5;  // limits
     if (i == 0) return true;
     const Link& before = chain_[static_cast<std::size_t>(i - 1)];
-    return before.reach > kAnswer * chain_[static_cast<std::size_t>(i)].reach;
+    return before.reach > std::min(kEnough, kAnswer * chain_[static_cast<std::size_t>(i)].reach);
   }
 
   // The last one that is looked at.
