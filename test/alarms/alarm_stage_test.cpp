@@ -160,8 +160,8 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(std::tuple("offset@source.supply_pressure:value=-2e6,from=20", -2e6),
                       std::tuple("orifice_leakage@flow.chamber_a_tank:coefficient=1e-8,from=20", 1e-8),
                       std::tuple("orifice_leakage@flow.chamber_b_tank:coefficient=1e-8,from=20", 1e-8),
-                      std::tuple("scale@sensor.spool_position:factor=0.7,from=20", 0.7),
-                      std::tuple("offset@sensor.spool_position:value=0.5,from=20", 0.5),
+                      std::tuple("scale@sensor.spool_position:factor=0.75,from=20", 0.75),
+                      std::tuple("offset@sensor.spool_position:value=0.4,from=20", 0.4),
                       std::tuple("scale@sensor.velocity:factor=0.75,from=20", 0.75),
                       std::tuple("deadband@restriction.valve:width=1.4,from=20", 1.4),
                       std::tuple("coulomb_friction@force.piston:force=150,from=20", 150.0)));
