@@ -181,7 +181,7 @@ class TopicDriver(unittest.TestCase):
                 timeout=30,
                 check=True,
             )
-            wanted = {f"/servo_actuator/{name}" for name in ("alarms", "kalman", "driver")}
+            wanted = {f"/servo_actuator/{name}" for name in ("alarms", "isolator", "kalman", "driver")}
             self.assertEqual(set(ran.stdout.split()), wanted)
 
     def test_a_field_that_is_not_there_ends_the_driver_in_one_line(self):

@@ -2,7 +2,6 @@
 // channel counts as bad until for a while no bad number came, so that a loose contact is one trouble and not one a
 // sample. Where every transducer whose noise should show repeats its reading, or stands at an end of its range, the
 // source is held: one trouble, and not one a channel. Setpoints and ground truth are not watched.
-// held: one trouble, and not one a channel. Setpoints and ground truth are not watched.
 #pragma once
 
 #include <vector>

@@ -33,6 +33,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -307,9 +308,13 @@ class ChainIsolator : public Isolator {
     claim(link.causes[static_cast<std::size_t>(link.shift)], finding);
   }
 
+  // Confidence that the trouble is at the first cause's port: the ports that are listed count alike.
   static void claim(const std::vector<std::string>& causes, Finding& finding) {
-    finding.confidence = causes.empty() ? 0 : 1.0 / static_cast<double>(causes.size());
+    finding.confidence = 0;
     if (causes.empty()) return;
+    std::set<std::string> ports;
+    for (const std::string& cause : causes) ports.insert(cause.substr(cause.find('@')));
+    finding.confidence = 1.0 / static_cast<double>(ports.size());
     const std::size_t split = causes[0].find('@');
     finding.effect = causes[0].substr(0, split);
     finding.port = causes[0].substr(split + 1);
