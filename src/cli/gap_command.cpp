@@ -103,6 +103,17 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
                    {"equivalent", equivalent},
                    {"why_equivalent", result.why_equivalent},
                    {"ranked", causes}};
+  json["discrepancy"] = nlohmann::json::array();
+  for (const LevelDiscrepancy& level : result.discrepancies) {
+    nlohmann::json places = nlohmann::json::array();
+    for (const FreePlace& place : level.discrepancy.places)
+      places.push_back({{"port", place.port}, {"level", place.level}, {"memory", place.memory}, {"gain", place.gain}});
+    json["discrepancy"].push_back({{"level", level.name},
+                                   {"loss", level.discrepancy.loss},
+                                   {"losses", level.discrepancy.losses},
+                                   {"noise", level.discrepancy.noise},
+                                   {"places", places}});
+  }
   json["shrink"] = {{"heldout", result.shrink_refit},
                     {"against_nominal", result.shrink_nominal},
                     {"interval", interval_json(result.shrink_interval)},

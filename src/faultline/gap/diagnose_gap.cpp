@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -300,6 +301,16 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     if (!closure.score.empty()) closure_gain = std::max(named_gain, sum(search.plain.score) - sum(closure.score));
   }
   work.tell(0.93, "measuring the gap");
+  std::vector<std::size_t> learned(result.runs.size() == 1 && result.holdout.empty() ? 2 : result.runs.size());
+  std::iota(learned.begin(), learned.end(), 0);
+  const auto wrong = [&](const std::string& name, const ModelChange& change, bool places) {
+    result.discrepancies.push_back({name, find_discrepancy(work.model(), change, learned, settings.jobs, places)});
+  };
+  wrong("refit", search.plain.fit.model, true);
+  if (found) wrong("explained", search.base.model, true);
+  for (const Structure& s : search.ranked)
+    if (!s.score.empty())
+      wrong(s.fit.effects.back().effect.effect + "@" + s.fit.effects.back().effect.port, s.fit.model, false);
 
   if (found && refit_excess > 0) result.shrink_refit = 1 - explained_excess / refit_excess;
   result.shrink_nominal = nominal_excess > 0 ? 1 - explained_excess / nominal_excess : 0;

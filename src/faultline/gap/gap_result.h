@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "faultline/gap/discrepancy.h"
+
 namespace faultline {
 
 struct Interval {
@@ -80,6 +82,12 @@ struct GapSeries {
   std::vector<double> values;  // per row and channel: measured, nominal, refit, explained
 };
 
+// How wrong the model of a level is by place (discrepancy.h).
+struct LevelDiscrepancy {
+  std::string name;
+  Discrepancy discrepancy;
+};
+
 struct GapResult {
   std::string rig;
   std::vector<std::string> runs, holdout;
@@ -100,6 +108,7 @@ struct GapResult {
   double shrink_nominal = 0;  // against nominal
   Interval shrink_interval;   // 90 %, of shrink_refit
   double closable = 0;        // gain of the named effects as a fraction of that of a flexible closure
+  std::vector<LevelDiscrepancy> discrepancies;
   std::vector<NextRun> next;
   std::vector<std::string> remarks;  // what could not be done, or is to be minded, each a sentence
   GapSeries series;

@@ -40,7 +40,8 @@ struct DrivenModel::Parts {
 
   RunningPlant plant;
   Around look;
-  std::vector<double> now, next;
+  std::vector<double> now, next, ended;
+  double last = 0;  // s, time of the last row
 };
 
 DrivenModel::DrivenModel(const Datasheet& sheet, const SimulationSetup& setup)
@@ -53,6 +54,8 @@ void DrivenModel::begin(const Recording& recording, std::size_t row, const doubl
   parts_->take(recording, row, parts_->now);
   parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, parts_->around(recording, row));
   parts_->plant.follow(Parts::time(recording, row), parts_->now.data());
+  parts_->last = Parts::time(recording, row);
+  parts_->ended.assign(state_count(), std::nan(""));
 }
 
 bool DrivenModel::remembers() const { return parts_->plant.remembers(); }
@@ -65,13 +68,18 @@ void DrivenModel::advance(const Recording& recording, std::size_t to_row, const 
   parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
   parts_->now.swap(parts_->next);
   parts_->plant.follow(time + parts_->plant.period(), parts_->now.data());
-  if (state)
+  parts_->last = time + parts_->plant.period();
+  if (state) {
+    std::copy_n(parts_->plant.state(), state_count(), parts_->ended.begin());
     parts_->plant.restart(time + parts_->plant.period(), parts_->now.data(), state, parts_->around(recording, to_row),
                           true);
+  }
 }
 
 const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }
 const double* DrivenModel::state() const { return parts_->plant.state(); }
+const double* DrivenModel::ended() const { return parts_->ended.data(); }
+void DrivenModel::outputs(double* channels) const { parts_->plant.outputs(parts_->last, channels); }
 std::size_t DrivenModel::state_count() const { return parts_->sheet->states.size(); }
 
 }  // namespace faultline

@@ -55,8 +55,12 @@ class DrivenModel {
   // Whether effects have memories or states of their own, which a run must first fill.
   bool remembers() const;
 
-  // The rig's states after the last row, in the datasheet's order.
+  // The rig's states after the last row, in the datasheet's order; and what they were there before a restart put them
+  // back.
   const double* state() const;
+  const double* ended() const;
+  // Output channels at state() before sensors, written into `channels`.
+  void outputs(double* channels) const;
   std::size_t state_count() const;
 
  private:

@@ -43,6 +43,7 @@ class RunningPlant {
   const std::vector<double>& seen() const { return shown_; }
   const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
   const double* state() const { return integrator_->state(); }
+  void outputs(double time, double* channels) const { rig_->outputs(time, integrator_->state(), channels); }
   double drawn(int channel, double time) const {
     return rig_->drawn(channel, time, integrator_->state(), true_.data());
   }

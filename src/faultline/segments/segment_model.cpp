@@ -156,23 +156,31 @@ void SegmentModel::place_hidden(SegmentedRun& run, std::size_t segment, const Ei
   }
 }
 
-Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const SegmentedRun& run,
-                                       const std::vector<std::size_t>& restarts, const std::vector<double>& starts,
-                                       const std::vector<double>& sigma, Restarted restarted,
-                                       const Enough& enough) const {
+std::unique_ptr<DrivenModel> SegmentModel::driven(const ModelChange& change, const SegmentedRun& run,
+                                                  const std::vector<double>& noise) const {
   SimulationSetup setup;
   setup.parameters = change.parameters;
   setup.effects = change.effects;
   setup.sample_period = run.period;
   setup.noise = false;
-  DrivenModel driven(sheet_, setup);
-  driven.set_around([&](const Recording& recording, std::size_t row, std::size_t channel, double later) {
-    const auto output = std::find(outputs_.begin(), outputs_.end(), static_cast<int>(channel)) - outputs_.begin();
-    const double noise = output < static_cast<std::ptrdiff_t>(outputs_.size())
-                             ? sigma[static_cast<std::size_t>(output)]
-                             : noise_of(sheet_->channels[channel], options_);
-    return shown_around(run, recording, row, channel, noise, later, options_);
-  });
+  auto model = std::make_unique<DrivenModel>(sheet_, setup);
+  model->set_around(
+      [this, &run, noise](const Recording& recording, std::size_t row, std::size_t channel, double later) {
+        const auto output = std::find(outputs_.begin(), outputs_.end(), static_cast<int>(channel)) - outputs_.begin();
+        const double own = output < static_cast<std::ptrdiff_t>(outputs_.size())
+                               ? noise[static_cast<std::size_t>(output)]
+                               : noise_of(sheet_->channels[channel], options_);
+        return shown_around(run, recording, row, channel, own, later, options_);
+      });
+  return model;
+}
+
+Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const SegmentedRun& run,
+                                       const std::vector<std::size_t>& restarts, const std::vector<double>& starts,
+                                       const std::vector<double>& sigma, Restarted restarted,
+                                       const Enough& enough) const {
+  const std::unique_ptr<DrivenModel> model = this->driven(change, run, sigma);
+  DrivenModel& driven = *model;
   const double largest = options_.largest_residual_sigma;
   Eigen::MatrixXf result = Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(run.recording.rows()),
                                                  static_cast<Eigen::Index>(outputs_.size()));

@@ -44,6 +44,10 @@ class SegmentModel {
   void place_starts(SegmentedRun& run, const std::vector<double>& noise, const ModelChange& change) const;
   ModelChange nominal() const { return {sheet_->nominal(), {}}; }
 
+  // The model that a run drives, which sees around a row what it needs of the recording. Both must outlive it.
+  std::unique_ptr<DrivenModel> driven(const ModelChange& change, const SegmentedRun& run,
+                                      const std::vector<double>& noise) const;
+
   // Rows x outputs, each over `sigma` of its output. A model that leaves all bounds gives large but finite numbers.
   Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma) const;
   // The same until `enough(row, residuals)`, asked after every row, is true; what is not run is 0.

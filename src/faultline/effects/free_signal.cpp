@@ -1,0 +1,40 @@
+// Free signal: what passes a port, plus or times what nothing explains.
+//
+// value: added to signals, boundary values [of what passes], forces against the motion [N, N m], flows [m^3/s] and heat
+// to ambient [W/K]; a fraction added to openings, moduli and what is handed on (times 1 + value). Linear; at a sensor
+// undone exactly. No rig is said to have it: the gap diagnoser reconstructs the value over time that would close a gap
+// at a place (gap/stochastic_model.h), so no datasheet lists it.
+
+#include "faultline/rig/effect.h"
+
+namespace faultline {
+namespace {
+
+class FreeSignal : public Effect {
+ public:
+  double signal(double value, double /*time*/) override { return value + parameter(0); }
+  double undo_signal(double value, double /*time*/) const override { return value - parameter(0); }
+  double boundary(double value, double /*flow*/, double /*time*/) const override { return value + parameter(0); }
+  void force(const Motion&, BodyForces& forces) const override { forces.applied += parameter(0); }
+  double flow(const LeakPath&) const override { return parameter(0); }
+  double opening(double opening) const override { return opening * (1 + parameter(0)); }
+  double bulk_modulus(double modulus, double /*absolute_pressure*/) const override {
+    return modulus * (1 + parameter(0));
+  }
+  double delivery(double flow, double /*shaft_angle*/) const override { return flow * (1 + parameter(0)); }
+  void coupling(Coupling& coupling) const override { coupling.factor += parameter(0); }
+  void heat(HeatPath& path) const override { path.loss += parameter(0); }
+};
+
+}  // namespace
+
+FAULTLINE_EFFECT(free_signal,
+                 {"free_signal",
+                  "flexible",
+                  "u + value; of an opening, a modulus, what is handed on: u (1 + value)",
+                  {PortKind::command, PortKind::sensor, PortKind::force, PortKind::flow, PortKind::restriction,
+                   PortKind::compliance, PortKind::source, PortKind::transmission, PortKind::heat},
+                  {{"value", "port", 0, -1e12, 1e12}},
+                  &make_effect<FreeSignal>});
+
+}  // namespace faultline

@@ -1,0 +1,29 @@
+// How wrong a model is on a rig, by place: the process noise at its state equations that makes the recording likeliest,
+// and what a free signal at each port would win beside that (stochastic_model.h).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "faultline/gap/free_signal_filter.h"
+
+namespace faultline {
+
+struct FreePlace {
+  std::string port;
+  double level = 0;   // of the likeliest free signal, in the unit of what passes
+  double memory = 0;  // s
+  double gain = 0;    // log likelihood that it wins
+};
+
+struct Discrepancy {
+  std::vector<double> losses;     // per block: minus log likelihood
+  double loss = 0;                // their sum
+  std::vector<double> noise;      // per state: standard deviation of the process noise in a step, over the state's size
+  std::vector<FreePlace> places;  // best first
+};
+
+Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
+                             const std::vector<std::size_t>& runs, int jobs, bool places);
+
+}  // namespace faultline

@@ -1,0 +1,223 @@
+#include "faultline/gap/free_signal_filter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+namespace faultline {
+namespace {
+
+constexpr double kFirstSigma = 4;            // of a state at the head of a stretch, in noise of what shows it
+constexpr double kLeastBlockVariance = 0.2;  // of the innovations' own: a block cannot be better than its noise
+constexpr double kTrimmed = 0.1;             // of the blocks, the worst ones, that do not speak for the process noise
+
+// State, covariance and what the prediction used, of one row.
+struct Passed {
+  Eigen::VectorXd before, after;
+  Eigen::MatrixXd before_covariance, after_covariance, map;
+};
+
+class Filter {
+ public:
+  Filter(const StochasticModel& model, const StochasticStretch& stretch, const Eigen::VectorXd& q,
+         const FreeSignal& signal)
+      : model_(model), stretch_(stretch), q_(q), signal_(signal), states_(model.size.size()) {
+    with_ = signal.port >= 0 ? 1 : 0;
+    if (with_) {
+      shows_ = model.shows[static_cast<std::size_t>(signal.port)];
+      shown_ = model.shown[static_cast<std::size_t>(signal.port)];
+      const Eigen::MatrixXd& drive = stretch.port_drives[static_cast<std::size_t>(signal.port)];
+      if (drive.size() > 0) drive_ = &drive;
+      keep_ = std::exp(-model.step / signal.memory);
+    }
+    n_ = states_ + with_;
+    x_ = Eigen::VectorXd::Zero(n_);
+    // What is known at the head: shown states to a few times the noise, others to their size.
+    Eigen::VectorXd first = Eigen::VectorXd::Ones(n_);
+    const Eigen::MatrixXd& h = stretch.h.front();
+    for (Eigen::Index o = 0; o < h.rows(); ++o)
+      for (Eigen::Index s = 0; s < states_; ++s)
+        if (std::abs(h(o, s)) > 0 && h.row(o).cwiseAbs().sum() == std::abs(h(o, s)))
+          first[s] = std::min(1.0, kFirstSigma * kFirstSigma / (h(o, s) * h(o, s)));
+    if (with_) first[states_] = signal.level * signal.level;
+    p_ = first.asDiagonal();
+    map_ = Eigen::MatrixXd::Identity(n_, n_);
+  }
+
+  // Through all rows; visit(row, innovation^2/S, log S) for every reading, done(row) after each row.
+  template <class Visit, class Done>
+  void run(Visit&& visit, Done&& done) {
+    Eigen::VectorXd row(n_), gain(n_), next(n_);
+    Eigen::MatrixXd product(n_, n_);
+    for (std::size_t i = 0; i < stretch_.rows.size(); ++i) {
+      if (record_) start_record();
+      const Eigen::VectorXd& misfit = stretch_.misfit[i];
+      for (Eigen::Index o = 0; o < misfit.size(); ++o) {
+        if (std::isnan(misfit[o])) continue;
+        row.head(states_) = stretch_.h[i].row(o).transpose();
+        if (with_) row[states_] = shows_ == o ? shown_ : 0.0;
+        gain.noalias() = p_ * row;
+        const double s = row.dot(gain) + 1;
+        const double innovation = misfit[o] - row.dot(x_);
+        visit(i, innovation * innovation / s, std::log(s));
+        x_ += gain * (innovation / s);
+        p_.noalias() -= gain * (gain.transpose() / s);
+      }
+      done(i);
+      if (i + 1 == stretch_.rows.size()) break;
+      map_.topLeftCorner(states_, states_) = stretch_.f[i];
+      if (with_) {
+        if (drive_) map_.col(states_).head(states_) = drive_->col(static_cast<Eigen::Index>(i));
+        map_(states_, states_) = keep_;
+      }
+      next.noalias() = map_ * x_;
+      x_ = next;
+      x_.head(states_) += stretch_.defect[i];
+      product.noalias() = map_ * p_;
+      p_.noalias() = product * map_.transpose();
+      p_.diagonal().head(states_) += q_;
+      if (stretch_.lost[i]) p_.diagonal().head(states_).array() += 1;
+      if (with_) p_(states_, states_) += signal_.level * signal_.level * (1 - keep_ * keep_);
+      p_ = 0.5 * (p_ + p_.transpose().eval());
+    }
+  }
+
+  void record(std::vector<Passed>& into) { record_ = &into; }
+  void start_record() {
+    record_->emplace_back();
+    record_->back().before = x_;
+    record_->back().before_covariance = p_;
+  }
+  const Eigen::VectorXd& x() const { return x_; }
+  const Eigen::MatrixXd& p() const { return p_; }
+  Eigen::Index states() const { return states_; }
+
+  // The map from row i to the next.
+  Eigen::MatrixXd map(std::size_t i) const {
+    Eigen::MatrixXd m = Eigen::MatrixXd::Identity(n_, n_);
+    m.topLeftCorner(states_, states_) = stretch_.f[i];
+    if (with_) {
+      if (drive_) m.col(states_).head(states_) = drive_->col(static_cast<Eigen::Index>(i));
+      m(states_, states_) = keep_;
+    }
+    return m;
+  }
+
+ private:
+  const StochasticModel& model_;
+  const StochasticStretch& stretch_;
+  const Eigen::VectorXd& q_;
+  const FreeSignal& signal_;
+  Eigen::Index states_, n_ = 0;
+  int with_ = 0, shows_ = -1;
+  const Eigen::MatrixXd* drive_ = nullptr;
+  double keep_ = 1, shown_ = 0;
+  Eigen::VectorXd x_;
+  Eigen::MatrixXd p_, map_;
+  std::vector<Passed>* record_ = nullptr;
+};
+
+std::size_t blocks_of(const StochasticModel& model, const StochasticStretch& stretch) {
+  return (stretch.rows.size() + model.block - 1) / model.block;
+}
+
+double trimmed_mean(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  const auto keep =
+      std::max<std::size_t>(1, values.size() - static_cast<std::size_t>(kTrimmed * static_cast<double>(values.size())));
+  double sum = 0;
+  for (std::size_t i = 0; i < keep; ++i) sum += values[i];
+  return sum / static_cast<double>(keep);
+}
+
+}  // namespace
+
+std::vector<double> block_losses(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal) {
+  std::vector<double> losses;
+  for (const StochasticStretch& stretch : model.stretches) {
+    const std::size_t blocks = blocks_of(model, stretch);
+    std::vector<double> squares(blocks, 0), logs(blocks, 0), count(blocks, 0);
+    Filter filter(model, stretch, q, signal);
+    filter.run(
+        [&](std::size_t i, double square, double log) {
+          const std::size_t b = i / model.block;
+          squares[b] += square;
+          logs[b] += log;
+          count[b] += 1;
+        },
+        [](std::size_t) {});
+    for (std::size_t b = 0; b < blocks; ++b) {
+      const double variance = count[b] > 0 ? std::max(squares[b] / count[b], kLeastBlockVariance) : 1;
+      const double loss = 0.5 * logs[b] + 0.5 * count[b] * std::log(variance);
+      losses.push_back(std::isfinite(loss) ? loss : 1e9);
+    }
+  }
+  return losses;
+}
+
+Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal) {
+  Smoothing result;
+  const Eigen::Index states = model.size.size();
+  std::vector<std::vector<double>> squares(static_cast<std::size_t>(states) + 1);  // per block
+  for (const StochasticStretch& stretch : model.stretches) {
+    std::vector<Passed> passed;
+    passed.reserve(stretch.rows.size());
+    Filter filter(model, stretch, q, signal);
+    filter.record(passed);
+    filter.run([](std::size_t, double, double) {},
+               [&](std::size_t) {
+                 passed.back().after = filter.x();
+                 passed.back().after_covariance = filter.p();
+               });
+    const auto rows = static_cast<Eigen::Index>(stretch.rows.size());
+    const Eigen::Index n = passed.front().after.size();
+    Eigen::MatrixXd course(n, rows);
+    Eigen::VectorXd spread = Eigen::VectorXd::Zero(rows);
+    std::vector<Eigen::VectorXd> sums(blocks_of(model, stretch), Eigen::VectorXd::Zero(n));
+    std::vector<double> counts(sums.size(), 0);
+    Eigen::VectorXd x = passed.back().after;
+    Eigen::MatrixXd p = passed.back().after_covariance;
+    course.col(rows - 1) = x;
+    if (n > states) spread[rows - 1] = std::sqrt(std::max(0.0, p(states, states)));
+    for (std::size_t i = passed.size() - 1; i-- > 0;) {
+      const Passed& now = passed[i];
+      const Passed& next = passed[i + 1];
+      const Eigen::MatrixXd map = filter.map(i);
+      const Eigen::LDLT<Eigen::MatrixXd> predicted(next.before_covariance);
+      const Eigen::MatrixXd c = predicted.solve(map * now.after_covariance).transpose();
+      const Eigen::VectorXd own = now.after + c * (x - next.before);
+      const Eigen::MatrixXd cross = p * c.transpose();  // of next and now
+      const Eigen::MatrixXd before = now.after_covariance + c * (p - next.before_covariance) * c.transpose();
+      Eigen::VectorXd missed = x - map * own;
+      missed.head(states) -= stretch.defect[i];
+      const Eigen::MatrixXd spread_of =
+          p + map * before * map.transpose() - cross * map.transpose() - map * cross.transpose();
+      const std::size_t b = i / model.block;
+      if (!stretch.lost[i]) sums[b] += missed.cwiseAbs2() + spread_of.diagonal();
+      if (!stretch.lost[i]) counts[b] += 1;
+      x = own;
+      p = before;
+      course.col(static_cast<Eigen::Index>(i)) = x;
+      if (n > states) spread[static_cast<Eigen::Index>(i)] = std::sqrt(std::max(0.0, p(states, states)));
+    }
+    for (std::size_t b = 0; b < sums.size(); ++b)
+      for (Eigen::Index s = 0; counts[b] > 0 && s < n; ++s) {
+        const double mean = sums[b][s] / counts[b];
+        if (std::isfinite(mean)) squares[static_cast<std::size_t>(s)].push_back(std::max(0.0, mean));
+      }
+    result.states.push_back(course.topRows(states));
+    result.signal.push_back(n > states ? Eigen::VectorXd(course.row(states).transpose()) : Eigen::VectorXd());
+    result.spread.push_back(std::move(spread));
+  }
+  result.q.resize(states);
+  for (Eigen::Index s = 0; s < states; ++s) result.q[s] = trimmed_mean(squares[static_cast<std::size_t>(s)]);
+  if (signal.port >= 0) {
+    const double keep = std::exp(-model.step / signal.memory);
+    result.level = std::sqrt(trimmed_mean(squares.back()) / std::max(1e-300, 1 - keep * keep));
+  }
+  return result;
+}
+
+}  // namespace faultline

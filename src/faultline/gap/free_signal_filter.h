@@ -1,0 +1,37 @@
+// Likelihood of a stochastic model (stochastic_model.h), alone or with a free signal at one port, and what the readings
+// say of both: Kalman filter and the backward pass of Rauch, Tung and Striebel.
+//
+//   u_i+1 = a u_i + noise,  a = exp(-step/memory),  u ~ N(0, level^2)     Ornstein-Uhlenbeck
+//   minus log likelihood = 1/2 sum of (innovation^2/S + log S)
+//
+// Blocks (segments) count with a noise level of their own: 1/2 sum log S + n/2 log(mean innovation^2/S), so that one in
+// which the model goes astray does not outweigh all others.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "faultline/gap/stochastic_model.h"
+
+namespace faultline {
+
+struct FreeSignal {
+  int port = -1;      // position among the model's ports; -1: none
+  double level = 0;   // standard deviation, in the port's unit
+  double memory = 0;  // s
+};
+
+// Loss of each block, stretches one after the other. `q`: variances of the process noise per step, in sizes squared.
+std::vector<double> block_losses(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal);
+
+struct Smoothing {
+  std::vector<Eigen::MatrixXd> states;  // per stretch, e: states x rows
+  std::vector<Eigen::VectorXd> signal;  // u, per row
+  std::vector<Eigen::VectorXd> spread;  // its standard deviation
+  Eigen::VectorXd q;                    // mean squared process noise of a typical block: one step of EM
+  double level = 0;                     // likewise of the free signal
+};
+Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal);
+
+}  // namespace faultline

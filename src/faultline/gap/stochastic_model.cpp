@@ -1,0 +1,312 @@
+#include "faultline/gap/stochastic_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "faultline/numerics/in_parallel.h"
+#include "faultline/segments/propagation.h"
+#include "faultline/segments/smoothing.h"
+
+namespace faultline {
+namespace {
+
+constexpr std::size_t kStepsPerSegment = 50;  // resolves what a segment shows at a fraction of the samples' cost
+constexpr double kPortFraction = 1e-4;        // of a port's range: a free signal's size for differences
+constexpr double kLeastResponse = 1e-9;       // of a state's size, below which a port moves nothing
+constexpr int kUnitAttempts = 6;              // to find a port's unit, each four decades up at most
+constexpr const char* kFree = "free_signal";
+
+// What a pass with restarts at every row of a stretch leaves, rows x quantity.
+struct Pass {
+  Eigen::MatrixXd ended;    // states where the step from the row before ended; row 0: NaN
+  Eigen::MatrixXd seen;     // outputs there, as the sensors show them
+  Eigen::MatrixXd outputs;  // outputs at the reference before sensors
+};
+
+class Passes {
+ public:
+  Passes(const ResidualModel& residuals, const ModelChange& change) : residuals_(residuals), change_(change) {}
+
+  Pass run(const StochasticStretch& stretch, const Eigen::VectorXd& offset, const EffectSpec* extra) const {
+    const SegmentModel& model = residuals_.model();
+    const SegmentedRun& run = residuals_.runs()[stretch.run];
+    ModelChange change = change_;
+    if (extra) change.effects.push_back(*extra);
+    const auto driven = model.driven(change, run, residuals_.noise());
+    const auto states = static_cast<Eigen::Index>(stretch.reference.front().size());
+    const auto rows = static_cast<Eigen::Index>(stretch.rows.size());
+    const auto outputs = static_cast<Eigen::Index>(model.outputs().size());
+    std::vector<double> starts;
+    for (const Eigen::VectorXd& x : stretch.reference)
+      for (Eigen::Index s = 0; s < states; ++s) starts.push_back(x[s] + offset[s]);
+    Pass pass{Eigen::MatrixXd::Constant(rows, states, std::nan("")), Eigen::MatrixXd::Zero(rows, outputs),
+              Eigen::MatrixXd::Zero(rows, outputs)};
+    std::vector<double> bare(model.sheet().channels.size());
+    Eigen::Index at = 0;
+    driven->run(run.recording, stretch.rows.front(), stretch.rows.back() - stretch.rows.front() + 1, stretch.rows,
+                starts.data(), [&](std::size_t k, const double* channels) {
+                  if (at == rows || k != stretch.rows[static_cast<std::size_t>(at)]) return;
+                  driven->outputs(bare.data());
+                  for (Eigen::Index o = 0; o < outputs; ++o) {
+                    const auto c = static_cast<std::size_t>(model.outputs()[static_cast<std::size_t>(o)]);
+                    pass.seen(at, o) = channels[c];
+                    pass.outputs(at, o) = bare[c];
+                  }
+                  for (Eigen::Index s = 0; at > 0 && s < states; ++s) {
+                    const int shown = model.shown_by()[static_cast<std::size_t>(s)];
+                    pass.ended(at, s) = shown < 0 ? driven->ended()[s] : channels[shown];
+                  }
+                  ++at;
+                });
+    return pass;
+  }
+
+ private:
+  const ResidualModel& residuals_;
+  const ModelChange& change_;
+};
+
+// States along a stretch: what channels show without their noise, the rest as the model has them within its segments.
+void place_reference(const ResidualModel& residuals, const ModelChange& change, const Stretched& within,
+                     StochasticStretch& stretch) {
+  const SegmentModel& model = residuals.model();
+  const SegmentedRun& run = residuals.runs()[stretch.run];
+  const auto states = static_cast<Eigen::Index>(model.shown_by().size());
+  std::vector<std::size_t> restarts;
+  std::vector<double> starts;
+  const std::vector<double> all = starts_of(run);
+  for (std::size_t g = 0; g < run.segments(); ++g) {
+    if (run.restarts[g] < within.first || run.restarts[g] >= within.last) continue;
+    restarts.push_back(run.restarts[g]);
+    for (Eigen::Index s = 0; s < states; ++s) starts.push_back(all[g * static_cast<std::size_t>(states) + s]);
+  }
+  const auto driven = model.driven(change, run, residuals.noise());
+  stretch.reference.assign(stretch.rows.size(), Eigen::VectorXd::Zero(states));
+  std::size_t at = 0;
+  driven->run(run.recording, stretch.rows.front(), stretch.rows.back() - stretch.rows.front() + 1, restarts,
+              starts.data(), [&](std::size_t k, const double*) {
+                if (at == stretch.rows.size() || k != stretch.rows[at]) return;
+                for (Eigen::Index s = 0; s < states; ++s) stretch.reference[at][s] = driven->state()[s];
+                ++at;
+              });
+  const std::size_t widest = run.segment / 10;
+  for (Eigen::Index s = 0; s < states; ++s) {
+    const int channel = model.shown_by()[static_cast<std::size_t>(s)];
+    if (channel < 0) continue;
+    const auto output = static_cast<std::size_t>(std::find(model.outputs().begin(), model.outputs().end(), channel) -
+                                                 model.outputs().begin());
+    double last = std::nan("");
+    for (std::size_t i = 0; i < stretch.rows.size(); ++i) {
+      const double value = smoothed(run.recording, stretch.rows[i], static_cast<std::size_t>(channel), within.first,
+                                    within.last, residuals.noise()[output], widest, model.options())
+                               .value;
+      if (std::isfinite(value)) last = value;
+      if (std::isfinite(last)) stretch.reference[i][s] = last;
+    }
+  }
+}
+
+void linearise(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model) {
+  const SegmentModel& segments = residuals.model();
+  const Datasheet& sheet = segments.sheet();
+  const auto states = model.size.size();
+  const auto outputs = static_cast<Eigen::Index>(segments.outputs().size());
+  const Passes passes(residuals, change);
+  const auto count = static_cast<std::size_t>(states);
+  const std::size_t all = 1 + count;
+  std::vector<Pass> done(all * model.stretches.size());
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(states);
+  const Eigen::VectorXd moves = difference_steps(sheet, model.size);
+  in_parallel(done.size(), jobs, [&](std::size_t i) {
+    const StochasticStretch& stretch = model.stretches[i / all];
+    const std::size_t which = i % all;
+    Eigen::VectorXd offset = none;
+    if (which > 0) offset[static_cast<Eigen::Index>(which - 1)] = moves[static_cast<Eigen::Index>(which - 1)];
+    done[i] = passes.run(stretch, offset, nullptr);
+  });
+  for (std::size_t n = 0; n < model.stretches.size(); ++n) {
+    StochasticStretch& stretch = model.stretches[n];
+    const SegmentedRun& run = residuals.runs()[stretch.run];
+    const Pass& base = done[n * all];
+    const std::size_t rows = stretch.rows.size();
+    stretch.f.assign(rows - 1, Eigen::MatrixXd::Zero(states, states));
+    stretch.h.assign(rows, Eigen::MatrixXd::Zero(outputs, states));
+    stretch.defect.assign(rows - 1, Eigen::VectorXd::Zero(states));
+    stretch.misfit.assign(rows, Eigen::VectorXd::Constant(outputs, std::nan("")));
+    stretch.lost.assign(rows - 1, 0);
+    for (std::size_t i = 0; i + 1 < rows; ++i) {
+      const auto next = static_cast<Eigen::Index>(i + 1);
+      stretch.defect[i] = (base.ended.row(next).transpose() - stretch.reference[i + 1]).cwiseQuotient(model.size);
+      for (Eigen::Index s = 0; s < states; ++s)
+        stretch.f[i].col(s) = (done[n * all + 1 + static_cast<std::size_t>(s)].ended.row(next) - base.ended.row(next))
+                                  .transpose()
+                                  .cwiseQuotient(model.size) *
+                              (model.size[s] / moves[s]);
+      if (stretch.f[i].allFinite() && stretch.defect[i].allFinite()) continue;
+      stretch.lost[i] = 1;
+      stretch.f[i].setZero();
+      stretch.defect[i].setZero();
+    }
+    for (std::size_t i = 0; i < rows; ++i) {
+      const auto at = static_cast<Eigen::Index>(i);
+      for (Eigen::Index o = 0; o < outputs; ++o) {
+        const auto c = segments.outputs()[static_cast<std::size_t>(o)];
+        const double noise = residuals.noise()[static_cast<std::size_t>(o)];
+        const auto shown = std::find(segments.shown_by().begin(), segments.shown_by().end(), c);
+        const double y = run.reading(stretch.rows[i], static_cast<std::size_t>(c));
+        const bool counts = measures(sheet.channels[static_cast<std::size_t>(c)], y);
+        if (shown != segments.shown_by().end()) {
+          const auto s = shown - segments.shown_by().begin();
+          stretch.h[i](o, s) = model.size[s] / noise;
+          if (counts) stretch.misfit[i][o] = (y - stretch.reference[i][s]) / noise;
+          continue;
+        }
+        for (Eigen::Index s = 0; s < states; ++s)
+          stretch.h[i](o, s) = (done[n * all + 1 + static_cast<std::size_t>(s)].outputs(at, o) - base.outputs(at, o)) /
+                               moves[s] * model.size[s] / noise;
+        // seen() belongs to where the step before ended.
+        if (counts && i > 0)
+          stretch.misfit[i][o] = (y - base.seen(at, o)) / noise + stretch.h[i].row(o).dot(stretch.defect[i - 1]);
+      }
+    }
+  }
+}
+
+EffectSpec free_signal(const std::string& port, double value) {
+  EffectSpec spec;
+  spec.effect = kFree;
+  spec.port = port;
+  spec.parameters = {value};
+  return spec;
+}
+
+// What a free signal of kPortFraction of its unit does in every step.
+void drive_ports(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model) {
+  const Passes passes(residuals, change);
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(model.size.size());
+  for (StochasticStretch& stretch : model.stretches) {
+    const Pass base = passes.run(stretch, none, nullptr);
+    stretch.port_drives.assign(model.ports.size(), {});
+    in_parallel(model.ports.size(), jobs, [&](std::size_t p) {
+      if (model.shows[p] >= 0) return;
+      const EffectSpec signal = free_signal(model.ports[p], kPortFraction * model.unit[p]);
+      const Pass moved = passes.run(stretch, none, &signal);
+      Eigen::MatrixXd drive(model.size.size(), moved.ended.rows() - 1);
+      for (Eigen::Index i = 0; i < drive.cols(); ++i)
+        if (stretch.lost[static_cast<std::size_t>(i)])
+          drive.col(i).setZero();
+        else
+          drive.col(i) =
+              (moved.ended.row(i + 1) - base.ended.row(i + 1)).transpose().cwiseQuotient(model.size) / kPortFraction;
+      if (drive.allFinite() && drive.cwiseAbs().maxCoeff() > kLeastResponse) stretch.port_drives[p] = std::move(drive);
+    });
+  }
+}
+
+// Ports where a free signal adds no states of its own.
+void find_ports(const ResidualModel& residuals, const ModelChange& change, StochasticModel& model) {
+  const SegmentModel& segments = residuals.model();
+  const Datasheet& sheet = segments.sheet();
+  const SegmentedRun& run = residuals.runs().front();
+  const bool before = segments.driven(change, run, residuals.noise())->remembers();
+  const EffectType& type = *find_effect_type(kFree);
+  for (const Port& port : sheet.ports) {
+    if (!type.fits_kind(port.kind)) continue;
+    int shows = -1;
+    double unit = 1;
+    if (!port.channel.empty()) {
+      const auto c = static_cast<std::size_t>(sheet.channel(port.channel));
+      unit = std::max(std::abs(sheet.channels[c].minimum), std::abs(sheet.channels[c].maximum));
+      const auto output = std::find(segments.outputs().begin(), segments.outputs().end(), static_cast<int>(c));
+      if (port.kind == PortKind::sensor && output != segments.outputs().end())
+        shows = static_cast<int>(output - segments.outputs().begin());
+    }
+    ModelChange with = change;
+    with.effects.push_back(free_signal(port.name, kPortFraction * unit));
+    if (shows < 0 && segments.driven(with, run, residuals.noise())->remembers() != before) continue;
+    model.ports.push_back(port.name);
+    model.shows.push_back(shows);
+    model.unit.push_back(unit);
+    model.shown.push_back(shows < 0 ? 0 : unit / residuals.noise()[static_cast<std::size_t>(shows)]);
+  }
+}
+
+// Largest move of a state, in its size, that a free signal of `value` makes in a step of a stretch.
+double response(const Passes& passes, const StochasticModel& model, const StochasticStretch& stretch, const Pass& base,
+                const std::string& port, double value) {
+  const EffectSpec signal = free_signal(port, value);
+  const Pass moved = passes.run(stretch, Eigen::VectorXd::Zero(model.size.size()), &signal);
+  double largest = 0;
+  for (Eigen::Index i = 1; i < moved.ended.rows(); ++i) {
+    const double here =
+        (moved.ended.row(i) - base.ended.row(i)).transpose().cwiseQuotient(model.size).cwiseAbs().maxCoeff();
+    if (std::isfinite(here)) largest = std::max(largest, here);
+  }
+  return largest;
+}
+
+// Units in which a free signal of kPortFraction moves a state by about as much of its size: well above rounding
+// whatever passes the port.
+void find_units(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model) {
+  const Passes passes(residuals, change);
+  const StochasticStretch& stretch = model.stretches.front();
+  const Pass base = passes.run(stretch, Eigen::VectorXd::Zero(model.size.size()), nullptr);
+  in_parallel(model.ports.size(), jobs, [&](std::size_t p) {
+    for (int attempt = 0; attempt < kUnitAttempts && model.shows[p] < 0; ++attempt) {
+      const double moved = response(passes, model, stretch, base, model.ports[p], kPortFraction * model.unit[p]);
+      const double ratio = moved > kLeastResponse ? kPortFraction / moved : 1 / kPortFraction;
+      if (ratio > 0.1 && ratio < 10) break;
+      model.unit[p] *= ratio;
+    }
+  });
+}
+
+}  // namespace
+
+StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChange& change,
+                                 const std::vector<std::size_t>& runs, int jobs) {
+  StochasticModel model;
+  const SegmentModel& segments = residuals.model();
+  const SegmentedRun& first = residuals.runs()[runs.front()];
+  const std::size_t stride = std::max<std::size_t>(1, first.segment / kStepsPerSegment);
+  model.step = static_cast<double>(stride) * first.period;
+  model.block = std::max<std::size_t>(2, first.segment / stride);
+  for (const std::size_t r : runs) {
+    const SegmentedRun& run = residuals.runs()[r];
+    for (const Stretched& within : run.stretches) {
+      const auto start = std::find_if(run.restarts.begin(), run.restarts.end(),
+                                      [&](std::size_t k) { return k >= within.first && k < within.last; });
+      if (start == run.restarts.end()) continue;
+      StochasticStretch stretch;
+      stretch.run = r;
+      for (std::size_t k = *start; k < within.last; k += stride) stretch.rows.push_back(k);
+      if (stretch.rows.size() < 3) continue;
+      place_reference(residuals, change, within, stretch);
+      model.stretches.push_back(std::move(stretch));
+    }
+  }
+  const auto states = static_cast<Eigen::Index>(segments.shown_by().size());
+  model.size = Eigen::VectorXd::Zero(states);
+  for (const StochasticStretch& stretch : model.stretches)
+    for (const Eigen::VectorXd& x : stretch.reference)
+      if (x.allFinite()) model.size = model.size.cwiseMax(x.cwiseAbs());
+  model.size = model.size.cwiseMax(difference_steps(segments.sheet(), model.size));
+  linearise(residuals, change, jobs, model);
+  return model;
+}
+
+void move_reference(const ResidualModel& residuals, const ModelChange& change,
+                    const std::vector<Eigen::MatrixXd>& shifts, int jobs, StochasticModel& model) {
+  for (std::size_t n = 0; n < model.stretches.size(); ++n)
+    for (std::size_t i = 0; i < model.stretches[n].rows.size(); ++i)
+      model.stretches[n].reference[i] += model.size.cwiseProduct(shifts[n].col(static_cast<Eigen::Index>(i)));
+  linearise(residuals, change, jobs, model);
+}
+
+void open_ports(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model) {
+  find_ports(residuals, change, model);
+  find_units(residuals, change, jobs, model);
+  drive_ports(residuals, change, jobs, model);
+}
+
+}  // namespace faultline
