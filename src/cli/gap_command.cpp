@@ -33,6 +33,7 @@ struct Options {
   std::string rig, config, json, series, report, adopt;
   int jobs = 0;
   std::uint64_t seed = 1;
+  double matters = GapSettings().matters;
 };
 
 Json interval_json(const Interval& interval) { return Json::array({interval.low, interval.high}); }
@@ -158,6 +159,7 @@ std::string command_text(const Options& options) {
   add_option("--config", options.config);
   for (const std::string& effect : options.without) add_option("--without", effect);
   add_option("--seed", std::to_string(options.seed));
+  if (options.matters != GapSettings().matters) add_option("--matters", fmt::format("{:g}", options.matters));
   return text;
 }
 
@@ -231,6 +233,7 @@ void run(const Options& options) {
   settings.without = options.without;
   settings.jobs = options.jobs > 0 ? options.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   settings.seed = options.seed;
+  settings.matters = options.matters;
   std::vector<const Recording*> recordings;
   for (const auto* list : {&runs, &holdout})
     for (const LoadedRecording& run : *list) recordings.push_back(&run.recording);
@@ -280,6 +283,9 @@ std::function<void()> add(CLI::App& app) {
   app.add_option("--without", options->without, "leave out EFFECT or EFFECT@PORT");
   app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(whole_number(1, 256));
   app.add_option("--seed", options->seed, "of the bootstrap")->check(whole_number(0, UINT64_MAX));
+  app.add_option("--matters", options->matters,
+                 "gap beyond the noise, as a fraction of what the channels move, from which it must have a cause")
+      ->check(CLI::Range(0.0, 10.0));
   add_text_output(app, "--json", options->json, "write the answer as JSON to this file; - is standard output");
   add_text_output(app, "--series", options->series,
                   "write the deciding run as CSV, measured and as the three levels have it; - is standard output");

@@ -228,7 +228,7 @@ TEST(EffectContract, UndoReturnsWhatWentIn) {
           EXPECT_NEAR(back, value, close);
       }
   });
-  for (const char* name : {"offset", "scale", "drift", "gain_curve", "deadband", "saturation", "flexible_curve"})
+  for (const char* name : {"offset", "scale", "drift", "gain_curve", "deadband", "saturation", "free_signal"})
     EXPECT_EQ(without_memory.count(name), 1u) << name;
 }
 
@@ -284,7 +284,7 @@ TEST(EffectContract, WhatASensorShowsIsUndoneWhateverItRemembers) {
     EXPECT_LE(beside / found, 0.05 * most);
     EXPECT_LE(gone_on / found, 0.02 * most);
   }
-  EXPECT_EQ(with_memory, (std::set<std::string>{"delay", "flexible_memory", "hysteresis", "lag", "rate_limit"}));
+  EXPECT_EQ(with_memory, (std::set<std::string>{"delay", "hysteresis", "lag", "rate_limit"}));
 }
 
 TEST(EffectContract, LeaksDissipateAndTwoWayLeaksAreOdd) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numeric>
 
 #include <fmt/format.h>
 
@@ -11,6 +10,7 @@
 #include "faultline/gap/grid_step.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
+#include "faultline/gap/verdict.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
@@ -64,20 +64,6 @@ double quiet_excess(const ResidualModel& model) {
   }
   const double noisy = options.quiet_noisy_fraction;
   return options.quiet_excess_variances * (noisy + (1 - noisy) / std::max(1.0, count > 0 ? ratio / count : 1.0));
-}
-
-// Typical excess that is left when chance is taken off: the mean of the segments' log variances less its error, from
-// their scatter and from that of the noise level in which they are counted. A robust level from the third differences
-// of N samples is off by 1.8/sqrt(N), one standard deviation; a variance by twice that.
-double certain_excess(const ResidualModel& model, const std::vector<double>& scores, double values) {
-  const double mean = sum(scores) / static_cast<double>(scores.size());
-  double scatter = 0, rows = 0;
-  for (const double score : scores) scatter += (score - mean) * (score - mean);
-  for (const SegmentedRun& run : model.runs()) rows += static_cast<double>(run.recording.rows());
-  const double level = 2 * 1.8 / std::sqrt(rows * static_cast<double>(model.outputs().size()));
-  const double error = std::hypot(2 * std::sqrt(scatter) / values, level);
-  const double certain = 2 * sum(scores) / values - model.options().verdict.chance_standard_errors * error;
-  return std::expm1(std::max(0.0, certain));
 }
 
 std::string kind_of(const Datasheet& sheet, const std::string& port) {
@@ -221,6 +207,34 @@ std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<St
   return result;
 }
 
+// Places by what a free signal there wins.
+std::vector<PlaceScore> free_places(const Datasheet& sheet, const Discrepancy& discrepancy) {
+  std::vector<PlaceScore> result;
+  double sum = 0;
+  for (const FreePlace& free : discrepancy.places) {
+    PlaceScore place;
+    place.port = free.port;
+    place.component = sheet.port(free.port).component;
+    place.kind = kind_of(sheet, free.port);
+    place.score = free.gain;
+    place.share = std::exp(free.gain - discrepancy.places.front().gain);
+    sum += place.share;
+    result.push_back(place);
+  }
+  for (PlaceScore& place : result) place.share /= sum;
+  return result;
+}
+
+// Gap beyond the noise over what the channels move.
+double gap_size(const GapLevel& level) {
+  double squares = 0;
+  for (const ChannelGap& c : level.channels) {
+    const double rms = c.rms.at("segment"), beyond = rms > 0 ? std::max(0.0, 1 - std::pow(c.noise_std / rms, 2)) : 0;
+    squares += std::pow(c.nrmse.at("segment"), 2) * beyond;
+  }
+  return level.channels.empty() ? 0 : std::sqrt(squares / static_cast<double>(level.channels.size()));
+}
+
 bool same_cause(const NamedEffect& a, const NamedEffect& b) { return a.effect == b.effect && a.port == b.port; }
 
 // The effects that were found, and the rivals of the first.
@@ -246,16 +260,6 @@ void name_effects(const EffectSearch& search, double ninety, const GapOptions::V
     result.why_equivalent =
         fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors",
                     options.rival_standard_errors);
-}
-
-// Squared tolerances that the parameters had to move, summed.
-double strain_of(const Datasheet& sheet, const std::vector<double>& parameters) {
-  double strain = 0;
-  for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
-    const Parameter& p = sheet.parameters[i];
-    if (p.tolerance > 0) strain += std::pow((parameters[i] / p.nominal - 1) / p.tolerance, 2);
-  }
-  return strain;
 }
 
 }  // namespace
@@ -289,56 +293,37 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   const double nominal_excess = mean_excess(search.nominal, values);
   const double refit_excess = mean_excess(search.plain.held_out, values);
   const double explained_excess = mean_excess(search.losses, values);
-  const double left = typical_excess(search.score, values), there_was = typical_excess(search.plain.score, values);
   const bool found = !search.base.effects.empty();
 
-  // What all the library's effects at the place could win together.
-  const double named_gain = sum(search.plain.score) - sum(search.score);
-  double closure_gain = named_gain;
-  if (found && left > quiet) {
-    work.tell(0.88, "fitting a flexible model");
-    const Structure closure = work.closure(search.base, search.base.effects[position_of(search, 0)].effect.port);
-    if (!closure.score.empty()) closure_gain = std::max(named_gain, sum(search.plain.score) - sum(closure.score));
-  }
   work.tell(0.93, "measuring the gap");
-  std::vector<std::size_t> learned(result.runs.size() == 1 && result.holdout.empty() ? 2 : result.runs.size());
-  std::iota(learned.begin(), learned.end(), 0);
-  const auto wrong = [&](const std::string& name, const ModelChange& change, bool places) {
-    result.discrepancies.push_back({name, find_discrepancy(work.model(), change, learned, settings.jobs, places)});
-  };
-  wrong("refit", search.plain.fit.model, true);
-  if (found) wrong("explained", search.base.model, true);
-  for (const Structure& s : search.ranked)
-    if (!s.score.empty())
-      wrong(s.fit.effects.back().effect.effect + "@" + s.fit.effects.back().effect.port, s.fit.model, false);
-
+  result.discrepancies.push_back({"refit", search.before});
+  if (found) result.discrepancies.push_back({"explained", search.after});
   if (found && refit_excess > 0) result.shrink_refit = 1 - explained_excess / refit_excess;
   result.shrink_nominal = nominal_excess > 0 ? 1 - explained_excess / nominal_excess : 0;
   if (refit_excess > 0)
     result.shrink_interval =
         shrink_interval(search.plain.held_out, search.losses, values, settings.seed, verdict.bootstraps);
-  result.closable = found && closure_gain > 0 ? std::clamp(named_gain / closure_gain, 0.0, 1.0) : 0;
   result.ranked = rank_causes(work, search);
   result.places = rank_places(sheet, search.screened, result.ranked, verdict.place_probability);
   if (found) name_effects(search, work.ninety_percent(), verdict, result);
 
-  // Doubt that what was found is the cause, or that nothing need be found: what is left, and how far the parameters
-  // had to bend for it.
-  double doubt = certain_excess(work.model(), search.plain.score, values) / (verdict.unexplained_quiet_ratio * quiet);
-  if (found) {
-    doubt = std::max(0.0, left - quiet) / std::max(there_was, 1e-9) / verdict.left_excess_fraction +
-            strain_of(sheet, search.base.model.parameters) / verdict.strain_squared_tolerances;
-    if (result.shrink_refit < verdict.named_excess_fraction || result.closable < verdict.closure_gain_fraction)
-      doubt += 1;
+  measure_levels(work.model(), nominal, search.plain.fit.model, search.base, result);
+  GapEvidence evidence = gap_evidence(search.before, search.after, found);
+  evidence.shrink = result.shrink_refit;
+  evidence.size = gap_size(result.gap[1]);
+  evidence.excess = result.gap[1].excess;
+  evidence.calibrated = nominal_excess - refit_excess;
+  const GapVerdict answer = judge_gap(evidence, settings.matters, verdict);
+  result.verdict = answer.verdict;
+  result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (answer.doubt - 1)));
+  if (evidence.effects > 0) result.closable = evidence.effects / (evidence.effects + evidence.free_after);
+  if (!answer.names) {
+    result.effects.clear();
+    result.equivalent.clear();
+    result.shrink_refit = result.closable = 0;
+    result.shrink_interval = {};
+    if (result.verdict == "unknown") result.places = free_places(sheet, search.before);
   }
-  result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (doubt - 1)));
-  if (doubt > 1)
-    result.verdict = "unknown";
-  else if (found)
-    result.verdict = "named";
-  else
-    result.verdict = nominal_excess - refit_excess > verdict.miscalibrated_excess_variances ? "miscalibrated" : "none";
-  if (!found) result.shrink_interval = {};
 
   // Rounding is in the noise, so it is beside all this: a fact of the recording.
   const std::vector<NamedEffect> rounded = rounded_channels(sheet, work.model().runs(), settings.without, options.grid);
@@ -372,7 +357,6 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
                                   best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port, options,
                                   settings.jobs, result.remarks);
   }
-  measure_levels(work.model(), nominal, search.plain.fit.model, search.base, result);
   describe(sheet, result);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;

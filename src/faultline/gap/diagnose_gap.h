@@ -22,7 +22,8 @@ struct GapSettings {
   int jobs = 1;
   std::uint64_t seed = 1;
   int most_effects = 3;
-  GapOptions options;  // of the method; no user changes them
+  double matters = 0.01;  // gap over what the channels move from which it must have a cause: GapEvidence::size
+  GapOptions options;     // of the method; no user changes them
 };
 
 // Called from several threads; what it throws ends the diagnosis and is thrown on.

@@ -56,7 +56,7 @@ FreePlace best_signal(const StochasticModel& model, const Eigen::VectorXd& q, do
 }  // namespace
 
 Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
-                             const std::vector<std::size_t>& runs, int jobs, bool places) {
+                             const std::vector<std::size_t>& runs, int jobs, Places places) {
   StochasticModel model = stochastic_model(residuals, change, runs, jobs);
   const Eigen::Index states = model.size.size();
   Eigen::VectorXd q = Eigen::VectorXd::Constant(states, kLeastVariance);
@@ -79,7 +79,7 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   result.losses = block_losses(model, q, {});
   result.loss = total(result.losses);
   for (Eigen::Index s = 0; s < states; ++s) result.noise.push_back(std::sqrt(q[s]));
-  if (!places) return result;
+  if (places == Places::none) return result;
   open_ports(residuals, change, jobs, model);
   result.places.resize(model.ports.size());
   in_parallel(model.ports.size(), jobs,

@@ -23,7 +23,8 @@ struct Discrepancy {
   std::vector<FreePlace> places;  // best first
 };
 
+enum class Places { none, free };  // whether free signals are tried
 Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
-                             const std::vector<std::size_t>& runs, int jobs, bool places);
+                             const std::vector<std::size_t>& runs, int jobs, Places places);
 
 }  // namespace faultline

@@ -26,23 +26,22 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
   return structures;
 }
 
-// Whether a structure is worth its last effect. What others leave is in part that they are not quite what the rig
-// has, and something smooths a part of that always.
-bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best, double quiet) {
+// Whether a structure is worth its last effect: on runs that its fit did not see, and against what it leaves.
+bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best) {
   const GapOptions::Search& options = work.options().search;
-  const double values = work.held_out_values();
   const std::vector<double> gain = minus(now.score, best.score);
   if (sum(gain) <= options.significance_standard_errors * work.standard_error(gain)) return false;
-  // Mean over the segments of the log of their loss: the fraction by which a typical segment shrinks.
-  const double removed = 1 - std::exp(-sum(gain) / (0.5 * values));
-  const double rest = typical_excess(now.score, values);
-  const bool first = now.base.effects.empty();
-  if (removed >= options.material_fraction &&
-      (first || rest - typical_excess(best.score, values) > options.material_rest_fraction * rest))
-    return true;
-  // Some effects (a breakaway level) show in a few segments only, but there decide the mean.
-  const double before = mean_excess(now.losses, values), after = mean_excess(best.held_out, values);
-  return before - after > options.decisive_excess_fraction * before && before - after > quiet;
+  const double loss = find_discrepancy(work.model(), best.fit.model, work.learned(), work.jobs(), Places::none).loss;
+  const double won = now.after.loss - loss, before = now.before.loss - now.after.loss;
+  return won > options.evidence_fraction * now.after.loss && won > options.further_evidence_fraction * before;
+}
+
+// Whether a free signal somewhere would win what is worth a search.
+bool more_to_find(const GapOptions::Search& options, const EffectSearch& now) {
+  if (now.after.places.empty()) return false;
+  const double most = now.after.places.front().gain;
+  return now.base.effects.empty() ? most > options.least_free_fraction * now.before.loss
+                                  : most > options.further_free_fraction * (now.before.loss - now.after.loss);
 }
 
 // An effect that was found alone was found with others missing: the close rivals of each round but the last are tried
@@ -72,6 +71,7 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
       standing = beside;
       search.base = work.refit(swapped.front());
       search.base.covariance = swapped.front().fit.covariance;
+      search.after = find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free);
       search.losses = swapped.front().held_out;
       search.score = swapped.front().score;
       search.round_of.erase(search.round_of.begin() + e);
@@ -111,8 +111,10 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
   search.losses = search.plain.held_out;
   search.score = search.plain.score;
   std::vector<std::vector<Structure>> followed;  // round by round, best first
+  search.before = find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free);
+  search.after = search.before;
   for (int round = 0; round < most_effects; ++round) {
-    if (typical_excess(search.score, values) < quiet_variances) break;
+    if (typical_excess(search.score, values) < quiet_variances || !more_to_find(work.options().search, search)) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     const std::vector<Structure> screened = work.screen(search.base, from, from + 0.5 * width);
     if (round == 0) search.screened = screened;
@@ -126,7 +128,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
       search.ranked = structures;
       search.ranked.insert(search.ranked.end(), rest.begin(), rest.end());
     }
-    if (!pays(work, search, best, quiet_variances)) break;
+    if (!pays(work, search, best)) break;
     followed.push_back(structures);
     search.base = work.refit(best);
     search.base.covariance = best.fit.covariance;
@@ -137,6 +139,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     const Structure& better = sum(again.score) < sum(best.score) ? again : best;
     search.losses = better.held_out;
     search.score = better.score;
+    search.after = find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free);
   }
   try_rivals(work, followed, search);
   return search;

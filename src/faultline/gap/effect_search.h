@@ -3,12 +3,14 @@
 // diagnose_gap.h for the whole.
 #pragma once
 
+#include "faultline/gap/discrepancy.h"
 #include "faultline/gap/gap_trials.h"
 
 namespace faultline {
 
 struct EffectSearch {
   Structure plain;                     // the refitted model without effects, scored like every other
+  Discrepancy before, after;           // of plain and base
   FitResult base;                      // the refitted model with the effects that were found
   std::vector<std::size_t> round_of;   // in which round each of them was found
   std::vector<Eigen::VectorXd> apart;  // Structure::apart of each of them
@@ -21,7 +23,8 @@ struct EffectSearch {
 // Where among the effects of `base` the one of a round stands.
 std::size_t position_of(const EffectSearch& search, std::size_t round);
 
-// Looks for at most `most_effects`, until a typical segment's excess is below `quiet_variances`.
+// Looks for at most `most_effects`, until a typical segment's excess is below `quiet_variances` or no free signal
+// anywhere wins much (discrepancy.h).
 EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_variances);
 
 // Excess beyond the noise of a typical segment, in noise variances, from scores on the scale of GapTrials::robust():

@@ -95,8 +95,6 @@ struct GapOptions {
     double search_excess_variances =
         0.04;  // excess of a typical segment below which no search is made: as quiet as a healthy rig
     double promising_gain_fraction = 0.25;  // of the best screening's gain, below which a finalist is not searched
-    double closure_least_samples = 0.2;  // time constants of the closure's memory: below, an input passes unchanged ...
-    double closure_most_segments = 0.8;  // ... and above, it would not be seen within a segment
   } trials;
 
   // effect_search.h: which effects are kept.
@@ -105,9 +103,15 @@ struct GapOptions {
     std::size_t followed = 5;                 // ... and that are refined, at most
     double followed_gain_fraction = 0.5;      // of the best quick gain, from which a finalist is refined
     double significance_standard_errors = 3;  // by which the held-out gain of an effect must exceed 0
-    double material_fraction = 0.04;        // of the typical squared residual that an effect must remove (development),
-    double material_rest_fraction = 0.3;    // ... and a further one of the excess that the others leave,
-    double decisive_excess_fraction = 0.4;  // ... or this fraction of the mean excess: what shows in few segments only
+    // Of the log likelihood that a perfect model would still win, what an effect must win to be taken ...
+    double evidence_fraction = 0.08;
+    // ... and a further one of what those before it won: what one leaves because it is not quite what the rig has is
+    // small against what it explains (development).
+    double further_evidence_fraction = 0.03;
+    // What a free signal must win for a search, of what a perfect model would win ...
+    double least_free_fraction = 0.02;
+    // ... and of what the effects found have won, for another: half of what makes them doubtful.
+    double further_free_fraction = 0.1;
     double close_rival_gain_fraction =
         0.03;  // of an effect's gain that a rival may be behind to be tried again beside the others
   } search;
@@ -118,19 +122,23 @@ struct GapOptions {
     double quiet_excess_variances = 0.05;
     // ... and the fraction of it that does not fall with the recording's noise.
     double quiet_noisy_fraction = 0.2;
-    double unexplained_quiet_ratio = 3;  // times the quiet excess from which an unexplained gap is told as unknown
-    double chance_standard_errors = 1;   // ... of the excess, taken off it before: short runs scatter
+    // Of the log likelihood that a perfect model would win, what named effects must win ...
+    double material_evidence_fraction = 0.1;
+    // ... and of the refit's excess, what they must close: what wins less is told by nobody as a cause.
+    double material_shrink_fraction = 0.1;
+    // Of what named effects win, what a free signal at one place may still win beside them (development).
+    double free_evidence_fraction = 0.2;
+    // Of what a perfect model would win, what effects must win to be told as a part of an unknown cause ...
+    double partial_evidence_fraction = 0.2;
+    // ... and what a free signal at one place must win to speak of one where no effect was found (development) ...
+    double place_evidence_fraction = 0.15;
+    // ... in a gap as large as the noise.
+    double material_excess_variances = 1;
     double miscalibrated_excess_variances =
-        0.05;  // that the refit must remove to speak of miscalibration: the quiet excess
-    double left_excess_fraction =
-        0.07;  // of the refit's excess, left beyond the quiet one, that makes a cause doubtful
-    double strain_squared_tolerances =
-        70;                      // moves of the parameters, squared and summed, that are as doubtful (development)
-    double doubt_steepness = 4;  // of the logistic curve from doubt to probability
-    double named_excess_fraction = 0.55;  // of the excess that named effects must remove, else unknown
-    double closure_gain_fraction = 0.6;   // of a flexible model's gain that named effects must win, else unknown
-    double rival_standard_errors = 2;     // within which a rival cannot be told apart: 95 %
-    double rival_gain_fraction = 0.02;    // ... or within this fraction of the gain
+        0.05;                           // that the refit must remove to speak of miscalibration: the quiet excess
+    double doubt_steepness = 4;         // of the logistic curve from doubt to probability
+    double rival_standard_errors = 2;   // within which a rival cannot be told apart: 95 %
+    double rival_gain_fraction = 0.02;  // ... or within this fraction of the gain
     double interval_ratio = 4;  // of an interval to what the fit's covariance says: it ignores what the model lacks
     double few_segments = 16;   // to learn from, below which the answer says so
     double place_probability = 0.15;  // of a second place, from which it is told as inseparable
@@ -216,26 +224,25 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.searches);
   FAULTLINE_OPTION(trials.search_excess_variances);
   FAULTLINE_OPTION(trials.promising_gain_fraction);
-  FAULTLINE_OPTION(trials.closure_least_samples);
-  FAULTLINE_OPTION(trials.closure_most_segments);
   FAULTLINE_OPTION(search.finalists);
   FAULTLINE_OPTION(search.followed);
   FAULTLINE_OPTION(search.followed_gain_fraction);
   FAULTLINE_OPTION(search.significance_standard_errors);
-  FAULTLINE_OPTION(search.material_fraction);
-  FAULTLINE_OPTION(search.material_rest_fraction);
-  FAULTLINE_OPTION(search.decisive_excess_fraction);
+  FAULTLINE_OPTION(search.evidence_fraction);
+  FAULTLINE_OPTION(search.further_evidence_fraction);
+  FAULTLINE_OPTION(search.least_free_fraction);
+  FAULTLINE_OPTION(search.further_free_fraction);
   FAULTLINE_OPTION(search.close_rival_gain_fraction);
   FAULTLINE_OPTION(verdict.quiet_excess_variances);
   FAULTLINE_OPTION(verdict.quiet_noisy_fraction);
-  FAULTLINE_OPTION(verdict.unexplained_quiet_ratio);
-  FAULTLINE_OPTION(verdict.chance_standard_errors);
+  FAULTLINE_OPTION(verdict.material_evidence_fraction);
+  FAULTLINE_OPTION(verdict.material_shrink_fraction);
+  FAULTLINE_OPTION(verdict.free_evidence_fraction);
+  FAULTLINE_OPTION(verdict.partial_evidence_fraction);
+  FAULTLINE_OPTION(verdict.place_evidence_fraction);
+  FAULTLINE_OPTION(verdict.material_excess_variances);
   FAULTLINE_OPTION(verdict.miscalibrated_excess_variances);
-  FAULTLINE_OPTION(verdict.left_excess_fraction);
-  FAULTLINE_OPTION(verdict.strain_squared_tolerances);
   FAULTLINE_OPTION(verdict.doubt_steepness);
-  FAULTLINE_OPTION(verdict.named_excess_fraction);
-  FAULTLINE_OPTION(verdict.closure_gain_fraction);
   FAULTLINE_OPTION(verdict.rival_standard_errors);
   FAULTLINE_OPTION(verdict.rival_gain_fraction);
   FAULTLINE_OPTION(verdict.interval_ratio);

@@ -331,56 +331,6 @@ void GapTrials::refine(std::vector<Structure>& structures, double from, double t
   });
 }
 
-Structure GapTrials::closure(const FitResult& base, const std::string& port) const {
-  Structure all;
-  all.fit.effects = base.effects;
-  const auto add = [&](const Candidate& candidate) {
-    Candidate start = candidate;
-    const EffectType* type = find_effect_type(candidate.effect.effect);
-    for (std::size_t p = 0; p < start.bounds.size(); ++p) {
-      const double none = type->parameters[p].none;
-      const Bounds& b = start.bounds[p];
-      start.effect.parameters[p] =
-          std::isnan(none) ? start.from_coordinate(p, 0.5) : std::clamp(none, b.minimum, b.maximum);
-    }
-    all.fit.effects.push_back(start);
-  };
-  const PortKind kind = sheet_.port(port).kind;
-  bool flexible = false;
-  for (const EffectType& type : effect_types()) {
-    if (type.family != "flexible" || !type.fits_kind(kind)) continue;
-    Candidate candidate;
-    candidate.effect.effect = type.name;
-    candidate.effect.port = port;
-    candidate.family = type.family;
-    candidate.logarithmic_ratio = options().candidates.logarithmic_ratio;
-    for (const EffectParameter& parameter : type.parameters) {
-      candidate.bounds.push_back({parameter.minimum, parameter.maximum});
-      candidate.effect.parameters.push_back(parameter.none);
-      if (parameter.unit != "s") continue;
-      // A memory that a segment can show: more than a fraction of a sample, less than its length.
-      const SegmentedRun& run = model().runs().front();
-      candidate.bounds.back() = {
-          options().trials.closure_least_samples * run.period,
-          options().trials.closure_most_segments * run.period * static_cast<double>(run.segment)};
-    }
-    add(candidate);
-    flexible = true;
-  }
-  if (!flexible)
-    for (const Candidate& candidate : all_) {
-      const bool there = std::any_of(base.effects.begin(), base.effects.end(),
-                                     [&](const Candidate& known) { return same_effect(known, candidate); });
-      if (!there && candidate.effect.port == port && candidate.family != "stuck" && candidate.family != "resolution")
-        add(candidate);
-    }
-  all.fit.model = with_effects(all.fit.effects, base.model.parameters);
-  if (all.fit.effects.size() == base.effects.size()) return all;
-  follow(all, settings_.jobs, 1);
-  cross_score(all.around, all, base.effects.size(), settings_.jobs);
-  return all;
-}
-
 std::vector<double> GapTrials::held_out(const ModelChange& at) const {
   std::vector<double> result;
   for (const Fold& fold : folds_) {

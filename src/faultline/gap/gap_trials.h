@@ -44,6 +44,8 @@ class GapTrials {
 
   const ResidualModel& model() const { return *around_.residuals; }
   const GapOptions& options() const { return settings_.options; }
+  const std::vector<std::size_t>& learned() const { return learn_; }
+  int jobs() const { return settings_.jobs; }
 
   void tell(double share, const std::string& text) const;
 
@@ -71,12 +73,6 @@ class GapTrials {
 
   // Fits each with start states and linearisation of its own and scores it in the same way.
   void refine(std::vector<Structure>& structures, double from, double to) const;
-
-  // What a flexible model of a port could win: the effects of `base`, and at a port through which a signal or an
-  // opening passes a piecewise linear curve and a memory (the effects of the family "flexible"), elsewhere everything
-  // smooth that the library has there. Each starts as small as its range allows. Without scores where the port has
-  // nothing to add.
-  Structure closure(const FitResult& base, const std::string& port) const;
 
   // Losses per held-out segment of a model as it is.
   std::vector<double> held_out(const ModelChange& at) const;

@@ -1,0 +1,45 @@
+#include "faultline/gap/verdict.h"
+
+#include <algorithm>
+
+namespace faultline {
+
+GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bool found) {
+  const auto most = [](const Discrepancy& d) { return d.places.empty() ? 0 : d.places.front().gain; };
+  GapEvidence evidence;
+  evidence.found = found;
+  evidence.effects = found ? before.loss - after.loss : 0;
+  // The loss of a perfect model is about 0, and less where the noise was taken too large.
+  evidence.perfect = std::max(before.loss, evidence.effects);
+  evidence.free_before = most(before);
+  evidence.free_after = found ? most(after) : evidence.free_before;
+  return evidence;
+}
+
+GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptions::Verdict& options) {
+  GapVerdict result;
+  const double perfect = std::max(evidence.perfect, 1e-9), effects = std::max(evidence.effects, 1e-9);
+  const double beside = evidence.free_after / effects / options.free_evidence_fraction;
+  result.names = evidence.found && evidence.shrink > options.material_shrink_fraction &&
+                 evidence.effects > options.material_evidence_fraction * perfect;
+  // Without a name that holds: only a signal at one place that wins much of a gap that matters tells a cause.
+  const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
+  const double place = evidence.free_before / perfect / options.place_evidence_fraction;
+  const double silent = large ? place : std::min(place, 0.5);
+  if (result.names && beside <= 1) {
+    result.verdict = "named";
+    result.doubt = beside;
+    return result;
+  }
+  // Effects that win much and leave much are a part of the cause.
+  const bool part = result.names && evidence.effects > options.partial_evidence_fraction * perfect;
+  result.doubt = part ? std::max(beside, silent) : silent;
+  result.names = part || (result.names && silent > 1);
+  if (result.doubt > 1)
+    result.verdict = "unknown";
+  else
+    result.verdict = evidence.calibrated > options.miscalibrated_excess_variances ? "miscalibrated" : "none";
+  return result;
+}
+
+}  // namespace faultline

@@ -1,0 +1,36 @@
+// From how wrong the model is, before and after effects were added (discrepancy.h), to the verdict. All are ratios of
+// what was measured on the same recordings: a model is a little wrong everywhere on every rig, and no number of noise
+// widths says from where on that is a cause.
+#pragma once
+
+#include <string>
+
+#include "faultline/gap/discrepancy.h"
+#include "faultline/gap/gap_options.h"
+
+namespace faultline {
+
+struct GapEvidence {
+  bool found = false;      // whether the search took effects
+  double shrink = 0;       // fraction of the refit's excess that they close on held-out data
+  double perfect = 0;      // log likelihood that a perfect model would win over the refit ...
+  double effects = 0;      // ... the effects do win ...
+  double free_before = 0;  // ... and a free signal at one place would, without ...
+  double free_after = 0;   // ... and beside them
+  double size = 0;         // gap of the refit beyond the noise, over what the channels move: rms over the channels
+  double excess = 0;       // ... and squared over the noise: mean over the channels
+  double calibrated = 0;   // excess that the refit removed
+};
+
+struct GapVerdict {
+  std::string verdict;  // none | miscalibrated | named | unknown
+  bool names = false;   // whether the effects are told: under "unknown" they are part of the cause
+  double doubt = 0;     // of a name or of silence; above 1: unknown
+};
+
+GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bool found);
+
+// `matters`: size of a gap from which it must have a cause.
+GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptions::Verdict& options);
+
+}  // namespace faultline

@@ -1,0 +1,201 @@
+// How wrong a model is, by place; the filter behind it; and what follows from both.
+#include "faultline/gap/discrepancy.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "faultline/gap/verdict.h"
+#include "faultline/numerics/random.h"
+#include "rigs/servo_actuator/runs.h"
+
+namespace faultline {
+namespace {
+
+// One state x' = 0.9 x + 0.1 u + w, y = x + v, with a slow u.
+StochasticModel scalar_model(double level, std::uint64_t seed, std::vector<double>* signal = nullptr) {
+  constexpr std::size_t kRows = 2000;
+  Random random(seed);
+  StochasticModel model;
+  model.step = 0.01;
+  model.block = 50;
+  model.size = Eigen::VectorXd::Ones(1);
+  model.ports = {"force.a", "sensor.y"};
+  model.shows = {-1, 0};
+  model.shown = {0, 1};
+  model.unit = {1, 1};
+  StochasticStretch stretch;
+  const double keep = std::exp(-model.step / 0.5);
+  double x = 0, u = 0;
+  for (std::size_t i = 0; i < kRows; ++i) {
+    stretch.rows.push_back(i);
+    stretch.reference.push_back(Eigen::VectorXd::Zero(1));
+    stretch.h.push_back(Eigen::MatrixXd::Constant(1, 1, 10));  // noise of a tenth of the state's size
+    stretch.misfit.push_back(Eigen::VectorXd::Constant(1, 10 * x + random.normal()));
+    if (signal) signal->push_back(u);
+    if (i + 1 == kRows) break;
+    stretch.f.push_back(Eigen::MatrixXd::Constant(1, 1, 0.9));
+    stretch.defect.push_back(Eigen::VectorXd::Zero(1));
+    stretch.lost.push_back(0);
+    x = 0.9 * x + 0.1 * u + 0.01 * random.normal();
+    u = keep * u + level * std::sqrt(1 - keep * keep) * random.normal();
+  }
+  stretch.port_drives = {Eigen::MatrixXd::Constant(1, static_cast<Eigen::Index>(kRows - 1), 0.1), {}};
+  model.stretches = {stretch};
+  return model;
+}
+
+double loss(const StochasticModel& model, double q, const FreeSignal& signal) {
+  double sum = 0;
+  for (const double block : block_losses(model, Eigen::VectorXd::Constant(1, q), signal)) sum += block;
+  return sum;
+}
+
+TEST(FreeSignalFilter, IsLikeliestWithWhatMadeTheReadings) {
+  const StochasticModel model = scalar_model(1, 3);
+  FreeSignal right;
+  right.port = 0;
+  right.level = 1;
+  right.memory = 0.5;
+  const double least = loss(model, 1e-4, right);
+  FreeSignal other = right;
+  other.level = 0.2;
+  EXPECT_LT(least + 10, loss(model, 1e-4, other));
+  other = right;
+  other.memory = 0.02;
+  EXPECT_LT(least + 10, loss(model, 1e-4, other));
+  EXPECT_LT(least + 10, loss(model, 1e-4, {}));
+  EXPECT_LT(least + 10, loss(model, 1e-2, {}));  // nor is it white noise on the state
+  other = right;
+  other.port = 1;
+  EXPECT_LT(least + 10, loss(model, 1e-4, other));
+}
+
+TEST(FreeSignalFilter, WinsNothingWhereNothingIsMissing) {
+  const StochasticModel model = scalar_model(0, 4);
+  FreeSignal signal;
+  signal.port = 0;
+  signal.level = 0.3;
+  signal.memory = 0.5;
+  EXPECT_GT(loss(model, 1e-4, signal), loss(model, 1e-4, {}) + 5);
+}
+
+TEST(FreeSignalFilter, SmoothingGivesTheSignalAndItsSpread) {
+  std::vector<double> truth;
+  const StochasticModel model = scalar_model(1, 5, &truth);
+  FreeSignal signal;
+  signal.port = 0;
+  signal.level = 1;
+  signal.memory = 0.5;
+  const Smoothing found = smooth(model, Eigen::VectorXd::Constant(1, 1e-4), signal);
+  double squares = 0, normalised = 0;
+  for (std::size_t i = 0; i + 1 < truth.size(); ++i) {
+    const double off = found.signal[0][static_cast<Eigen::Index>(i)] - truth[i];
+    squares += off * off;
+    normalised += std::pow(off / found.spread[0][static_cast<Eigen::Index>(i)], 2);
+  }
+  const auto count = static_cast<double>(truth.size() - 1);
+  EXPECT_LT(std::sqrt(squares / count), 0.5);  // of a signal with standard deviation 1
+  EXPECT_NEAR(normalised / count, 1, 0.25);
+  EXPECT_NEAR(std::sqrt(found.q[0]), 0.01, 0.004);
+}
+
+// A step that the model did not survive hides nothing of the others.
+TEST(FreeSignalFilter, BeginsAnewAfterALostStep) {
+  StochasticModel model = scalar_model(0, 6);
+  StochasticStretch& stretch = model.stretches[0];
+  stretch.lost[700] = 1;
+  stretch.f[700].setZero();
+  const double with = loss(model, 1e-4, {});
+  EXPECT_TRUE(std::isfinite(with));
+  EXPECT_NEAR(with, loss(scalar_model(0, 6), 1e-4, {}), 10);
+}
+
+ResidualModel driven_by(const std::string& effect) {
+  std::vector<SegmentedRun> runs;
+  for (const char* profile : {"multisine", "prbs"}) {
+    SimulationSetup setup = servo_setup(profile, 3);
+    if (!effect.empty()) setup.effects.push_back(parse_effect(effect));
+    runs.push_back(cut_run(servo(), profile, simulate(servo(), setup, 6), 0.25));
+  }
+  return ResidualModel(servo(), std::move(runs));
+}
+
+TEST(Discrepancy, IsSmallWhereTheModelIsRight) {
+  const ResidualModel residuals = driven_by("");
+  const Discrepancy found = find_discrepancy(residuals, {servo().nominal(), {}}, {0, 1}, 2, Places::free);
+  ASSERT_FALSE(found.places.empty());
+  EXPECT_LT(found.places.front().gain, 0.02 * found.loss);
+}
+
+// At the place of what is missing a free signal wins most, and nothing much once the effect is in the model.
+TEST(Discrepancy, ShowsThePlaceOfWhatIsMissing) {
+  for (const auto& [effect, place] : std::vector<std::pair<std::string, std::string>>{
+           {"clogging@restriction.valve:fraction=0.15", "restriction.valve"},
+           {"offset@sensor.chamber_a_pressure:value=2e5", "sensor.chamber_a_pressure"},
+           {"coulomb_friction@force.piston:force=150", "force.piston"},
+           {"orifice_leakage@flow.chamber_a_chamber_b:coefficient=1e-8", "flow.chamber_a_chamber_b"}}) {
+    SCOPED_TRACE(effect);
+    const ResidualModel residuals = driven_by(effect);
+    const Discrepancy before = find_discrepancy(residuals, {servo().nominal(), {}}, {0, 1}, 2, Places::free);
+    EXPECT_EQ(before.places.front().port, place);
+    const Discrepancy after =
+        find_discrepancy(residuals, {servo().nominal(), {parse_effect(effect)}}, {0, 1}, 2, Places::free);
+    EXPECT_GT(before.loss - after.loss, 5 * after.places.front().gain);
+    EXPECT_GT(before.loss - after.loss, before.places.front().gain);
+  }
+}
+
+GapEvidence evidence() {
+  GapEvidence e;
+  e.found = true;
+  e.shrink = 0.8;
+  e.perfect = 3000;
+  e.effects = 2000;
+  e.free_before = 1500;
+  e.free_after = 50;
+  e.size = 0.1;
+  e.excess = 5;
+  e.calibrated = 1;
+  return e;
+}
+
+TEST(Verdict, FollowsTheEvidence) {
+  const GapOptions::Verdict options;
+  const auto judge = [&](const GapEvidence& e) { return judge_gap(e, 0.01, options); };
+  EXPECT_EQ(judge(evidence()).verdict, "named");
+  EXPECT_TRUE(judge(evidence()).names);
+  // What is left beside a name does not withdraw it.
+  GapEvidence e = evidence();
+  e.perfect = 8000;
+  EXPECT_EQ(judge(e).verdict, "named");
+  // A signal at one place that would win much beside it does; the effect is then a part.
+  e = evidence();
+  e.free_after = 1000;
+  EXPECT_EQ(judge(e).verdict, "unknown");
+  EXPECT_TRUE(judge(e).names);
+  // What wins next to nothing was not found, and no place wins much: silence.
+  e = evidence();
+  e.effects = 60;
+  e.free_before = 100;
+  EXPECT_EQ(judge(e).verdict, "miscalibrated");
+  EXPECT_FALSE(judge(e).names);
+  e.calibrated = 0;
+  EXPECT_EQ(judge(e).verdict, "none");
+  // Nothing found, but a place that would win much of a gap that matters.
+  e = evidence();
+  e.found = false;
+  e.effects = 0;
+  EXPECT_EQ(judge(e).verdict, "unknown");
+  EXPECT_FALSE(judge(e).names);
+  e.size = 0.005;
+  EXPECT_EQ(judge(e).verdict, "miscalibrated");
+  e = evidence();
+  e.found = false;
+  e.effects = 0;
+  e.excess = 0.5;
+  EXPECT_EQ(judge(e).verdict, "miscalibrated");
+}
+
+}  // namespace
+}  // namespace faultline
