@@ -104,16 +104,14 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
                    {"equivalent", equivalent},
                    {"why_equivalent", result.why_equivalent},
                    {"ranked", causes}};
-  json["discrepancy"] = nlohmann::json::array();
+  json["discrepancy"] = Json::array();
   for (const LevelDiscrepancy& level : result.discrepancies) {
-    nlohmann::json places = nlohmann::json::array();
+    Json places = Json::array(), noise = Json::object();
     for (const FreePlace& place : level.discrepancy.places)
-      places.push_back({{"port", place.port}, {"level", place.level}, {"memory", place.memory}, {"gain", place.gain}});
-    json["discrepancy"].push_back({{"level", level.name},
-                                   {"loss", level.discrepancy.loss},
-                                   {"losses", level.discrepancy.losses},
-                                   {"noise", level.discrepancy.noise},
-                                   {"places", places}});
+      places.push_back({{"port", place.port}, {"gain", place.gain}, {"level", place.level}, {"memory", place.memory}});
+    for (std::size_t s = 0; s < sheet.states.size(); ++s) noise[sheet.states[s].name] = level.discrepancy.noise[s];
+    json["discrepancy"].push_back(
+        {{"level", level.name}, {"evidence", level.discrepancy.loss}, {"noise", noise}, {"places", places}});
   }
   json["shrink"] = {{"heldout", result.shrink_refit},
                     {"against_nominal", result.shrink_nominal},

@@ -78,7 +78,7 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   Discrepancy result;
   result.losses = block_losses(model, q, {});
   result.loss = total(result.losses);
-  for (Eigen::Index s = 0; s < states; ++s) result.noise.push_back(std::sqrt(q[s]));
+  for (Eigen::Index s = 0; s < states; ++s) result.noise.push_back(model.size[s] * std::sqrt(q[s]));
   if (places == Places::none) return result;
   open_ports(residuals, change, jobs, model);
   result.places.resize(model.ports.size());

@@ -107,7 +107,7 @@ struct GapResult {
   double shrink_refit = 0;    // 1 - excess_explained/excess_refit, held out
   double shrink_nominal = 0;  // against nominal
   Interval shrink_interval;   // 90 %, of shrink_refit
-  double closable = 0;        // gain of the named effects as a fraction of that of a flexible closure
+  double closable = 0;        // of what the effects and the best free signal beside them win, the effects' share
   std::vector<LevelDiscrepancy> discrepancies;
   std::vector<NextRun> next;
   std::vector<std::string> remarks;  // what could not be done, or is to be minded, each a sentence
