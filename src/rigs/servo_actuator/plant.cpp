@@ -112,6 +112,13 @@ void ServoActuator::set_modes(const double* state) {
   if (has_load_) load_friction_.start(state[load_ + 1]);
 }
 
+int ServoActuator::motion(const double* state) const {
+  // A piston that has just broken loose still stands; its velocity alone would call it stuck.
+  const bool loose = !piston_friction_.stuck() && state[kVelocity] == 0;
+  if (!bare_ || has_line_ || loose || std::abs(state[kPosition]) > stroke_) return kUneven;
+  return 1 + piston_friction_.direction();
+}
+
 double ServoActuator::stop_force(double position, double velocity) const {
   if (position > stroke_) return std::max(0.0, stop_stiffness_ * (position - stroke_) + stop_damping_ * velocity);
   if (position < -stroke_) return std::min(0.0, stop_stiffness_ * (position + stroke_) + stop_damping_ * velocity);
@@ -285,7 +292,7 @@ void ServoActuator::outputs(double, const double* state, double* channels) const
 }
 
 namespace {
-FAULTLINE_RIG(servo_actuator, {"servo_actuator", 0.25e-3, make_rig<ServoActuator>, 0.5e-3});
+FAULTLINE_RIG(servo_actuator, {"servo_actuator", 0.25e-3, make_rig<ServoActuator>, 0.5e-3, 1e-3});
 }
 
 }  // namespace faultline
