@@ -1,14 +1,18 @@
 #include "faultline/numerics/sparse_lu.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <new>
 #include <stdexcept>
+#include <utility>
 
 #include <klu.h>
 
 namespace faultline {
+
+constexpr int kFewStates = 8;
 
 struct SparseLu::Klu {
   Klu() {
@@ -44,6 +48,10 @@ SparseLu::SparseLu(int size, const std::vector<std::pair<int, int>>& entries)
   for (const auto& [row, column] : entries) entry_places_.push_back(places[{column, row}]);
   for (int i = 0; i < size; ++i) diagonal_places_.push_back(places[{i, i}]);
   values_.resize(rows_.size());
+  if (size <= kFewStates && rows_.size() == static_cast<std::size_t>(size) * static_cast<std::size_t>(size)) {
+    pivots_.resize(static_cast<std::size_t>(size));
+    return;
+  }
   klu_->symbolic = klu_analyze(size, columns_.data(), rows_.data(), &klu_->common);
   if (!klu_->symbolic) throw std::bad_alloc();
   factor(1, std::vector<double>(entries.size(), 0.0).data());  // pivots on the diagonal, memory for all factors
@@ -55,6 +63,7 @@ void SparseLu::factor(double diagonal, const double* values) {
   std::fill(values_.begin(), values_.end(), 0);
   for (const std::size_t place : diagonal_places_) values_[place] = diagonal;
   for (std::size_t i = 0; i < entry_places_.size(); ++i) values_[entry_places_[i]] -= values[i];
+  if (!pivots_.empty()) return factor_full();
   Klu& k = *klu_;
   if (k.numeric && klu_refactor(columns_.data(), rows_.data(), values_.data(), k.symbolic, k.numeric, &k.common) &&
       k.common.status == KLU_OK)
@@ -63,8 +72,42 @@ void SparseLu::factor(double diagonal, const double* values) {
   k.numeric = klu_factor(columns_.data(), rows_.data(), values_.data(), k.symbolic, &k.common);
 }
 
+// Factors that stand already keep their rows where others change places, so that a solution follows step by step.
+void SparseLu::factor_full() {
+  const std::size_t n = pivots_.size();
+  double* const a = values_.data();  // column by column
+  for (std::size_t k = 0; k < n; ++k) {
+    std::size_t pivot = k;
+    for (std::size_t i = k + 1; i < n; ++i)
+      if (std::abs(a[k * n + i]) > std::abs(a[k * n + pivot])) pivot = i;
+    pivots_[k] = static_cast<int>(pivot);
+    if (pivot != k)
+      for (std::size_t j = k; j < n; ++j) std::swap(a[j * n + k], a[j * n + pivot]);
+    const double over = a[k * n + k] != 0 ? 1 / a[k * n + k] : std::numeric_limits<double>::quiet_NaN();
+    for (std::size_t i = k + 1; i < n; ++i) a[k * n + i] *= over;
+    for (std::size_t j = k + 1; j < n; ++j)
+      for (std::size_t i = k + 1; i < n; ++i) a[j * n + i] -= a[k * n + i] * a[j * n + k];
+    a[k * n + k] = over;
+  }
+}
+
+void SparseLu::solve_full(double* x) const {
+  const std::size_t n = pivots_.size();
+  const double* const a = values_.data();
+  for (std::size_t k = 0; k < n; ++k) {
+    std::swap(x[k], x[static_cast<std::size_t>(pivots_[k])]);
+    for (std::size_t i = k + 1; i < n; ++i) x[i] -= a[k * n + i] * x[k];
+  }
+  for (std::size_t k = n; k-- > 0;) {
+    x[k] *= a[k * n + k];
+    for (std::size_t i = 0; i < k; ++i) x[i] -= a[k * n + i] * x[k];
+  }
+}
+
 void SparseLu::solve(double* right_side) {
-  if (klu_->numeric)
+  if (!pivots_.empty())
+    solve_full(right_side);
+  else if (klu_->numeric)
     klu_solve(klu_->symbolic, klu_->numeric, size_, 1, right_side, &klu_->common);
   else
     std::fill_n(right_side, size_, std::numeric_limits<double>::quiet_NaN());
