@@ -34,7 +34,7 @@ class SparseLu {
   std::vector<int> columns_, rows_;  // by columns: where each begins, and the rows of its values
   std::vector<double> values_;
   std::vector<std::size_t> entry_places_, diagonal_places_;
-  std::vector<int> pivots_;  // of a full matrix, whose factors are in values_; else empty
+  std::vector<int> order_;  // of the rows of a full matrix, whose factors are in values_; else empty
 };
 
 }  // namespace faultline
