@@ -1,6 +1,8 @@
 // Sparse factors against dense ones.
 #include "faultline/numerics/sparse_lu.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
 
@@ -51,6 +53,49 @@ TEST(SparseLu, SolvesRandomMatrices) {
       entries.emplace_back(static_cast<int>(random.uniform(0, size)), static_cast<int>(random.uniform(0, size)));
     expect_solves(size, entries, seed);  // some places stand twice: they add up
   }
+}
+
+std::vector<std::pair<int, int>> full(int size) {
+  std::vector<std::pair<int, int>> entries;
+  for (int column = 0; column < size; ++column)
+    for (int row = 0; row < size; ++row) entries.emplace_back(row, column);
+  return entries;
+}
+
+TEST(SparseLu, SolvesFullMatricesOfAFewStates) {
+  for (int size = 1; size <= 9; ++size) expect_solves(size, full(size), 11);
+}
+
+// The diagonal is 0, so that every column needs another row.
+TEST(SparseLu, FullMatricesChooseTheirPivots) {
+  constexpr int kSize = 5;
+  Random random(5);
+  Eigen::MatrixXd dense(kSize, kSize);
+  std::vector<double> values;
+  for (int column = 0; column < kSize; ++column)
+    for (int row = 0; row < kSize; ++row) {
+      dense(row, column) = row == column ? 0 : random.normal();
+      values.push_back((row == column ? 2 : 0) - dense(row, column));
+    }
+  Eigen::VectorXd right = Eigen::VectorXd::LinSpaced(kSize, 1, 2);
+  const Eigen::VectorXd expected = dense.partialPivLu().solve(right);
+  SparseLu lu(kSize, full(kSize));
+  lu.factor(2, values.data());
+  lu.solve(right.data());
+  EXPECT_LT((right - expected).cwiseAbs().maxCoeff(), 1e-12);
+}
+
+TEST(SparseLu, SingularFullMatricesSolveToNoNumber) {
+  const std::vector<double> ones(9, 1.0);
+  SparseLu lu(3, full(3));
+  lu.factor(0, ones.data());
+  double x[3] = {1, 2, 3};
+  lu.solve(x);
+  for (const double value : x) EXPECT_TRUE(std::isnan(value));
+  lu.factor(5, ones.data());  // a regular one after it
+  double y[3] = {1, 1, 1};
+  lu.solve(y);
+  EXPECT_NEAR(y[0], 0.5, 1e-14);
 }
 
 TEST(SparseLu, WithoutEntriesItDivides) {

@@ -50,13 +50,14 @@ ChannelStatus ChannelWatch::add(double value) {
   longest_ = std::max(longest_, same_);
   equal_ += same_ > 1;
   ends_ += end;
-  std::rotate(last_.begin(), last_.begin() + 1, last_.end());
+  std::copy(last_.begin() + 1, last_.end(), last_.begin());
   last_.back() = value;
   if (++readings_ < last_.size()) return status_;
 
   const auto& x = last_;
   sixth_[in_block_++] = std::abs(x[0] + x[6] - 6 * (x[1] + x[5]) + 15 * (x[2] + x[4]) - 20 * x[3]);
-  const auto [least, most] = std::minmax({x[1], x[2], x[4], x[5]});
+  const double least = std::min(std::min(x[1], x[2]), std::min(x[4], x[5]));
+  const double most = std::max(std::max(x[1], x[2]), std::max(x[4], x[5]));
   const double beyond = std::max(x[3] - most, least - x[3]);
   spikes_[block_] += beyond > kSpike * sigma_ + 3 * (most - least);
   if (in_block_ == kBlock) status_ = judge();

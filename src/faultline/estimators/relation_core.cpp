@@ -134,7 +134,7 @@ class RelationCore : public Estimator {
         ++estimate.observed;
       }
       const std::size_t n = fit.relation.coefficients.size();
-      std::array<double, kMaximumRegressors * kMaximumRegressors> covariance{};
+      std::array<double, kMaximumRegressors * kMaximumRegressors> covariance;
       covariance_of(fit, covariance.data());
       for (std::size_t r = 0; r < n; ++r, ++at) {
         estimate.quantities[at].value = fit.relation.scale[r] * fit.squares.parameters()[r];

@@ -211,9 +211,13 @@ void StretchModel::sum_up(Stretch& stretch) const {
     if (!stretch.weighed) continue;
     across.row(0).noalias() += segment.weight * segment.residuals.transpose() * segment.faults;
     across.bottomRows(parameters()).noalias() += segment.weight * segment.tolerances.transpose() * segment.faults;
-    stretch.sums.bottomRightCorner(count, count).noalias() +=
-        segment.weight * segment.faults.transpose() * segment.faults;
+    stretch.sums.bottomRightCorner(count, count)
+        .selfadjointView<Eigen::Upper>()
+        .rankUpdate(segment.faults.transpose(), segment.weight);
   }
+  if (stretch.weighed)
+    stretch.sums.bottomRightCorner(count, count).triangularView<Eigen::StrictlyLower>() =
+        stretch.sums.bottomRightCorner(count, count).transpose().triangularView<Eigen::StrictlyLower>();
   stretch.sums.bottomLeftCorner(count, known) = across.transpose();
 }
 

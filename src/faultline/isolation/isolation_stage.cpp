@@ -206,6 +206,8 @@ void IsolationStage::detect(const Estimate* estimates) {
     w.claim.kind = w.meaning.kind;
     w.claim.holds = detection(w).active;
     w.claim.raised = w.raised;
+    w.stands = false;
+    if (!w.claim.holds) continue;  // most of them, at every sample
     w.claim.in_doubt = std::any_of(w.doubts.begin(), w.doubts.end(), [this](std::size_t c) { return doubted_[c]; });
     w.stands = reason_of(w.claim) == Reason::told;
   }
@@ -245,6 +247,11 @@ void IsolationStage::decide_detections() {
   for (std::size_t k = 0; k < watched_.size(); ++k) {
     Watched& w = watched_[k];
     DetectorResult& result = assessment_.detectors[k];
+    if (!w.claim.holds) {
+      result.reason = Reason::absent;
+      w.raised = false;
+      continue;
+    }
     w.claim.raised = w.raised;
     w.claim.model_fits = model_fits_;
     if (w.stands) {

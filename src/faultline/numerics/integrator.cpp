@@ -1,7 +1,10 @@
 #include "faultline/numerics/integrator.h"
 
+#include <array>
+#include <utility>
 #include <vector>
 
+#include <boost/numeric/odeint/algebra/array_algebra.hpp>
 #include <boost/numeric/odeint/stepper/runge_kutta4_classic.hpp>
 
 #include "faultline/numerics/rosenbrock.h"
@@ -9,11 +12,13 @@
 namespace faultline {
 namespace {
 
+constexpr int kMostInPlace = 16;  // states up to which the steppers' loops have a length that the compiler knows
+
+// State: a vector, or an array of as many doubles as there are states.
+template <class State>
 class RungeKutta4 : public Integrator {
  public:
-  explicit RungeKutta4(OdeSystem& system) : system_(system), state_(static_cast<std::size_t>(system.states())) {
-    stepper_.adjust_size(state_);
-  }
+  RungeKutta4(OdeSystem& system, const State& zero) : system_(system), state_(zero) { stepper_.adjust_size(state_); }
   void step(double time, double dt, const double* inputs) override {
     stepper_.do_step(
         [this, inputs](const State& x, State& rate, double t) { system_.derivative(t, x.data(), inputs, rate.data()); },
@@ -23,17 +28,31 @@ class RungeKutta4 : public Integrator {
   double* state() override { return state_.data(); }
 
  private:
-  using State = std::vector<double>;
   OdeSystem& system_;
   State state_;
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };
 
+template <std::size_t N>
+std::unique_ptr<Integrator> make_in_place(OdeSystem& system) {
+  return std::make_unique<RungeKutta4<std::array<double, N>>>(system, std::array<double, N>{});
+}
+
+template <std::size_t... N>
+std::unique_ptr<Integrator> make_in_place(OdeSystem& system, std::index_sequence<N...>) {
+  using Make = std::unique_ptr<Integrator> (*)(OdeSystem&);
+  constexpr std::array<Make, sizeof...(N)> make = {make_in_place<N + 1>...};
+  return make[static_cast<std::size_t>(system.states()) - 1](system);
+}
+
 }  // namespace
 
 std::unique_ptr<Integrator> make_integrator(OdeSystem& system) {
   if (system.stiff()) return std::make_unique<Rosenbrock>(system);
-  return std::make_unique<RungeKutta4>(system);
+  if (system.states() >= 1 && system.states() <= kMostInPlace)
+    return make_in_place(system, std::make_index_sequence<kMostInPlace>());
+  const std::vector<double> zero(static_cast<std::size_t>(system.states()));
+  return std::make_unique<RungeKutta4<std::vector<double>>>(system, zero);
 }
 
 }  // namespace faultline

@@ -3,7 +3,8 @@
 // Software 37, 2010): ordering and pivots are chosen once, on the diagonal; factor() then refactors in the memory that
 // is there. Right where d is large against what couples the states, as in implicit steps of a dissipative rig. A
 // matrix that is singular with these pivots gets new ones, which allocates; one that is singular with any makes every
-// solution NaN.
+// solution NaN. A full matrix of a few states has no pattern to gain from: it is eliminated in place, with pivots by
+// column.
 #pragma once
 
 #include <memory>
@@ -24,12 +25,16 @@ class SparseLu {
   void solve(double* right_side);  // in place
 
  private:
+  void factor_full();
+  void solve_full(double* right_side) const;
+
   struct Klu;
   std::unique_ptr<Klu> klu_;
   int size_;
   std::vector<int> columns_, rows_;  // by columns: where each begins, and the rows of its values
   std::vector<double> values_;
   std::vector<std::size_t> entry_places_, diagonal_places_;
+  std::vector<int> order_;  // of the rows of a full matrix, whose factors are in values_; else empty
 };
 
 }  // namespace faultline

@@ -102,27 +102,34 @@ class Multisine : public Excitation {
     const double lowest = s.number("lowest", 1e-6, kHuge);
     const double highest = s.number("highest", lowest, kHuge);
     const double corner = s.number_or("corner", 1, 1e-9, kHuge);
-    const double amplitude = s.number("amplitude", 0, kHuge);
+    amplitude_ = s.number("amplitude", 0, kHuge);
     Random random(seed);
     // Geometric spacing; amplitudes fall with frequency, so that the speed stays within what the rig can do. Every
     // frequency is a multiple of one, so that the signal repeats and its peak can be looked for over one repetition.
-    const double base = lowest / kRepetition;
-    double peak = 0;
+    base_ = lowest / kRepetition;
     for (int k = 0; k < count; ++k) {
       const double share = count > 1 ? static_cast<double>(k) / (count - 1) : 0;
-      const double f = base * std::round(lowest * std::pow(highest / lowest, share) / base);
+      const double f = base_ * std::round(lowest * std::pow(highest / lowest, share) / base_);
       sines_.push_back({f, std::sqrt(lowest / f) / (1 + f / corner), random.uniform(0, 2 * kPi)});
     }
-    const int points = static_cast<int>(std::min(1e6, kPointsPerCycle * highest / base));
-    for (int i = 0; i < points; ++i) peak = std::max(peak, std::abs(sum_of(sines_, i / (base * points))));
-    for (Sine& sine : sines_) sine.amplitude *= amplitude / std::max(peak, 1e-300);
+    points_ = static_cast<int>(std::min(1e6, kPointsPerCycle * highest / base_));
   }
   double value(double time) override {
+    if (points_ > 0) scale();
     return mean_ + (fade_ > 0 ? std::min(1.0, time / fade_) : 1.0) * sum_of(sines_, time);
   }
 
  private:
-  double mean_, fade_;
+  // At the first value: a datasheet that is only read and checked asks for none.
+  void scale() {
+    double peak = 0;
+    for (int i = 0; i < points_; ++i) peak = std::max(peak, std::abs(sum_of(sines_, i / (base_ * points_))));
+    for (Sine& sine : sines_) sine.amplitude *= amplitude_ / std::max(peak, 1e-300);
+    points_ = 0;
+  }
+
+  double mean_, fade_, amplitude_ = 0, base_ = 0;
+  int points_ = 0;  // at which the peak is sought; 0: the sines are scaled
   std::vector<Sine> sines_;
 };
 

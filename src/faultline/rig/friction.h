@@ -16,6 +16,9 @@ class DryFriction {
   bool stuck() const { return mode_ == 0; }
   int direction() const { return mode_; }
 
+  // Whether a step left the body slipping as it was: after_step() has nothing to do, whatever the forces.
+  bool slips_on(double velocity) const { return mode_ != 0 && velocity * mode_ > 0; }
+
   // Friction force while slipping; levels are magnitudes in N (or N m).
   double force(double level_plus, double level_minus) const {
     return mode_ > 0 ? level_plus : mode_ < 0 ? -level_minus : 0.0;

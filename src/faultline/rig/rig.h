@@ -25,6 +25,10 @@ class Rig : public OdeSystem {
   virtual void start_at(const double* nominal_state, const double* channels, double* state) = 0;
   // Sets all discrete modes (slipping, sticking) as the state says.
   virtual void set_modes(const double* /*state*/) {}
+  // Which discrete modes the motion is in, as a number; kUneven: it may change within the next step, or what acts is
+  // fast. A step that begins and ends in the same other one met no event.
+  static constexpr int kUneven = -1;
+  virtual int motion(const double* /*state*/) const { return kUneven; }
   // Writes the output channels (and inputs that the model predicts) into `channels`, before sensors.
   virtual void outputs(double time, const double* state, double* channels) const = 0;
   // Flow drawn from the source that the measured input `channel` shows, m^3/s: what its pressure falls with, where the
@@ -41,8 +45,12 @@ struct RigType {
   // `parameters` in the datasheet's order. Keeps references to the effects' chains: they must outlive the rig.
   std::unique_ptr<Rig> (*make)(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
   // s, of the model that a recording drives, which may be coarser; 0: substep. Effects in a line or a transmission
-  // bring states that are faster than the rig's own: with them the model takes `substep` too.
+  // bring states that are faster than the rig's own, a hysteretic force a spring that is: with them the model takes
+  // `substep` too.
   double model_substep = 0;
+  // s, of the model where its motion() stays what it is: events, not the equations between them, ask for model_substep.
+  // 0: no longer steps anywhere.
+  double even_substep = 0;
 };
 
 inline const Registry<RigType>::Types& rig_types() { return registry<RigType>().all(); }

@@ -20,15 +20,18 @@ double period_of(const Datasheet& sheet, const SimulationSetup& setup) {
   return setup.sample_period > 0 ? setup.sample_period : sheet.sample_period;
 }
 
+bool is_fast(const EffectSpec& effect) {
+  const PortKind kind = port_kind(effect.port);
+  return kind == PortKind::line || kind == PortKind::transmission ||
+         (kind == PortKind::force && effect.effect == "hysteresis");
+}
+
 // A multiple of `parts`.
 int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1) {
   const RigType* type = find_rig_type(sheet.rig);
   double wanted = type ? type->substep : sheet.sample_period;
   const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
-  const bool faster = std::any_of(effects.begin(), effects.end(), [](const EffectSpec& effect) {
-    const PortKind kind = port_kind(effect.port);
-    return kind == PortKind::line || kind == PortKind::transmission;
-  });
+  const bool faster = std::any_of(effects.begin(), effects.end(), is_fast);
   if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
   if (setup.substep > 0) wanted = setup.substep;
   return parts * std::max(1, static_cast<int>(std::ceil(period_of(sheet, setup) / (wanted * parts) - 1e-9)));
@@ -53,6 +56,10 @@ RunningPlant::RunningPlant(const Datasheet& sheet, const SimulationSetup& setup,
                                  setup.parameters.size(), sheet.parameters.size()));
   rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
   integrator_ = make_integrator(*rig_);
+  // What remembers is asked at every substep.
+  if (use == Use::model && setup.substep <= 0 && parts == 1 && !effects_.remembers())
+    even_ = std::clamp(static_cast<int>(type->even_substep / substep_ + 1e-9), 1, substeps_);
+  before_.resize(static_cast<std::size_t>(rig_->states()));
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     if (sheet.channels[c].predicted_by.empty()) continue;
     const auto command = static_cast<std::size_t>(sheet.channel(sheet.channels[c].predicted_by));
@@ -149,17 +156,36 @@ void RunningPlant::follow(double time, const double* channels) {
 void RunningPlant::advance(double time, const double* now, const double* next, int part) {
   const int count = substeps_ / parts_;
   effects_.set_time(time + part * count * substep_);
-  for (int i = part * count; i < (part + 1) * count; ++i) {
-    const double t = time + i * substep_;
-    const double share = (i + 0.5) / substeps_;
-    for (const std::size_t c : run_) true_[c] = now[c] + share * (next[c] - now[c]);
-    for (const std::size_t c : held_) true_[c] = now[c];
-    for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(now[channel], t);
-    for (const Follower& f : followers_)
-      true_[f.input] = use_ == Use::simulator ? f.values[static_cast<std::size_t>(i)] : now[f.input];
-    integrator_->step(t, substep_, true_.data());
-    if (i + 1 == (part + 1) * count || !sensors_.empty()) observe(t + substep_);
+  const int last = (part + 1) * count;
+  for (int i = part * count; i < last;) {
+    const bool evenly = even_ > 1 && i + even_ <= last && step_evenly(time, now, next, i);
+    if (!evenly) step(time, now, next, i, 1);
+    i += evenly ? even_ : 1;
+    if (i == last || !sensors_.empty()) observe(time + i * substep_);
   }
+}
+
+void RunningPlant::step(double time, const double* now, const double* next, int first, int count) {
+  const double t = time + first * substep_;
+  const double share = (first + 0.5 * count) / substeps_;
+  for (const std::size_t c : run_) true_[c] = now[c] + share * (next[c] - now[c]);
+  for (const std::size_t c : held_) true_[c] = now[c];
+  for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(now[channel], t);
+  for (const Follower& f : followers_)
+    true_[f.input] = use_ == Use::simulator ? f.values[static_cast<std::size_t>(first)] : now[f.input];
+  integrator_->step(t, count * substep_, true_.data());
+}
+
+bool RunningPlant::step_evenly(double time, const double* now, const double* next, int first) {
+  double* state = integrator_->state();
+  const int motion = rig_->motion(state);
+  if (motion == Rig::kUneven) return false;
+  std::copy_n(state, before_.size(), before_.begin());
+  step(time, now, next, first, even_);
+  if (rig_->motion(state) == motion) return true;
+  std::copy_n(before_.begin(), before_.size(), state);
+  rig_->set_modes(state);
+  return false;
 }
 
 void RunningPlant::move_to(const double* nominal_state, const double* channels) {

@@ -56,6 +56,11 @@ class RunningPlant {
   // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
   void move_to(const double* nominal_state, const double* channels);
 
+  // Substeps `first` .. `first + count - 1` of the period as one step.
+  void step(double time, const double* now, const double* next, int first, int count);
+  // The same for a long one; false, and nothing has happened, where there may be an event in it.
+  bool step_evenly(double time, const double* now, const double* next, int first);
+
   // Outputs as they are, then as sensors with effects show them.
   void observe(double time);
 
@@ -71,13 +76,14 @@ class RunningPlant {
   int parts_, substeps_;
   double substep_;
   EffectSet effects_;
+  int even_ = 1;  // substeps of a long step
   std::unique_ptr<Rig> rig_;
   std::unique_ptr<Integrator> integrator_;
   std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;
   std::vector<std::pair<std::size_t, const EffectChain*>> shown_states_;
   std::vector<std::size_t> run_, held_;  // channels: inputs, commands
   std::vector<Follower> followers_;
-  std::vector<double> true_, shown_, start_, rest_, moved_;
+  std::vector<double> true_, shown_, start_, rest_, moved_, before_;
   std::vector<double> resumed_;  // per channel: what its sensor shows at a start; NaN: what its effects make of it
 };
 

@@ -123,7 +123,7 @@ void ControlValve::derivative(double time, const double* state, const double* ch
 
   const Shaft now = shaft(state);
   const double speed = actuator_.speed(now.piston, state[kCylinder], now.load());
-  rate[kPiston] = speed * actuator_.ratio(now.piston) / kHalfTurn;
+  rate[kPiston] = speed * (linked_ ? actuator_.ratio(now.piston) : now.ratio) / kHalfTurn;
   rate[kCylinder] = actuator_.cylinder_rate(now.piston, speed, state[kCylinder] + ambient_,
                                             flows.cylinder - flows.cylinder_leak, heat);
 
@@ -199,7 +199,7 @@ void ControlValve::outputs(double, const double* state, double* channels) const 
 }
 
 namespace {
-FAULTLINE_RIG(control_valve, {"control_valve", 0.5e-3, make_rig<ControlValve>, 1.25e-3});
+FAULTLINE_RIG(control_valve, {"control_valve", 0.5e-3, make_rig<ControlValve>, 2.5e-3});
 }
 
 }  // namespace faultline

@@ -63,9 +63,18 @@ HydraulicDrive::HydraulicDrive(const Datasheet& sheet, const std::vector<double>
   const auto take_two = [&] { return std::exchange(count_, count_ + 2); };
   if (!line_port_.empty()) line_ = take_two();
   if (!shaft_port_.empty()) spring_ = take_two();
+  changing_ = !displacement_port_.empty() || !oil_port_.empty() || !motor_port_.empty() || !pump_port_.empty();
+  values_ = values_now();
+  valve_rate_1_ = 1 / valve_time_1_;
+  valve_rate_2_ = 1 / valve_time_2_;
 }
 
-HydraulicDrive::Values HydraulicDrive::values() const {
+const HydraulicDrive::Values& HydraulicDrive::values() {
+  if (changing_) values_ = values_now();
+  return values_;
+}
+
+HydraulicDrive::Values HydraulicDrive::values_now() const {
   const double displacement = displacement_ * (displacement_port_.empty() ? 1.0 : displacement_port_.coupling().factor);
   const double viscosity = oil_port_.empty() ? 1.0 : oil_port_.viscosity().factor;
   return {displacement, displacement * motor_efficiency_ * (motor_port_.empty() ? 1.0 : motor_port_.coupling().factor),
@@ -164,11 +173,11 @@ void HydraulicDrive::start_at(const double* nominal_state, const double* channel
 void HydraulicDrive::set_modes(const double* state) { dry_friction_.start(motor_speed(state)); }
 
 void HydraulicDrive::derivative(double time, const double* state, const double* channels, double* rate) {
-  const Values now = values();
+  const Values& now = values();
   const double pressure = state[kPressure];
   const double voltage = std::clamp(channels[command_], -kVoltageLimit, kVoltageLimit);
-  rate[kValveStage] = (valve_gain_ * voltage - state[kValveStage]) / valve_time_1_;
-  rate[kSpool] = (state[kValveStage] - state[kSpool]) / valve_time_2_;
+  rate[kValveStage] = (valve_gain_ * voltage - state[kValveStage]) * valve_rate_1_;
+  rate[kSpool] = (state[kValveStage] - state[kSpool]) * valve_rate_2_;
 
   const auto softness = [&](double at) {  // B/V of what the port's effects leave of B
     return compliance_port_.bulk_modulus(bulk_modulus_, at + kReturnPressure) / (line_ < 0 ? volume_ : volume_ / 2);
@@ -225,7 +234,7 @@ double HydraulicDrive::drawn(int channel, double time, const double* state, cons
 }
 
 namespace {
-FAULTLINE_RIG(hydraulic_drive, {"hydraulic_drive", 0.5e-3, make_rig<HydraulicDrive>, 2.5e-3});
+FAULTLINE_RIG(hydraulic_drive, {"hydraulic_drive", 0.5e-3, make_rig<HydraulicDrive>, 3.4e-3});
 }
 
 }  // namespace faultline

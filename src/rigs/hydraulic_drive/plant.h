@@ -45,13 +45,17 @@ class HydraulicDrive : public Rig {
     double torque, inertia, sliding_plus, sliding_minus, breakaway_plus, breakaway_minus;
     bool dry() const { return breakaway_plus > 0 || breakaway_minus > 0; }
   };
-  Values values() const;
+  const Values& values();
+  Values values_now() const;
   double valve_flow(double time, double spool, double pressure, const double* channels) const;
   Coupling spring() const;
   double load_torque(const Values& now, double speed, const double* channels) const;  // at the pump end
   Shaft shaft(const Values& now, const double* state, const double* channels) const;
   double motor_speed(const double* state) const;
 
+  bool changing_;  // whether effects scale parameters, and may grow
+  Values values_;
+  double valve_rate_1_, valve_rate_2_;  // 1/s
   double valve_time_1_, valve_time_2_, valve_gain_, flow_coefficient_, displacement_, volume_, bulk_modulus_, leakage_,
       motor_efficiency_, pump_efficiency_, inertia_, friction_;
   int command_, supply_, load_, out_pressure_, out_speed_;  // channels

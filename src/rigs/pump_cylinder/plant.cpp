@@ -130,17 +130,19 @@ void PumpCylinder::start_at(const double* nominal_state, const double*, double* 
   if (angle_ > 0) state[angle_] = 0;
 }
 
-double PumpCylinder::modulus_a(double pressure) const {
-  return compliance_a_.bulk_modulus(p_.oil.value(pressure), pressure + kAtmosphere);
+double PumpCylinder::modulus_a(double pressure, Kept& oil) const {
+  const double modulus = oil.at(pressure, [this](double p) { return p_.oil.value(p); });
+  return compliance_a_.bulk_modulus(modulus, pressure + kAtmosphere);
 }
 
-double PumpCylinder::modulus_b(double pressure) const {
-  return compliance_b_.bulk_modulus(p_.oil.value(pressure), pressure + kAtmosphere);
+double PumpCylinder::modulus_b(double pressure, Kept& oil) const {
+  const double modulus = oil.at(pressure, [this](double p) { return p_.oil.value(p); });
+  return compliance_b_.bulk_modulus(modulus, pressure + kAtmosphere);
 }
 
 double PumpCylinder::resistance(double position, double velocity, double load, double share, bool loaded) const {
   const double viscosity = oil_port_.viscosity().factor;
-  const double direction = std::tanh(velocity / width_);
+  const double direction = direction_.at(velocity, [this](double v) { return std::tanh(v / width_); });
   if (!has_force_) return share * (viscosity * p_.viscous * velocity + p_.coulomb * direction);
   const BodyForces extra = force_.forces({position, velocity, load});
   const double level = p_.coulomb + (velocity > 0 ? extra.sliding_plus : extra.sliding_minus);
@@ -171,18 +173,18 @@ void PumpCylinder::derivative(double, const double* state, const double* channel
     const double inertance = std::max(line_a_.line().inertance, kSmallestInertance);
     into_a = state[side_a_ + 1];
     cylinder_a -= p_.line_volume_a;
-    rate[side_a_] = modulus_a(pump_a) / p_.line_volume_a * (q_a - into_a);
+    rate[side_a_] = modulus_a(pump_a, line_oil_a_) / p_.line_volume_a * (q_a - into_a);
     rate[side_a_ + 1] = (pump_a - a) / inertance - kLineDamping * into_a;
   }
   if (side_b_ > 0) {
     const double inertance = std::max(line_b_.line().inertance, kSmallestInertance);
     out_of_b = state[side_b_ + 1];
     cylinder_b -= p_.line_volume_b;
-    rate[side_b_] = modulus_b(pump_b) / p_.line_volume_b * (out_of_b - q_b);
+    rate[side_b_] = modulus_b(pump_b, line_oil_b_) / p_.line_volume_b * (out_of_b - q_b);
     rate[side_b_ + 1] = (b - pump_b) / inertance - kLineDamping * out_of_b;
   }
-  rate[kPressureA] = modulus_a(a) / cylinder_a * (into_a - p_.cap_area * velocity - past_seal);
-  rate[kPressureB] = modulus_b(b) / cylinder_b * (p_.rod_area * velocity - out_of_b + past_seal);
+  rate[kPressureA] = modulus_a(a, oil_a_) / cylinder_a * (into_a - p_.cap_area * velocity - past_seal);
+  rate[kPressureB] = modulus_b(b, oil_b_) / cylinder_b * (p_.rod_area * velocity - out_of_b + past_seal);
 
   const double push = p_.cap_area * a - p_.rod_area * b - contact_beyond(position, kStroke, velocity),
                load = std::abs(a - b);

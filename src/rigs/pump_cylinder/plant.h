@@ -19,6 +19,8 @@
 // below -90 kPa; oil that comes out of solution on the way is not modelled.
 #pragma once
 
+#include <limits>
+
 #include "faultline/rig/rig.h"
 
 namespace faultline {
@@ -36,6 +38,25 @@ struct CylinderParameters {
   double mass, cap_area, rod_area, volume_a, volume_b, displacement, internal, external_a, external_b, viscous, coulomb,
       gravity, line_volume_a, line_volume_b;
   BulkModulus oil;
+};
+
+// A costly function of one number, which keeps its values at the last two arguments: while a Jacobian moves one state
+// after the other, all others stay.
+class Kept {
+ public:
+  template <class Function>
+  double at(double argument, Function&& function) {
+    for (int i = 0; i < 2; ++i)
+      if (argument == arguments_[i]) return values_[i];
+    oldest_ = 1 - oldest_;
+    arguments_[oldest_] = argument;
+    return values_[oldest_] = function(argument);
+  }
+
+ private:
+  double arguments_[2] = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
+  double values_[2] = {0, 0};
+  int oldest_ = 0;
 };
 
 class PumpCylinder : public Rig {
@@ -56,8 +77,8 @@ class PumpCylinder : public Rig {
  private:
   // Friction and loads of force.piston on a body that bears `share` of the friction, against positive motion.
   double resistance(double position, double velocity, double load, double share, bool loaded) const;
-  double modulus_a(double pressure) const;
-  double modulus_b(double pressure) const;
+  double modulus_a(double pressure, Kept& oil) const;
+  double modulus_b(double pressure, Kept& oil) const;
 
   CylinderParameters p_;
   double width_;
@@ -69,6 +90,7 @@ class PumpCylinder : public Rig {
   int side_a_ = 0, side_b_ = 0, rod_ = 0, angle_ = 0, count_ = 4;  // where optional states start; 0: there are none
   std::vector<std::pair<int, int>> entries_;
   std::vector<double> probe_, moved_;
+  mutable Kept oil_a_, oil_b_, line_oil_a_, line_oil_b_, direction_;
 };
 
 }  // namespace faultline

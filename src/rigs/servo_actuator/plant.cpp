@@ -53,6 +53,11 @@ ServoActuator::ServoActuator(const Datasheet& sheet, const std::vector<double>& 
   stop_damping_ = value("stop_damping");
   load_mass_share_ = value("load_mass_share");
   load_friction_share_ = value("load_friction_share");
+  root_coefficient_ = flow_coefficient_ * kRootTwo;
+  spool_rate_ = 1 / spool_time_;
+  leak_rate_ = 1 / leak_time_;
+  meter_rate_ = 1 / meter_time_;
+  stribeck_scale_ = 1 / stribeck_velocity_;
 
   command_ = sheet.channel("valve_command");
   leak_command_ = sheet.channel("leak_valve_command");
@@ -70,6 +75,7 @@ ServoActuator::ServoActuator(const Datasheet& sheet, const std::vector<double>& 
   has_load_ = !rod_port_.empty();
   has_force_ = !force_port_.empty();
   has_droop_ = !supply_port_.empty();
+  bare_ = !has_force_ && !has_load_;
   if (has_line_) {
     line_ = count_;
     count_ += 4;
@@ -106,6 +112,13 @@ void ServoActuator::set_modes(const double* state) {
   if (has_load_) load_friction_.start(state[load_ + 1]);
 }
 
+int ServoActuator::motion(const double* state) const {
+  // A piston that has just broken loose still stands; its velocity alone would call it stuck.
+  const bool loose = !piston_friction_.stuck() && state[kVelocity] == 0;
+  if (!bare_ || has_line_ || loose || std::abs(state[kPosition]) > stroke_) return kUneven;
+  return 1 + piston_friction_.direction();
+}
+
 double ServoActuator::stop_force(double position, double velocity) const {
   if (position > stroke_) return std::max(0.0, stop_stiffness_ * (position - stroke_) + stop_damping_ * velocity);
   if (position < -stroke_) return std::min(0.0, stop_stiffness_ * (position + stroke_) + stop_damping_ * velocity);
@@ -125,15 +138,18 @@ double ServoActuator::coupling_force(const double* state) const {
   return 0;
 }
 
+double ServoActuator::stribeck(double velocity) const {
+  const double ratio = velocity * stribeck_scale_;
+  return std::abs(ratio) < 6 ? static_excess_ * std::exp(-ratio * ratio) : 0.0;
+}
+
 ServoActuator::Body ServoActuator::piston(const double* state, const double* channels) const {
   const double velocity = state[kVelocity];
   const double drop = state[kPressureA] - state[kPressureB];
   const double share = has_load_ ? 1 - load_friction_share_ : 1.0;
-  const double ratio = velocity / stribeck_velocity_;
-  const double stribeck = std::abs(ratio) < 6 ? static_excess_ * std::exp(-ratio * ratio) : 0.0;
   Body body;
   body.mass = has_load_ ? mass_ * (1 - load_mass_share_) : mass_;
-  body.sliding_plus = body.sliding_minus = share * (coulomb_ + stribeck);
+  body.sliding_plus = body.sliding_minus = share * (coulomb_ + stribeck(velocity));
   body.breakaway_plus = body.breakaway_minus = share * (coulomb_ + static_excess_);
   body.force = drop * area_ - share * damping_ * velocity - stop_force(state[kPosition], velocity);
   if (has_force_) {
@@ -152,20 +168,29 @@ ServoActuator::Body ServoActuator::piston(const double* state, const double* cha
 
 ServoActuator::Body ServoActuator::load(const double* state, const double* channels) const {
   const double position = state[load_], velocity = state[load_ + 1];
-  const double ratio = velocity / stribeck_velocity_;
-  const double stribeck = std::abs(ratio) < 6 ? static_excess_ * std::exp(-ratio * ratio) : 0.0;
   Body body;
   body.mass = mass_ * load_mass_share_;
-  body.sliding_plus = body.sliding_minus = load_friction_share_ * (coulomb_ + stribeck);
+  body.sliding_plus = body.sliding_minus = load_friction_share_ * (coulomb_ + stribeck(velocity));
   body.breakaway_plus = body.breakaway_minus = load_friction_share_ * (coulomb_ + static_excess_);
   body.force = coupling_force(state) - load_friction_share_ * damping_ * velocity - channels[load_force_];
   if (has_force_) body.force -= force_port_.forces({position, velocity, 0}).applied;
   return body;
 }
 
-double ServoActuator::supply(double time, const double* state, const double* channels) const {
-  const double measured = channels[supply_];
-  if (!has_droop_) return measured;
+double ServoActuator::acceleration(const double* state, const double* channels) const {
+  if (bare_) {
+    const double velocity = state[kVelocity];
+    const double friction = coulomb_ + stribeck(velocity);
+    return ((state[kPressureA] - state[kPressureB]) * area_ - damping_ * velocity -
+            stop_force(state[kPosition], velocity) - channels[load_force_] -
+            piston_friction_.force(friction, friction)) /
+           mass_;
+  }
+  const Body body = piston(state, channels);
+  return (body.force - piston_friction_.force(body.sliding_plus, body.sliding_minus)) / body.mass;
+}
+
+double ServoActuator::drooped(double time, const double* state, double measured) const {
   // Flow drawn from P, taken at the pressure without droop: one step of the fixed point, exact to second order in the
   // droop.
   const double opening = valve_port_.opening(state[kSpool]);
@@ -175,8 +200,7 @@ double ServoActuator::supply(double time, const double* state, const double* cha
   const double chamber = opening > 0 ? node_a : node_b;
   double drawn = 0, pressure = before;
   for (int i = 0; i < 3; ++i) {
-    drawn =
-        std::max(0.0, flow_coefficient_ * std::abs(opening) * kRootTwo * signed_root(pressure - chamber, kTransition));
+    drawn = std::max(0.0, root_coefficient_ * std::abs(opening) * signed_root(pressure - chamber, kTransition));
     pressure = 0.5 * (pressure + supply_port_.boundary(measured, drawn, time));
   }
   return pressure;
@@ -187,9 +211,9 @@ void ServoActuator::derivative(double time, const double* state, const double* c
   const double p_a = state[kPressureA], p_b = state[kPressureB];
   const double node_a = has_line_ ? state[line_] : p_a;
   const double node_b = has_line_ ? state[line_ + 1] : p_b;
-  const double supply_pressure = supply(time, state, channels);
+  const double supply_pressure = has_droop_ ? drooped(time, state, channels[supply_]) : channels[supply_];
 
-  const double opening = flow_coefficient_ * kRootTwo * valve_port_.opening(state[kSpool]);
+  const double opening = root_coefficient_ * valve_port_.opening(state[kSpool]);
   const double q_a = opening * signed_root(opening > 0 ? supply_pressure - node_a : node_a, kTransition);
   const double q_b = opening * signed_root(opening > 0 ? node_b : supply_pressure - node_b, kTransition);
 
@@ -224,11 +248,8 @@ void ServoActuator::derivative(double time, const double* state, const double* c
     if (node_b <= 0 && rate[line_ + 1] < 0) rate[line_ + 1] = 0;
   }
 
-  const Body body = piston(state, channels);
   rate[kPosition] = velocity;
-  rate[kVelocity] = piston_friction_.stuck()
-                        ? 0
-                        : (body.force - piston_friction_.force(body.sliding_plus, body.sliding_minus)) / body.mass;
+  rate[kVelocity] = piston_friction_.stuck() ? 0 : acceleration(state, channels);
   if (has_load_) {
     const Body other = load(state, channels);
     rate[load_] = state[load_ + 1];
@@ -237,9 +258,9 @@ void ServoActuator::derivative(double time, const double* state, const double* c
                           : (other.force - load_friction_.force(other.sliding_plus, other.sliding_minus)) / other.mass;
   }
 
-  rate[kSpool] = (spool_gain_ * channels[command_] - state[kSpool]) / spool_time_;
-  rate[kLeakSpool] = (channels[leak_command_] - state[kLeakSpool]) / leak_time_;
-  rate[kMeter] = (std::abs(bypass) - state[kMeter]) / meter_time_;
+  rate[kSpool] = (spool_gain_ * channels[command_] - state[kSpool]) * spool_rate_;
+  rate[kLeakSpool] = (channels[leak_command_] - state[kLeakSpool]) * leak_rate_;
+  rate[kMeter] = (std::abs(bypass) - state[kMeter]) * meter_rate_;
 }
 
 void ServoActuator::after_step(double, double* state, const double* channels) {
@@ -250,8 +271,10 @@ void ServoActuator::after_step(double, double* state, const double* channels) {
     state[line_] = std::max(0.0, state[line_]);
     state[line_ + 1] = std::max(0.0, state[line_ + 1]);
   }
-  const Body body = piston(state, channels);
-  piston_friction_.after_step(state[kVelocity], body.force, body.breakaway_plus, body.breakaway_minus);
+  if (!piston_friction_.slips_on(state[kVelocity])) {
+    const Body body = piston(state, channels);
+    piston_friction_.after_step(state[kVelocity], body.force, body.breakaway_plus, body.breakaway_minus);
+  }
   if (has_load_) {
     const Body other = load(state, channels);
     load_friction_.after_step(state[load_ + 1], other.force, other.breakaway_plus, other.breakaway_minus);
@@ -269,7 +292,7 @@ void ServoActuator::outputs(double, const double* state, double* channels) const
 }
 
 namespace {
-FAULTLINE_RIG(servo_actuator, {"servo_actuator", 0.25e-3, make_rig<ServoActuator>, 0.5e-3});
+FAULTLINE_RIG(servo_actuator, {"servo_actuator", 0.25e-3, make_rig<ServoActuator>, 0.5e-3, 1e-3});
 }
 
 }  // namespace faultline

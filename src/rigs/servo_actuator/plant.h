@@ -31,6 +31,7 @@ class ServoActuator : public Rig {
   void start(const double* channels, double* state) override;
   void start_at(const double* nominal_state, const double* channels, double* state) override;
   void set_modes(const double* state) override;
+  int motion(const double* state) const override;
   void derivative(double time, const double* state, const double* channels, double* rate) override;
   void after_step(double time, double* state, const double* channels) override;
   void outputs(double time, const double* state, double* channels) const override;
@@ -43,17 +44,20 @@ class ServoActuator : public Rig {
   Body load(const double* state, const double* channels) const;
   double stop_force(double position, double velocity) const;
   double coupling_force(const double* state) const;
-  double supply(double time, const double* state, const double* channels) const;
+  double stribeck(double velocity) const;
+  double acceleration(const double* state, const double* channels) const;  // of the piston while it slips
+  double drooped(double time, const double* state, double measured) const;  // supply pressure
 
   double area_, mass_, damping_, coulomb_, static_excess_, stribeck_velocity_, chamber_volume_, bulk_modulus_,
       flow_coefficient_, spool_time_, spool_gain_, leak_gain_, leak_time_, meter_time_, stroke_, stop_stiffness_,
       stop_damping_, load_mass_share_, load_friction_share_;
+  double root_coefficient_, spool_rate_, leak_rate_, meter_rate_, stribeck_scale_;
   int command_, leak_command_, supply_, load_force_;  // channels that drive
   int out_position_, out_velocity_, out_pressure_, out_a_, out_b_, out_spool_,
       out_leak_flow_;  // channels that come out
   const EffectChain &force_port_, &leak_port_, &leak_a_port_, &leak_b_port_, &compliance_port_, &valve_port_,
       &supply_port_, &line_port_, &rod_port_;
-  bool has_line_, has_load_, has_force_, has_droop_;
+  bool has_line_, has_load_, has_force_, has_droop_, bare_;  // bare: neither force nor load acts on the piston
   int line_ = 0, load_ = 0, count_ = 7;  // where optional states start
   DryFriction piston_friction_, load_friction_;
 };
