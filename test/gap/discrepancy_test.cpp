@@ -133,7 +133,7 @@ TEST(Discrepancy, ShowsThePlaceOfWhatIsMissing) {
   for (const auto& [effect, place] : std::vector<std::pair<std::string, std::string>>{
            {"clogging@restriction.valve:fraction=0.15", "restriction.valve"},
            {"offset@sensor.chamber_a_pressure:value=2e5", "sensor.chamber_a_pressure"},
-           {"coulomb_friction@force.piston:force=150", "force.piston"},
+           {"load_force@force.piston:constant=400", "force.piston"},
            {"orifice_leakage@flow.chamber_a_chamber_b:coefficient=1e-8", "flow.chamber_a_chamber_b"}}) {
     SCOPED_TRACE(effect);
     const ResidualModel residuals = driven_by(effect);

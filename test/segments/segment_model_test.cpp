@@ -74,21 +74,13 @@ TEST(SegmentModel, LeavesNoiseWithAnyEffectAtASensor) {
 // Every effect that fits a sensor, of a size that the sensor plainly shows, on a state that is measured; the start
 // states come back through it. Against the same run without it.
 TEST(SegmentModel, StartsBehindAnyEffectAtASensor) {
-  std::map<std::string, std::string> sizes = {
-      {"deadband", "width=0.005"},
-      {"delay", "time=0.0123"},
-      {"drift", "rate=0.01"},
-      {"free_signal", "value=0.02"},
-      {"gain_curve", "curvature=0.3"},
-      {"hysteresis", "width=0.01"},
-      {"lag", "time_constant=0.02"},
-      {"noise", "std=0.001"},
-      {"offset", "value=0.02"},
-      {"quantisation", "step=0.0005"},
-      {"rate_limit", "rate=0.3"},
-      {"saturation", "limit=0.05"},
-      {"scale", "factor=1.1"},
-      {"stuck", "from=1.5"}};
+  std::map<std::string, std::string> sizes = {{"deadband", "width=0.005"},     {"delay", "time=0.0123"},
+                                              {"drift", "rate=0.01"},          {"free_signal", "value=0.02"},
+                                              {"gain_curve", "curvature=0.3"}, {"hysteresis", "width=0.01"},
+                                              {"lag", "time_constant=0.02"},   {"noise", "std=0.001"},
+                                              {"offset", "value=0.02"},        {"quantisation", "step=0.0005"},
+                                              {"rate_limit", "rate=0.3"},      {"saturation", "limit=0.05"},
+                                              {"scale", "factor=1.1"},         {"stuck", "from=1.5"}};
   const auto rms = [](const EffectSpec* effect, bool one_sample) {
     Datasheet sheet = servo();
     SimulationSetup setup = servo_setup("multisine");

@@ -8,9 +8,39 @@ namespace {
 
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
 
+double loss_of(const GapTrials& work, const ModelChange& model) {
+  return find_discrepancy(work.model(), model, work.learned(), work.jobs(), Places::none).loss;
+}
+
+// Whether restarts in every step leave an effect as it is: no state of its own, no memory behind which a state shows.
+bool restarts_freely(const Candidate& candidate) {
+  const PortKind kind = port_kind(candidate.effect.port);
+  if (kind == PortKind::line || kind == PortKind::transmission) return false;
+  return kind != PortKind::sensor || !find_effect_type(candidate.effect.effect)->make()->remembers();
+}
+
+// Among those that close the gap as well over segments, the one that leaves the likeliest recording from sample to
+// sample comes first: the two see different things of a cause.
+void likeliest_first(const GapTrials& work, const std::vector<double>& now, std::vector<Structure>& structures) {
+  const Structure& best = structures.front();
+  if (!restarts_freely(best.fit.effects.back())) return;
+  const double close = work.options().search.close_rival_gain_fraction * (sum(now) - sum(best.score));
+  std::size_t likeliest = 0;
+  double least = loss_of(work, best.fit.model);
+  for (std::size_t i = 1; i < structures.size() && sum(structures[i].score) - sum(best.score) < close; ++i) {
+    if (!restarts_freely(structures[i].fit.effects.back())) continue;
+    const double loss = loss_of(work, structures[i].fit.model);
+    if (loss < least) least = loss, likeliest = i;
+  }
+  const auto first = structures.begin();
+  std::rotate(first, first + static_cast<std::ptrdiff_t>(likeliest),
+              first + static_cast<std::ptrdiff_t>(likeliest) + 1);
+}
+
 // The followed structures of one round, best first; `rest` takes the finalists that were not followed.
-std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& base, std::vector<Structure> structures,
-                                     double from, double to, std::vector<Structure>& rest) {
+std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& base, const std::vector<double>& now,
+                                     std::vector<Structure> structures, double from, double to,
+                                     std::vector<Structure>& rest) {
   const GapOptions::Search& options = work.options().search;
   if (structures.size() > options.finalists) structures.resize(options.finalists);
   const double middle = from + 0.3 * (to - from);
@@ -22,6 +52,7 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
   structures.resize(kept);
   work.refine(structures, middle, to);
   std::stable_sort(structures.begin(), structures.end(), by_score);
+  likeliest_first(work, now, structures);
   for (std::size_t i = 1; i < structures.size(); ++i) structures[i].around = {};  // large, and not needed again
   return structures;
 }
@@ -31,7 +62,7 @@ bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best)
   const GapOptions::Search& options = work.options().search;
   const std::vector<double> gain = minus(now.score, best.score);
   if (sum(gain) <= options.significance_standard_errors * work.standard_error(gain)) return false;
-  const double loss = find_discrepancy(work.model(), best.fit.model, work.learned(), work.jobs(), Places::none).loss;
+  const double loss = loss_of(work, best.fit.model);
   const double won = now.after.loss - loss, before = now.before.loss - now.after.loss;
   return won > options.evidence_fraction * now.after.loss && won > options.further_evidence_fraction * before;
 }
@@ -68,6 +99,9 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
         for (Structure& s : search.ranked)
           if (same_effect(s.fit.effects.back(), rival.fit.effects.back())) s.score = beside;
       if (sum(gain) <= 0) continue;
+      if (restarts_freely(rival.fit.effects.back()) && restarts_freely(winner.fit.effects.back()) &&
+          loss_of(work, swapped.front().fit.model) >= search.after.loss)
+        continue;
       standing = beside;
       search.base = work.refit(swapped.front());
       search.base.covariance = swapped.front().fit.covariance;
@@ -121,7 +155,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     if (screened.empty()) break;
     std::vector<Structure> rest;
     std::vector<Structure> structures =
-        best_of_round(work, search.base, screened, from + 0.5 * width, from + width, rest);
+        best_of_round(work, search.base, search.score, screened, from + 0.5 * width, from + width, rest);
     const Structure best = structures.front();
     structures.front().around = {};
     if (round == 0) {

@@ -45,7 +45,7 @@ class ServoActuator : public Rig {
   double stop_force(double position, double velocity) const;
   double coupling_force(const double* state) const;
   double stribeck(double velocity) const;
-  double acceleration(const double* state, const double* channels) const;  // of the piston while it slips
+  double acceleration(const double* state, const double* channels) const;   // of the piston while it slips
   double drooped(double time, const double* state, double measured) const;  // supply pressure
 
   double area_, mass_, damping_, coulomb_, static_excess_, stribeck_velocity_, chamber_volume_, bulk_modulus_,
@@ -58,7 +58,7 @@ class ServoActuator : public Rig {
   const EffectChain &force_port_, &leak_port_, &leak_a_port_, &leak_b_port_, &compliance_port_, &valve_port_,
       &supply_port_, &line_port_, &rod_port_;
   bool has_line_, has_load_, has_force_, has_droop_, bare_;  // bare: neither force nor load acts on the piston
-  int line_ = 0, load_ = 0, count_ = 7;  // where optional states start
+  int line_ = 0, load_ = 0, count_ = 7;                      // where optional states start
   DryFriction piston_friction_, load_friction_;
 };
 
