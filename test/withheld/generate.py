@@ -28,7 +28,7 @@ import truth_classes
 import twins
 from datasheet import Datasheet
 
-RIGS = ["servo_actuator", "hydraulic_drive", "pump_cylinder", "control_valve"]  # those with a truth_RIG.py
+RIGS = ["servo_actuator", "hydraulic_drive", "pump_cylinder", "control_valve", "cooling_circuit"]  # those with a truth_RIG.py
 PARTS = ["closed", "open", "none", "two"]
 SEEDS = {
     "development": 41000,
