@@ -28,7 +28,8 @@ import truth_classes
 import twins
 from datasheet import Datasheet
 
-RIGS = ["servo_actuator", "hydraulic_drive", "pump_cylinder", "control_valve", "cooling_circuit"]  # those with a truth_RIG.py
+# those with a truth_RIG.py
+RIGS = ["servo_actuator", "hydraulic_drive", "pump_cylinder", "control_valve", "cooling_circuit"]
 PARTS = ["closed", "open", "none", "two"]
 SEEDS = {
     "development": 41000,
@@ -475,7 +476,7 @@ def add_arguments(parser):
     )
     parser.add_argument("--runs", type=int, help="random truth: so many runs in every case (default: one to five)")
     parser.add_argument("--length", type=float, help="random truth: seconds of every run (default: 8 to 60)")
-    parser.add_argument("--noise", type=float, help="random truth: factor on the datasheet's noise (default: 0.2 to 20)")
+    parser.add_argument("--noise", type=float, help="random truth: factor on its noise (default: 0.2 to 20)")
 
 
 def class_list(text):

@@ -51,8 +51,8 @@ CONSTANTS = np.dtype(
             " prestage_leak cylinder_leak restrictor_clog nozzle_clog ports_clog valve_clog overlap exponent compliance"
             " spool_friction spool_shift spool_stiffness diaphragm_width more_coulomb more_viscous excess stribeck"
             " piston_shift piston_stiffness valve_friction valve_by_load supply_offset droop joint joint_stiffness"
-            " joint_damping gap ripple supply_level air_level gas_constant size piston_winding shape stroke_friction heat_friction"
-            " null_area underlap hum hum_w gamma"
+            " joint_damping gap ripple supply_level air_level gas_constant size"
+            " piston_winding shape stroke_friction heat_friction null_area underlap hum hum_w gamma"
         ).split()
     ]
     + [(name, np.float64, (TONES,)) for name in ("supply_a", "supply_w", "supply_p", "air_a", "air_w", "air_p")]

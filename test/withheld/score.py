@@ -359,7 +359,8 @@ if __name__ == "__main__":
     reader.add_argument("out", nargs="+")
     reader.add_argument("--table", help="write the table here (default OUT/table.md, of the first OUT)")
     reader.add_argument("--answered", action="store_true", help="leave out cases without an answer")
-    reader.add_argument("--by", action="append", choices=sorted(groups.OF), default=[], help="a table by this; repeatable")
+    choices = sorted(groups.OF)
+    reader.add_argument("--by", action="append", choices=choices, default=[], help="a table by this; repeatable")
     given = reader.parse_args()
     heading = f"Cases in {', '.join(os.path.basename(os.path.abspath(out)) for out in given.out)}."
     made = score(given.out, heading, given.answered, given.by)

@@ -67,8 +67,8 @@ def variants(rig, name):
 
 
 def draw(rig, names, without, seeds):
-    """{class: {"variant": ..., "values": {...}}} of the classes that are on. names: those that are on in any case; None:
-    all but `without`, each by chance."""
+    """{class: {"variant": ..., "values": {...}}} of the classes that are on. names: those that are on in any case;
+    None: all but `without`, each by chance."""
     drawn = {}
     for index, name in enumerate(CLASSES):
         random = np.random.default_rng([*seeds, 1000 + index])

@@ -11,8 +11,8 @@ Where physics allows, the formula is another one than the datasheet's:
     hysteresis          three plays in parallel;   deadband  softplus blend
     lags                exact between samples;   delay  exact shift, a command changes within a sample
 Small nuisance effects that no datasheet lists: a valve with a trace of hysteresis, a supply that hums, walls that take
-up heat, transducers a little off. Each stays below the sensor noise. Extra white noise (noise@sensor) has no truth here.
-SI units throughout.
+up heat, transducers a little off. Each stays below the sensor noise. Extra white noise (noise@sensor) has no truth
+here. SI units throughout.
 """
 import math
 

@@ -82,7 +82,8 @@ VARIANTS = {
 }
 TOLERANCE = 1e-5
 STIFFEST = 2.0e-4  # rad/(N m), where a search asks for a spring that yields to nothing
-SCALE = np.array([1e-4, 1e-4, 1e6, 50.0, 10.0, 1.0, 1e7, 1e6, 1e6, 1e6, 1.0, 1.0])  # of the states, for the integrator's error
+# Of the states, for the integrator's error.
+SCALE = np.array([1e-4, 1e-4, 1e6, 50.0, 10.0, 1.0, 1e7, 1e6, 1e6, 1e6, 1.0, 1.0])
 
 
 def draw_nuisance(random):
@@ -228,11 +229,10 @@ class Truth:
         return np.array(y[: rate.STATES])
 
     def advance(self, y, pieces):
-        step, given = 2e-3, np.zeros(4)
+        step, given, fine = 2e-3, np.zeros(4), (self.tolerance, self.scale)
         for start, end, *drive in pieces:
-            step = rate.integrate(
-                y, start, end, min(step, 2e-3), self.constants[0], np.array((*drive, start)), given, self.tolerance, self.scale
-            )
+            inputs = np.array((*drive, start)), given
+            step = rate.integrate(y, start, end, min(step, 2e-3), self.constants[0], *inputs, *fine)
             if step < 0:
                 raise RuntimeError(f"the truth could not be integrated past t = {start:.4f} s")
 
@@ -297,9 +297,8 @@ class Truth:
         pressures, pieces = self._pressures(), self._pieces(commands, windows[-1][1])
         clean = []
         for (first, last), base in zip(windows, starts):
-            shown = rate.replay(
-                self.start(base), pieces, first, last, self.period, pressures, self.constants[0], self.tolerance, self.scale
-            )
+            fine = self.constants[0], self.tolerance, self.scale
+            shown = rate.replay(self.start(base), pieces, first, last, self.period, pressures, *fine)
             if not len(shown):
                 raise RuntimeError(f"the truth could not be replayed from sample {first}")
             times = np.arange(first, last) * self.period

@@ -77,7 +77,8 @@ VARIANTS = {
     "hose": {"stiffening": {"stiffening": (-0.4, 0.4)}, "air": {"air": (1e-4, 1e-2)}},
     "integrator": {"loose": {"tolerance": 10.0}, "tight": {"tolerance": 0.05}, "cash_karp": {"tolerance": -1.0}},
 }
-SCALE = np.array([1e-4, 1e-2, 1e5, 1e5, 1.0, 1.0, 0.1, 1e-4, 1e-2, 1e5, 1e-5, 1e5, 1e-5, 0.1, 0.1])  # of states, for the error
+# Of the states, for the integrator's error.
+SCALE = np.array([1e-4, 1e-2, 1e5, 1e5, 1.0, 1.0, 0.1, 1e-4, 1e-2, 1e5, 1e-5, 1e5, 1e-5, 0.1, 0.1])
 TOLERANCE = 1e-4
 # Where the datasheet's ports give their sizes to.
 CONSTANT_OF = {
