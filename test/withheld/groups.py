@@ -7,6 +7,7 @@ import math
 
 import answer
 import truth_classes
+import twins
 
 MISSING = answer.Answer({})
 
@@ -67,17 +68,19 @@ def counts(cases, answers):
         if part == "none":
             add("none right", right(label, given))
             continue
-        if not plain(label) and not (part == "open" and label.get("structure")):
-            continue
         keys = list(label["effects"])
+        if not label.get("structure") or label.get("severity") not in ("2-5", "above 5"):
+            continue
         if part == "closed":
+            add("named or equivalent", given.verdict == "named" and keys[0] in given.effects + given.equivalent)
+        if part == "closed" and plain(label):
             top = (given.effects + given.ranked + [None])[0]
             add("closed right", right(label, given))
             add("ranks first", top == keys[0])
             add("place", given.place == keys[0].split("@")[1])
             add("false unknown", given.verdict == "unknown")
             add("false name", given.verdict == "named" and keys[0] not in given.effects + given.equivalent)
-        elif part == "open" and label.get("severity") in ("2-5", "above 5"):
+        elif part == "open" and keys[0] not in twins.PARAMETER_TWINS:
             add("open unknown", right(label, given))
         elif part == "two":
             add("both of two", set(keys) <= set(given.effects))
@@ -90,6 +93,7 @@ COLUMNS = [
     "place",
     "false unknown",
     "false name",
+    "named or equivalent",
     "open unknown",
     "none right",
     "both of two",
@@ -118,8 +122,9 @@ def markdown(title, method, labels, answers, seconds):
     text = [
         f"## {method} by {title}",
         "",
-        "Right: the verdict with exactly the true effects. Closed and two: identifiable cases, severity above 2. Level:"
-        " median residual over noise that the truth leaves without any effect. In brackets: number of cases.",
+        "Right: the verdict with exactly the true effects. All but none: severity above 2 and more than parameters can"
+        " explain; the first five columns: told from every near-equivalent too. Level: median residual over noise that"
+        " the truth leaves without any effect. In brackets: number of cases.",
         "",
         f"| {title} | cases | level | " + " | ".join(COLUMNS) + " | s |",
         "|---" * (len(COLUMNS) + 4) + "|",

@@ -69,13 +69,13 @@ VARIANTS = {
     "valve": {
         "second_order": {"damping": (0.35, 0.8)},
         "overlap": {"overlap": (2e-7, 8e-6)},
-        "null_leakage": {"null_opening": (2e-7, 8e-6)},
+        "null_leakage": {"null_opening": (1e-6, 3e-5)},
         "hysteresis": {"spool_hysteresis": (1.5e-3, 2e-2)},
     },
     "supply": {
         "pulsation": {"hum": (1e4, 4e5), "hum_frequency": (15.0, 200.0)},
-        "line": {"line": (1e7, 1e9)},
-        "motor_pulsation": {"pulsation": (2e-3, 3e-2)},
+        "line": {"line": (1e8, 3e9)},
+        "motor_pulsation": {"pulsation": (1e-2, 0.1)},
     },
     "hose": {"stiffening": {"stiffening": (-0.3, 0.3)}, "air": {"air": (1e-4, 1e-2)}},
     "integrator": {"loose": {"tolerance": 30.0}, "tight": {"tolerance": 0.03}, "cash_karp": {"tolerance": -1.0}},

@@ -60,25 +60,25 @@ NO_NUISANCE = {
 VARIANTS = {
     "friction": {
         "set_valued": {"bristle": STIFF_BRISTLE},
-        "lugre": {"bristle": (1e6, 1e8)},
-        "dahl": {"bristle": (2e6, 1e8), "shape": (1.2, 3.0)},
-        "maxwell": {"bristle": (2e6, 5e7), "maxwell": 1.0},
-        "position": {"stroke_friction": (-0.15, 0.15)},
-        "temperature": {"warming": (-8e-3, -1e-3)},
+        "lugre": {"bristle": (5e5, 5e7)},
+        "dahl": {"bristle": (1e6, 1e8), "shape": (1.2, 3.0)},
+        "maxwell": {"bristle": (5e5, 3e7), "maxwell": 1.0},
+        "position": {"stroke_friction": (-0.5, 0.5)},
+        "temperature": {"warming": (-1.2e-2, -1e-3)},
     },
     "valve": {
         "second_order": {"spool_damping": (0.35, 0.9)},
         "overlap": {"lap": (0.005, 0.15), "rounding": (1e-3, 5e-3)},
-        "underlap": {"lap": (-0.15, -0.005), "rounding": (1e-3, 5e-3)},
-        "null_leakage": {"rounding": (4e-3, 6e-2)},
-        "hysteresis": {"spool_hysteresis": (3e-3, 6e-2)},
-        "uneven": {"uneven": (-0.02, 0.02)},
+        "underlap": {"lap": (-0.5, -0.02), "rounding": (1e-3, 5e-3)},
+        "null_leakage": {"rounding": (1e-2, 0.2)},
+        "hysteresis": {"spool_hysteresis": (5e-3, 0.15)},
+        "uneven": {"uneven": (-0.06, 0.06)},
     },
     "supply": {
-        "pulsation": {"pulsation": (1e4, 4e5), "pulsation_frequency": (30.0, 300.0)},
-        "line": {"line": (1e7, 1e9)},
+        "pulsation": {"pulsation": (5e4, 8e5), "pulsation_frequency": (30.0, 300.0)},
+        "line": {"line": (1e8, 3e9)},
     },
-    "hose": {"stiffening": {"stiffening": (-0.3, 0.3)}, "air": {"air": (2e-5, 2e-3)}},
+    "hose": {"stiffening": {"stiffening": (-0.6, 0.6)}, "air": {"air": (2e-4, 2e-2)}},
     "integrator": {"loose": {"tolerance": 30.0}, "tight": {"tolerance": 0.03}},
 }
 

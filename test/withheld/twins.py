@@ -132,11 +132,8 @@ for _b in _BRANCHES:
     EXACT_TWIN[f"scale@heat.{_b}_wall"] = (f"{_b}_heat_flux", lambda e, nominal: e["factor"] - 1)
     PARAMETER_TWINS |= {f"clogging@restriction.{_b}_{_place}" for _place in ("feed", "drain", "orifice")}
     PARAMETER_TWINS |= {f"{_effect}@heat.{_b}_wall" for _effect in ("scale", "heat_loss", "heat_capacity")}
-    PARAMETER_TWINS |= {
-        f"{_kind}_leakage@flow.{_b}_{_place}_ambient"
-        for _kind in ("orifice", "laminar")
-        for _place in ("inlet", "outlet", "drain")
-    }
+    PARAMETER_TWINS |= {f"orifice_leakage@flow.{_b}_{_place}_ambient" for _place in ("inlet", "outlet", "drain")}
+    PARAMETER_TWINS |= {f"laminar_leakage@flow.{_b}_{_place}_ambient" for _place in ("inlet", "outlet")}
 # Other rigs' names for the same parameter.
 SAME_PARAMETER = {"viscous_damping": "viscous_friction"}
 
