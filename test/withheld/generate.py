@@ -149,9 +149,11 @@ class Case:
             self.noise_name = "above 5"
         if self.good:
             self.noise_scale = 1.0
-            gap = math.exp(np.mean(np.log(np.maximum(self.measure_level()[1], 1e-3))))  # of the typical channel
-            self.noise_scale = min(1.0, max(gap / truth_classes.GOOD_RATIO, 5e-3))
-        self.sheet = truth_classes.quieter(self.sheet, self.noise_scale)
+            gap = self.measure_level()[1]
+            self.quiet = np.clip(gap / truth_classes.GOOD_RATIO, truth_classes.QUIETEST, 1.0).tolist()
+            self.sheet = truth_classes.better(self.sheet, dict(zip(self.rig.OUTPUTS, self.quiet)))
+        else:
+            self.sheet = truth_classes.finer(self.sheet, self.noise_scale)
 
     def short(self):
         """Runs without effects, long enough to see what an effect does."""
@@ -271,7 +273,7 @@ class Case:
                     "classes": {name: entry["variant"] for name, entry in self.drawn.items()},
                     "drawn": self.drawn,
                     "length": self.length,
-                    "good": self.good,
+                    "good": self.quiet if self.good else False,
                     "level": dict(zip(self.rig.OUTPUTS, np.asarray(self.level).tolist())),
                 }
             )
