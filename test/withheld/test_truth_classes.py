@@ -18,6 +18,7 @@ sys.path.insert(0, HERE)
 
 import generate
 import groups
+import levels
 import score
 import truth_classes
 from generate import World
@@ -153,6 +154,13 @@ class Commands(unittest.TestCase):
             done = self.run_one(folder, "--classes", "friktion")
             self.assertNotEqual(done.returncode, 0)
             self.assertIn("no class friktion; known: friction", done.stderr)
+
+
+class Levels(unittest.TestCase):
+    def test_a_valve_of_second_order_shows(self):
+        gap, seconds = levels.one(RIG, "valve", "second_order", 0)
+        self.assertGreater(gap.max(), 0.5)
+        self.assertLess(seconds, 5.0)
 
 
 class Tables(unittest.TestCase):

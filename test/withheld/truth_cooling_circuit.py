@@ -46,22 +46,22 @@ NO_NUISANCE = {"valve_hysteresis": 0.0, "hum": 0.0, "hum_frequency": 0.0, "wall"
 # Classes of a random truth (truth_classes.py). The friction is the water's in the tubes.
 VARIANTS = {
     "friction": {
-        "rough": {"power": (-0.06, 0.06)},
-        "entrance": {"entrance": (0.005, 0.15)},
+        "rough": {"power": (-0.2, 0.2)},
+        "entrance": {"entrance": (0.05, 0.6)},
         "temperature": {"thinning": (0.7, 0.99)},
     },
     "valve": {
-        "second_order": {"damping": (0.35, 0.9)},
-        "hysteresis": {"valve_hysteresis": (5e-4, 1e-2)},
+        "second_order": {"damping": (0.5, 0.9)},
+        "hysteresis": {"valve_hysteresis": (2e-3, 3e-2)},
         "curve": {"valve_exponent": (0.95, 1.05)},
         "null_leakage": {"valve_leak": (2e-4, 1e-2)},
     },
     "supply": {
         "pulsation": {"hum": (1e3, 5e4), "hum_frequency": (5.0, 120.0)},
-        "line": {"line": (5e4, 5e6)},
-        "column": {"feed_inertance": (1e4, 1e6)},
+        "line": {"line": (1e6, 4e7)},
+        "column": {"feed_inertance": (1e5, 6e6)},
     },
-    "hose": {"air": {"air": (1e-4, 1e-2)}, "walls": {"wall": (2.0, 80.0)}, "loss": {"loss": (2.0, 80.0)}},
+    "hose": {"air": {"air": (1e-3, 5e-2)}, "walls": {"wall": (20.0, 800.0)}, "loss": {"loss": (30.0, 1000.0)}},
     "integrator": {"coarse": {"substeps": 1.0}, "fine": {"substeps": 8.0}},
 }
 SUBSTEPS = 2.0  # a sample
