@@ -30,10 +30,10 @@ MOST_RUNS = 5
 # sensor: shares of a channel's range, times in samples. noise: in units of the noise. sampling: in samples.
 VARIANTS = {
     "sensor": {
-        "bandwidth": {"lag": (0.05, 2.0), "channels": 0.5},
+        "bandwidth": {"lag": (0.02, 0.6), "channels": 0.5},
         "hysteresis": {"play": (1e-4, 3e-3), "channels": 0.5},
         "cross_talk": {"leak": (1e-4, 3e-3)},
-        "anti_aliasing": {"cutoff": (0.08, 0.4)},
+        "anti_aliasing": {"cutoff": (0.25, 0.49)},
         "bow": {"bow": (1e-4, 3e-3)},
     },
     "noise": {
@@ -44,9 +44,9 @@ VARIANTS = {
         "coarse": {"step": (1.0, 6.0)},
     },
     "sampling": {
-        "jitter": {"jitter": (0.02, 0.3)},
+        "jitter": {"jitter": (0.01, 0.15)},
         "skew": {"skew": (0.1, 1.0)},
-        "late": {"late": (0.05, 0.7)},
+        "late": {"late": (0.02, 0.4)},
         "clock": {"gain": (-0.7, 0.7)},
         "missed": {"missed": (3e-4, 1e-2)},
     },

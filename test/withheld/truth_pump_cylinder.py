@@ -64,7 +64,7 @@ VARIANTS = {
         "lugre": {"stiction": (0.1, 1.0), "winding": (4e-6, 4e-4)},
         "dahl": {"stiction": (0.1, 1.0), "winding": (4e-6, 4e-4), "shape": (1.2, 3.0)},
         "maxwell": {"stiction": (0.1, 1.0), "winding": (1e-5, 2e-4), "maxwell": 1.0},
-        "position": {"stroke_friction": (-0.4, 0.4)},
+        "position": {"stroke_friction": (-0.9, 0.9)},
         "temperature": {"warming": (-8e-3, -2e-4)},
     },
     "valve": {  # the pumps and their drives stand in its place
