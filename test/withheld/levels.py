@@ -6,6 +6,7 @@ For each variant: RMS of the model's own error over the datasheet's noise, in th
 the worst one, for each draw; and seconds of computing that 10 s of the truth take. Two runs of 10 s, seed 5.
 """
 import argparse
+import sys
 import time
 
 import numpy as np
@@ -46,4 +47,7 @@ def main():
 
 if __name__ == "__main__":
     generate.end_on_signals()
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit("\nstopped")
