@@ -13,7 +13,7 @@ def check_case(test, truth, sheet, part, duration, rows):
     try:
         with tempfile.TemporaryDirectory() as folder:
             generate.generate(folder, [part], 1, 7, 1, rig=sheet.rig)
-            test.assertEqual(sorted(os.listdir(folder)), ["data", "runs.json", "sealed"])
+            test.assertEqual(sorted(os.listdir(folder)), ["asked", "data", "sealed"])
             with open(os.path.join(folder, "data", "case_0001", "run_1.csv"), encoding="ascii") as stream:
                 test.assertEqual(stream.readline().strip(), ",".join(["t"] + sheet.channels))
                 test.assertEqual(len(stream.read().splitlines()), rows)

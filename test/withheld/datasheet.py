@@ -15,6 +15,25 @@ def _number(value):
     return float(value)
 
 
+def _branched(sheet):
+    """Entries named with {b} once for each branch, numbers given by branch as that branch's."""
+    branches = [str(b) for b in sheet.get("branches", [])]
+
+    def each(entry, name):
+        if "{b}" not in name:
+            return [(name, entry)]
+        one = lambda b: {k: v[b] if isinstance(v, dict) and b in v else v for k, v in entry.items()}
+        return [(name.replace("{b}", b), one(b)) for b in branches]
+
+    for part in ("channels", "parameters"):
+        sheet[part] = [dict(one, name=name) for entry in sheet[part] for name, one in each(entry, entry["name"])]
+    of = lambda entry: next((n for n, b in enumerate(branches) if entry["name"].startswith(b + "_")), -1)
+    if branches:  # all channels of one branch, then those of the next
+        sheet["channels"].sort(key=of)
+    sheet["ports"] = dict(pair for name, entry in sheet["ports"].items() for pair in each(entry, name))
+    return sheet
+
+
 class Datasheet:
     """Channels, parameters and ports of one rig, as plain dictionaries."""
 
@@ -24,6 +43,7 @@ class Datasheet:
             raise SystemExit(f"{self.path}: no such datasheet; run from a complete tree or set FAULTLINE_DATASHEET")
         with open(self.path, encoding="utf-8") as stream:
             sheet = yaml.safe_load(stream)
+        sheet = _branched(sheet)
         self.rig = rig
         self.sample_period = _number(sheet["sample_period"])
         self.channels = [c["name"] for c in sheet["channels"]]

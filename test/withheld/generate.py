@@ -1,10 +1,11 @@
 """Makes cases from a seed: two (or three) runs each as CSV, neutral names, labels in one sealed file.
 
     generate.py OUT --cases 20 [--rig RIG] [--part closed --part none ...] [--set development|test] [--jobs 2]
+    generate.py OUT --cases 20 --truth random [--classes friction,sensor | --without-classes friction] [--case 7]
 
 OUT/data/case_0001/run_1.csv ...   what a diagnosis may read
-OUT/runs.json                      per case: its CSV files and what must be taken out of the library (--without)
-OUT/sealed/labels.json             what only score.py opens
+OUT/asked/case_0001.json           its CSV files and what must be taken out of the library (--without)
+OUT/sealed/case_0001.json          what only score.py opens
 """
 import argparse
 import importlib
@@ -23,10 +24,12 @@ import numpy as np
 import oracle
 import signature
 import sizes
+import truth_classes
 import twins
 from datasheet import Datasheet
 
-RIGS = ["servo_actuator", "hydraulic_drive", "pump_cylinder", "control_valve"]  # those with a truth_RIG.py
+# those with a truth_RIG.py
+RIGS = ["servo_actuator", "hydraulic_drive", "pump_cylinder", "control_valve", "cooling_circuit"]
 PARTS = ["closed", "open", "none", "two"]
 SEEDS = {
     "development": 41000,
@@ -70,12 +73,25 @@ def draw_parameters(sheet, names, random, off):
     return parameters, moved
 
 
-class Case:
-    """Everything that is drawn for one case, and the runs that follow from it."""
+class World:
+    """What a random truth may be: classes on in any case, or (None) by chance but for `without`; runs, their length in
+    s and the noise's factor where these are not drawn."""
 
-    def __init__(self, sheet, seed, part, number):
+    def __init__(self, classes=None, without=(), runs=None, length=None, noise=None):
+        self.classes, self.without, self.runs, self.length, self.noise = classes, without, runs, length, noise
+
+    def settings(self):
+        return [self.classes, list(self.without), self.runs, self.length, self.noise]
+
+
+class Case:
+    """Everything that is drawn for one case, and the runs that follow from it. world: of a random truth; without one
+    the truth is the rig's own, in two runs."""
+
+    def __init__(self, sheet, seed, part, number, world=None):
         self.sheet, self.part = sheet, part
         self.rig = truth_of(sheet.rig)
+        self.runs, self.length, self.drawn, self.good, self.level = 2, self.rig.DURATION, None, False, 1.0
         draw = "closed" if part == "open" else part  # the open part uses the closed part's runs
         self.random = np.random.default_rng([seed, PARTS.index(draw), number])
         random = self.random
@@ -102,12 +118,65 @@ class Case:
         else:
             self.keys, wanted = [], None
         self.templates = {key: sizes.template(key, sheet.bounds[key], random) for key in self.keys}
+        if world:
+            self._draw_world(world, [seed, PARTS.index(draw), number])
         for fixed in self.templates.values():
             if "from" in fixed:  # drawn for runs of 20 s or more
-                fixed["from"] *= min(1.0, self.rig.DURATION / 20)
+                fixed["from"] *= min(1.0, self.length / 20)
         if wanted:
             low, high = SEVERITY[wanted]
             self.target = low * (high / low) ** random.random()
+
+    def _draw_world(self, world, seeds):
+        random = np.random.default_rng([*seeds, 17])
+        self.drawn = truth_classes.draw(self.rig, world.classes, world.without, seeds)
+        self.nuisance.update(truth_classes.nuisance(self.drawn))
+        low, high = truth_classes.LENGTH
+        self.length = low * (high / low) ** random.random()
+        self.runs = int(random.integers(1, truth_classes.MOST_RUNS + 1))
+        self.good = bool(random.random() < truth_classes.GOOD)
+        self.noise_scale = truth_classes.number(truth_classes.NOISE, random)
+        if world.noise:
+            self.good, self.noise_scale = False, world.noise
+        self.length = round(world.length or self.length, 1)
+        self.runs = world.runs or max(1, min(self.runs, int(self.rig.BUDGET / self.length)))
+        kinds = self.rig.excitation.KINDS
+        order = random.permutation(kinds).tolist()
+        self.kinds = [str(order[n % len(kinds)]) for n in range(self.runs)] + [str(random.choice(kinds))]
+        self.run_seeds = [int(s) for s in random.integers(0, 2**31, self.runs + 1)]
+        self.noise_name = "good" if self.good else "below 1" if self.noise_scale < 1 else "1-5"
+        if self.noise_scale >= 5 and not self.good:
+            self.noise_name = "above 5"
+        if self.good:
+            self.noise_scale = 1.0
+            gap = self.measure_level()[1]
+            self.quiet = np.clip(gap / truth_classes.GOOD_RATIO, truth_classes.QUIETEST, 1.0).tolist()
+            self.sheet = truth_classes.better(self.sheet, dict(zip(self.rig.OUTPUTS, self.quiet)))
+        else:
+            self.sheet = truth_classes.finer(self.sheet, self.noise_scale)
+
+    def short(self):
+        """Runs without effects, long enough to see what an effect does."""
+        least = 10 * self.rig.Truth.WINDOW * self.sheet.sample_period if self.drawn is not None else 0.0
+        duration = min(max(0.4 * self.length, least), max(self.length, least))
+        return [self.simulate(n, {}, duration) for n in range(min(2, self.runs))]
+
+    def measure_level(self):
+        """(runs for replays, RMS of the model's own error in each output, parameter signatures). The error: how wrong
+        the datasheet's model is about this truth after a refit, in units of the noise, and what its sensors add."""
+        outputs = self.short()
+        runs = self.replayable(outputs, 3)
+        columns = signature.parameter_signatures(runs)
+        quiet = dict.fromkeys(self.nuisance, 0.0)
+        quiet.update(self.rig.NO_NUISANCE)
+        quiet.update(self.rig.Truth.QUIET)
+        parts = np.concatenate([run.signature(nuisance=quiet) for run in runs])
+        prior = [1.0] * len(columns)
+        left = signature.explained(parts.ravel(), list(columns.values()), prior, runs[0].repetition())[1]
+        physics = np.mean(left.reshape(parts.shape) ** 2, axis=0)
+        added = np.mean([o["added"] ** 2 for o in outputs], axis=0)
+        self.level = np.sqrt(1 + physics + added)
+        return runs, np.sqrt(physics + added), columns
 
     def simulate(self, index, effects, duration=None):
         random = np.random.default_rng(self.run_seeds[index])
@@ -115,7 +184,12 @@ class Case:
         control = excitation.controller(self.sheet, self.kinds[index], random)
         supply, load = excitation.supply(self.sheet, random), excitation.load(self.sheet, random)
         truth = self.rig.Truth(self.sheet, self.parameters, effects, self.nuisance, supply, load)
-        return truth.run(duration or self.rig.DURATION, control, self.noise_scale, self.run_seeds[index] + 1)
+        output = truth.run(duration or self.length, control, self.noise_scale, self.run_seeds[index] + 1)
+        if self.drawn is not None:
+            output["added"] = truth_classes.record(
+                output, self.sheet, self.noise_scale, self.drawn, self.run_seeds[index] + 2
+            )
+        return output
 
     def replayable(self, outputs, count=signature.COUNT):
         return [
@@ -126,10 +200,14 @@ class Case:
     def choose_sizes(self):
         """Knob of each effect so that it alone lifts the residual (after a refit within tolerance) to the target."""
         knobs = {}
+        if self.drawn is not None:
+            runs, _, columns = self.measure_level()
         if not self.keys:
             return knobs
-        runs = self.replayable([self.simulate(n, {}, 0.4 * self.rig.DURATION) for n in range(2)], 3)
-        columns = list(signature.parameter_signatures(runs).values())
+        if self.drawn is None:
+            runs = self.replayable(self.short(), 3)
+            columns = signature.parameter_signatures(runs)
+        columns = list(columns.values())
         prior = [1.0] * len(columns)
 
         def lift(key, q):
@@ -138,7 +216,7 @@ class Case:
             ]
             whole = np.concatenate(parts)
             _, left, _ = signature.explained(whole.ravel(), columns, prior, runs[0].repetition())
-            return math.sqrt(1 + np.max(np.mean(left.reshape(whole.shape) ** 2, axis=0)))
+            return math.sqrt(1 + np.max(np.mean(left.reshape(whole.shape) ** 2, axis=0) / self.level**2))
 
         for key in self.keys:
             if key.startswith("stuck"):
@@ -164,7 +242,7 @@ class Case:
         for attempt in range(3):
             effects = {k: sizes.value(k, self.sheet.bounds[k], self.templates[k], q) for k, q in knobs.items()}
             try:
-                outputs = [self.simulate(n, effects) for n in range(3 if third else 2)]
+                outputs = [self.simulate(n, effects) for n in range(self.runs + bool(third))]
             except RuntimeError:  # the control loop broke up under so strong an effect
                 if attempt == 2:
                     raise
@@ -173,7 +251,7 @@ class Case:
             if not effects:
                 facts = None
                 break
-            facts = oracle.examine(self.replayable(outputs[:2]), effects, self.sheet, self.random)
+            facts = oracle.examine(self.replayable(outputs[: self.runs]), effects, self.sheet, self.random, self.level)
             if facts["lift_after_refit"] >= 1.2 or min(knobs.values()) >= 1:
                 break
             knobs = {k: min(1.0, q + 0.12) for k, q in knobs.items()}
@@ -187,7 +265,21 @@ class Case:
             "noise_scale": self.noise_scale,
             "excitations": self.kinds[: len(outputs)],
             "nuisance": self.nuisance,
+            "runs": self.runs,
         }
+        if self.drawn is not None:
+            label.update(
+                {
+                    "classes": {name: entry["variant"] for name, entry in self.drawn.items()},
+                    "drawn": self.drawn,
+                    "length": self.length,
+                    "good": self.quiet if self.good else False,
+                    "level": dict(zip(self.rig.OUTPUTS, np.asarray(self.level).tolist())),
+                }
+            )
+            if facts:
+                size = np.mean([np.sum(o["added"] ** 2) * len(o["t"]) for o in outputs[: self.runs]])
+                facts["chi2_nuisance"] += float(size * self.runs)
         if facts:
             structure, alone = oracle.identifiable(facts)
             label.update(
@@ -214,19 +306,29 @@ def write_csv(path, output, channels):
         stream.write("\n")
 
 
+def _written(path, content):
+    """JSON, whole or not at all, also where several processes write the same."""
+    new = f"{path}.{os.getpid()}"
+    with open(new, "w", encoding="utf-8") as stream:
+        json.dump(content, stream, indent=1, default=float)
+    os.replace(new, path)
+
+
 def _one(task):
-    out, rig, seed, part, number, name, third, path, exact_inputs = task
+    out, rig, seed, part, number, name, third, path, exact_inputs, world = task
     sheet = datasheet_of(rig, path)
     if exact_inputs:
         sheet.noise.update((c, 0.0) for c in sheet.channels if sheet.role[c] == "input")
     began = time.perf_counter()
     folder = os.path.join(out, "data", name)
-    outputs, label = Case(sheet, seed, part, number).make(third)
+    outputs, label = Case(sheet, seed, part, number, world).make(third)
     os.makedirs(folder, exist_ok=True)
     for n, output in enumerate(outputs):
-        write_csv(os.path.join(folder, f"run_{n + 1}.csv"), output, sheet.channels)
-    label["seed"], label["number"] = seed, number
-    return name, label, time.perf_counter() - began
+        target = os.path.join(folder, f"run_{n + 1}.csv")
+        write_csv(f"{target}.{os.getpid()}", output, sheet.channels)
+        os.replace(f"{target}.{os.getpid()}", target)
+    label["seed"], label["number"], label["seconds"] = seed, number, time.perf_counter() - began
+    _written(os.path.join(out, "sealed", name + ".json"), label)
 
 
 def quiet_worker():
@@ -266,37 +368,61 @@ def plan(parts, cases, seed):
     return {item: f"case_{order[i] + 1:04d}" for i, item in enumerate(items)}
 
 
-def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0], exact_inputs=False, first=None):
-    """Makes the cases that are not there yet; returns the sealed labels' path."""
+def _settings(out, settings):
+    """A folder holds cases of one kind."""
+    path = os.path.join(out, "sealed", "settings.json")
+    if not os.path.exists(path):
+        _written(path, settings)
+    with open(path, encoding="utf-8") as stream:
+        before = json.load(stream)
+    if before != json.loads(json.dumps(settings)):
+        raise SystemExit(f"{out}: holds cases of other settings {before}; give another folder")
+
+
+def read(path):
+    with open(path, encoding="utf-8") as stream:
+        return json.load(stream)
+
+
+def generate(
+    out,
+    parts,
+    cases,
+    seed,
+    jobs,
+    third=False,
+    path=None,
+    rig=RIGS[0],
+    exact_inputs=False,
+    first=None,
+    world=None,
+    only=None,
+):
+    """Makes the cases that are not there yet; returns what may be asked about each. only: this case alone."""
     names = plan(parts, cases, seed)
-    sealed = os.path.join(out, "sealed")
-    os.makedirs(sealed, exist_ok=True)
-    label_path = os.path.join(sealed, "labels.json")
-    made = {"settings": [rig, list(parts), cases, seed, third, exact_inputs], "cases": {}, "seconds": {}}
-    if os.path.exists(label_path):
-        with open(label_path, encoding="utf-8") as stream:
-            before = json.load(stream)
-        if before["settings"] != made["settings"]:
-            raise SystemExit(f"{out}: holds cases of other settings {before['settings']}; give another folder")
-        made = before
-    home = {}  # open case -> name of the folder it shares with the closed case
-    tasks = []
+    if only is not None and not 1 <= only <= len(names):
+        raise SystemExit(f"--case {only}: these settings have cases 1 to {len(names)}")
+    for folder in ("sealed", "asked"):
+        os.makedirs(os.path.join(out, folder), exist_ok=True)
+    _settings(out, [rig, list(parts), cases, seed, third, exact_inputs, world.settings() if world else None])
     asked = sorted(names, key=names.get)[:first]  # names are shuffled over the parts
-    for (part, number), name in names.items():
-        if part == "open" and ("closed", number) in names:
-            home[name] = names[("closed", number)]
-        elif name not in made["cases"] and ((part, number) in asked or ("open", number) in asked and part == "closed"):
-            tasks.append((out, rig, seed, part, number, name, third, path, exact_inputs))
-    began, done = time.perf_counter(), 0
+    if only is not None:
+        asked = [item for item in names if names[item] == f"case_{only:04d}"]
+    needed = {}  # name of the runs' folder -> part and number; an open case shares the closed one's
+    for part, number in asked:
+        home = ("closed", number) if part == "open" and ("closed", number) in names else (part, number)
+        needed[names[home]] = home
+    label = lambda name: os.path.join(out, "sealed", name + ".json")
+    tasks = [
+        (out, rig, seed, *item, name, third, path, exact_inputs, world)
+        for name, item in needed.items()
+        if not os.path.exists(label(name))
+    ]
+    began = time.perf_counter()
     bar(0, len(tasks), began, "cases  ")
-    pool = multiprocessing.Pool(jobs, quiet_worker)
+    pool = multiprocessing.Pool(min(jobs, max(len(tasks), 1)), quiet_worker)
     try:
-        for name, label, seconds in pool.imap_unordered(_one, tasks):
-            made["cases"][name], made["seconds"][name] = label, seconds
-            done += 1
-            with open(label_path + ".new", "w", encoding="utf-8") as stream:
-                json.dump(made, stream, indent=1, default=float)
-            os.replace(label_path + ".new", label_path)
+        for done, _ in enumerate(pool.imap_unordered(_one, tasks), 1):
             bar(done, len(tasks), began, "cases  ")
         pool.close()
     except BaseException:
@@ -307,29 +433,24 @@ def generate(out, parts, cases, seed, jobs, third=False, path=None, rig=RIGS[0],
     sheet = datasheet_of(rig, path)
     manifest = []
     for part, number in asked:
-        name = names[(part, number)]
-        if name in home:
-            made["cases"][name] = dict(made["cases"][home[name]], part="open")
-        without = []
+        name, without = names[(part, number)], []
+        home = name
         if part == "open":
-            key = next(iter(made["cases"][name]["effects"]))
-            without = twins.withheld(key, sheet.bounds)
-            made["cases"][name]["withheld"] = without
-        folder = os.path.join("data", home.get(name, name))
-        manifest.append(
-            {
-                "case": name,
-                "runs": [os.path.join(folder, f"run_{n}.csv") for n in (1, 2)],
-                "third": os.path.join(folder, "run_3.csv") if third else None,
-                "without": without,
-            }
-        )
-    with open(label_path, "w", encoding="utf-8") as stream:
-        json.dump(made, stream, indent=1, default=float)
-    manifest.sort(key=lambda entry: entry["case"])
-    with open(os.path.join(out, "runs.json"), "w", encoding="utf-8") as stream:
-        json.dump(manifest, stream, indent=1)
-    return label_path
+            home = names.get(("closed", number), name)
+            sealed = dict(read(label(home)), part="open")
+            sealed["withheld"] = without = twins.withheld(next(iter(sealed["effects"])), sheet.bounds)
+            _written(label(name), sealed)
+        folder = os.path.join("data", home)
+        runs = read(label(home))["runs"]
+        entry = {
+            "case": name,
+            "runs": [os.path.join(folder, f"run_{n + 1}.csv") for n in range(runs)],
+            "third": os.path.join(folder, f"run_{runs + 1}.csv") if third else None,
+            "without": without,
+        }
+        _written(os.path.join(out, "asked", name + ".json"), entry)
+        manifest.append(entry)
+    return sorted(manifest, key=lambda entry: entry["case"])
 
 
 def add_arguments(parser):
@@ -349,14 +470,65 @@ def add_arguments(parser):
     )
 
 
+    parser.add_argument("--case", type=int, metavar="N", help="case N alone: one command a case, for many machines")
+    parser.add_argument("--truth", choices=["plain", "random"], default="plain", help="random: drawn from classes")
+    parser.add_argument("--classes", type=class_list, help="random truth: these classes, in every case")
+    parser.add_argument(
+        "--without-classes", type=class_list, default=[], help="random truth: all but these, each by chance"
+    )
+    parser.add_argument("--runs", type=int, help="random truth: so many runs in every case (default: one to five)")
+    parser.add_argument("--length", type=float, help="random truth: seconds of every run (default: 8 to 60)")
+    parser.add_argument("--noise", type=float, help="random truth: factor on its noise (default: 0.2 to 20)")
+
+
+def class_list(text):
+    names = [name for name in text.split(",") if name and name != "none"]
+    unknown = sorted(set(names) - set(truth_classes.CLASSES))
+    if unknown:
+        raise argparse.ArgumentTypeError(f"no class {', '.join(unknown)}; known: {', '.join(truth_classes.CLASSES)}")
+    return names
+
+
+def from_arguments(given):
+    """Cases as the command line asks for them."""
+    world = None
+    pinned = [given.classes, given.without_classes, given.runs, given.length, given.noise]
+    if given.truth == "random":
+        if given.classes is not None and given.without_classes:
+            raise SystemExit("--classes and --without-classes: give one of them")
+        if given.runs is not None and not 1 <= given.runs <= truth_classes.MOST_RUNS:
+            raise SystemExit(f"--runs must be 1 to {truth_classes.MOST_RUNS}")
+        if given.length is not None and not 4.0 <= given.length <= 120.0:
+            raise SystemExit("--length must be 4 to 120 s")
+        if given.noise is not None and not 0.0 < given.noise <= 100.0:
+            raise SystemExit("--noise must be above 0 and at most 100")
+        world = World(*pinned)
+    elif any(value not in (None, []) for value in pinned):
+        raise SystemExit("--classes, --without-classes, --runs, --length and --noise need --truth random")
+    return generate(
+        given.out,
+        given.part or PARTS,
+        given.cases,
+        seed_of(given),
+        given.jobs,
+        given.third,
+        rig=given.rig,
+        exact_inputs=given.exact_inputs,
+        first=given.first,
+        world=world,
+        only=given.case,
+    )
+
+
+def seed_of(given):
+    return given.seed if given.seed is not None else SEEDS[given.set]
+
+
 if __name__ == "__main__":
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_arguments(reader)
-    given = reader.parse_args()
     end_on_signals()
     try:
-        seed = given.seed or SEEDS[given.set]
-        more = {"rig": given.rig, "exact_inputs": given.exact_inputs, "first": given.first}
-        generate(given.out, given.part or PARTS, given.cases, seed, given.jobs, given.third, **more)
+        from_arguments(reader.parse_args())
     except KeyboardInterrupt:
         sys.exit("\nstopped; run the same command again to go on")

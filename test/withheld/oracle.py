@@ -48,8 +48,9 @@ def refit(runs, target, columns, effect=None, steps=5, enough=np.inf):
     return best, best_left
 
 
-def examine(runs, effects, sheet, random):
-    """Facts for the label: lift, lift left after the refit, chi^2 left by parameters alone and by each rival."""
+def examine(runs, effects, sheet, random, level=1.0):
+    """Facts for the label: lift, lift left after the refit, chi^2 left by parameters alone and by each rival. level: of
+    the model's own error in each output, over the noise, above which the effect must lift the residual."""
     raw = [run.signature(effects) for run in runs]
     target = np.concatenate(raw).ravel()
     columns = signature.parameter_signatures(runs)
@@ -59,7 +60,8 @@ def examine(runs, effects, sheet, random):
         off = twins.twin_tolerances(key, values, runs[0].parameters, sheet.tolerance)
         if off <= 3 and off**2 < alone:
             alone, left = off**2, np.zeros_like(left)
-    after = float(np.sqrt(1 + np.max(np.mean(left.reshape(-1, raw[0].shape[1]) ** 2, axis=0))))
+    share = np.mean(left.reshape(-1, raw[0].shape[1]) ** 2, axis=0) / np.square(level)
+    after = float(np.sqrt(1 + np.max(share)))
     quiet = dict.fromkeys(runs[0].nuisance, 0.0)
     quiet.update(runs[0].truth.QUIET)
     nuisance = np.concatenate([run.signature(effects={}, nuisance=quiet) for run in runs]).ravel()

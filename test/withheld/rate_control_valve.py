@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 import dormand_prince
+from friction_laws import SPREAD, wound
 from signal_paths import soft_deadband
 
 GAMMA = 1.4
@@ -32,9 +33,10 @@ DIAPHRAGM = (0.03, 0.07)  # of the stroke, over which each element turns over
 SUPPLY_TIME = 5e-3  # s, of the volume behind the regulator
 SHAFT_DRAG = 0.05  # N m s
 PSI_LAST = math.sqrt(3.5 * 0.996 ** (10 / 7) * (1 - 0.996 ** (2 / 7)))
-STATES = 15
+STATES = 17  # FAST, SLOW: two more bristles of the piston's, in a Maxwell body
 TONES = 4
-X_F, P_P, SPOOL, SPOOL_Z, P_C, X, V, PISTON_Z, SEAL_1, SEAL_2, DROP, HYST_1, HYST_2, SHAFT, SHAFT_W = range(STATES)
+X_F, P_P, SPOOL, SPOOL_Z, P_C, X, V, PISTON_Z, SEAL_1, SEAL_2, DROP, HYST_1, HYST_2 = range(13)
+SHAFT, SHAFT_W, FAST, SLOW = range(13, STATES)
 
 CONSTANTS = np.dtype(
     [
@@ -50,6 +52,7 @@ CONSTANTS = np.dtype(
             " spool_friction spool_shift spool_stiffness diaphragm_width more_coulomb more_viscous excess stribeck"
             " piston_shift piston_stiffness valve_friction valve_by_load supply_offset droop joint joint_stiffness"
             " joint_damping gap ripple supply_level air_level gas_constant size"
+            " piston_winding shape stroke_friction heat_friction null_area underlap hum hum_w gamma"
         ).split()
     ]
     + [(name, np.float64, (TONES,)) for name in ("supply_a", "supply_w", "supply_p", "air_a", "air_w", "air_p")]
@@ -196,6 +199,8 @@ def rate(t, y, c, inputs, dy):
     drive, given, since = inputs
     supply, air = surroundings(t, c, given, since)
     supply += c.supply_offset - y[DROP]
+    if c.hum > 0:
+        supply += c.hum * math.sin(c.hum_w * t)
     u = drive[0]
     if drive[2] > 0:
         u += (drive[1] - drive[0]) * math.exp(-(t - drive[3]) / drive[2])
@@ -227,7 +232,7 @@ def rate(t, y, c, inputs, dy):
     ring = c.nozzle_cd_factor * table(_GAP_CD, gap, 35e-6) * (1 - c.nozzle_clog) * math.pi * c.nozzle_inner_diameter
     into -= blown(ring * gap + LEAK * c.prestage_leak, pp, AMBIENT, air, gas)
     stored = gas * air * into - pp * c.prestage_area * slide
-    dy[P_P] = GAMMA / (c.prestage_volume + c.prestage_area * y[SPOOL]) * stored
+    dy[P_P] = c.gamma / (c.prestage_volume + c.prestage_area * y[SPOOL]) * stored
 
     s = y[SPOOL] / c.spool_stroke
     open_by = soft_deadband(s - 0.5, c.overlap) if c.overlap > 0 else s - 0.5
@@ -236,11 +241,14 @@ def rate(t, y, c, inputs, dy):
         filled = blown(c.fill_cd_factor * fill_cd(s, pc / ps) * port, ps, pc, air, gas)
     else:
         filled = -blown(c.exhaust_cd_factor * exhaust_cd(s, y[P_C]) * port, pc, AMBIENT, air, gas)
+    if c.null_area > 0 or c.underlap > 0:  # both lands pass a little; over an underlap much
+        both = c.port_area * (c.null_area + max(0.0, c.underlap - 2 * abs(s - 0.5)))
+        filled += blown(0.5 * both, ps, pc, air, gas) - blown(0.5 * both, pc, AMBIENT, air, gas)
     dy[DROP] = (c.droop * max(0.0, filled) - y[DROP]) / SUPPLY_TIME if c.droop > 0 else 0.0
     net = filled - blown(LEAK * c.cylinder_leak, pc, AMBIENT, air, gas) if c.cylinder_leak > 0 else filled
     x, v = y[X], y[V]
     stored = gas * air * net - pc * c.cylinder_area * v
-    dy[P_C] = GAMMA * c.compliance / (c.dead_volume + c.cylinder_area * x) * stored
+    dy[P_C] = c.gamma * c.compliance / (c.dead_volume + c.cylinder_area * x) * stored
 
     turn = turning(x)
     mass = PISTON_MASS
@@ -255,13 +263,21 @@ def rate(t, y, c, inputs, dy):
         dy[SHAFT], dy[SHAFT_W] = 0.0, 0.0
     up, down = c.coulomb_pos_factor * table(_UP, x, STROKE / 4), c.coulomb_neg_factor * table(_DOWN, x, STROKE / 4)
     z = y[PISTON_Z]
-    dy[PISTON_Z] = bristle(v, z, PISTON_WINDING)
+    dy[PISTON_Z] = wound(v, z, c.piston_winding, 0.0, c.shape)
+    dz, dy[FAST], dy[SLOW] = dy[PISTON_Z], 0.0, 0.0
+    if c.shape == 0.0:
+        dy[FAST] = wound(v, y[FAST], c.piston_winding * SPREAD[0], 0.0, 0.0)
+        dy[SLOW] = wound(v, y[SLOW], c.piston_winding * SPREAD[2], 0.0, 0.0)
+        z, dz = (z + y[FAST] + y[SLOW]) / 3, (dz + dy[FAST] + dy[SLOW]) / 3
+    if c.stroke_friction != 0.0 or c.heat_friction != 0.0:
+        more = (1 + c.stroke_friction * math.sin(160.0 * x)) * max(0.2, 1 + c.heat_friction * (air - REFERENCE))
+        up, down = up * more, down * more
     level = (up if z > 0 else down) + c.more_coulomb
     if c.excess > 0:
         r = 1.0586 * v / c.stribeck
         level += c.excess / math.cosh(r) ** 2 if -20 < r < 20 else 0.0
     thrust = c.cylinder_area * y[P_C] - c.spring_rate * (x + c.spring_pretension) - torque * turn
-    thrust -= (c.actuator_viscous + c.more_viscous) * v + level * (z + BRISTLE_TIME * dy[PISTON_Z])
+    thrust -= (c.actuator_viscous + c.more_viscous) * v + level * (z + BRISTLE_TIME * dz)
     thrust -= c.piston_shift + c.piston_stiffness * (x - STROKE / 2)
     if x < 0:
         thrust -= STOP[0] * x + STOP[1] * min(v, 0.0)

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 import dormand_prince
+from friction_laws import SPREAD, wound
 
 ORIFICE_LAMINAR = 8.0e3  # Pa
 AMBIENT = 101325.0
@@ -19,12 +20,12 @@ POLYTROPIC = 1.1
 PUMP_RESISTANCE = 5.0e8  # Pa s/m^3, of the power unit
 PUMP_TIME = 0.05  # s
 LOAD_TIME = 0.03  # s, of each of the load valve's three lags
-WINDING = 2.0e-3  # rad, over which bristles take up the friction
+WINDING = 2.0e-3  # rad, over which bristles take up the friction, unless a random truth's are softer or stiffer
 BRISTLE_TIME = 1.0e-3  # s, of their damping
 RELAXATION = 2.0e-4  # s, no faster than which they turn over
 PISTONS = 9
-STATES = 10  # x1, X_s, P_m, S_s, angle, bristle, P_s, three lags of P_p; then what effects add
-MOST_STATES = 14
+STATES = 12  # x1, X_s, P_m, S_s, angle, bristle, P_s, three lags of P_p, two more bristles; then what effects add
+MOST_STATES = 16
 TONES = 5
 
 CONSTANTS = np.dtype(
@@ -34,7 +35,8 @@ CONSTANTS = np.dtype(
             "t1 t2 gain k0 c_r volume bulk leak eta_m eta_p inertia viscous warming seal pulsation coulomb more_viscous"
             " excess stribeck by_load push mass laminar orifice clogging exponent air droop ripple ripple_w viscosity"
             " motor pump displacement has_spring spring_k spring_d spring_at has_line inertance line_at friction"
-            " supply_level load_set size"
+            " supply_level load_set size dry winding shape turn null_opening overlap damping hum hum_w line"
+            " stiffening"
         ).split()
     ]
     + [(name, np.float64, (TONES,)) for name in ("supply_a", "supply_w", "supply_p", "load_a", "load_w", "load_p")]
@@ -92,14 +94,19 @@ def rate(t, y, c, inputs, dy):
     at_valve = y[line] if has_line else pm
     turning = y[spring] if has_spring else speed  # of the motor end
 
+    if c.overlap > 0 or c.null_opening > 0:  # lands that open late, or never quite shut
+        xs -= c.overlap * math.tanh(xs / (c.overlap + 1e-9))
+        xs += c.null_opening / (1 + (xs / (4 * c.null_opening + 1e-9)) ** 2)
     opening = c.k0 * (1 - c.clogging) * xs
     if c.exponent != 1.0:
         opening *= ((xs * xs + 1e-14) / 4e-8) ** (0.5 * (c.exponent - 1))
     hose = ps + c.ripple * math.sin(c.ripple_w * t)
+    if c.hum > 0:
+        hose += c.hum * math.sin(c.hum_w * t)
     if opening >= 0:
-        q = supplied(opening, hose - at_valve, c.droop)
+        q = supplied(opening, hose - at_valve, c.droop + c.line)
     else:
-        q = -supplied(-opening, hose + at_valve, c.droop)
+        q = -supplied(-opening, hose + at_valve, c.droop + c.line)
     displacement = c.c_r * c.displacement
     thin = 1 + c.warming * t
     taken = displacement * turning * (1 + c.pulsation * math.sin(PISTONS * y[4]))
@@ -107,7 +114,13 @@ def rate(t, y, c, inputs, dy):
     if c.orifice > 0:
         taken += c.orifice * root(pm)
     stiff = c.bulk if c.air == 0 else bulk_with_air(c.bulk, c.air, pm)
-    dy[0], dy[1] = (c.gain * u - x1) / c.t1, (x1 - xs) / c.t2
+    if c.stiffening != 0.0:  # hoses: softer at low pressure
+        stiff *= min(max(1 + c.stiffening * (pm / 5e6 - 1), 0.3), 2.0)
+    dy[0], dy[1] = (c.gain * u - x1) / c.t1, (x1 - y[1]) / c.t2
+    if c.damping > 0:  # a pair of complex poles that is as late; x1 is the spool and its speed times that
+        late, four = c.t1 + c.t2, 4 * c.damping * c.damping
+        dy[1] = (x1 - y[1]) / late
+        dy[0] = (1 - four) * dy[1] + four / late * (c.gain * u - y[1])
     if has_line:
         stiff_v = c.bulk if c.air == 0 else bulk_with_air(c.bulk, c.air, at_valve)
         dy[2] = 2 * stiff / c.volume * (y[line + 1] - taken)
@@ -119,14 +132,19 @@ def rate(t, y, c, inputs, dy):
     load = displacement / c.eta_p * c.pump * pp + c.push
     viscous = c.viscous * c.viscosity * thin
     torque = displacement * c.eta_m * c.motor * pm - c.more_viscous * turning - c.seal * math.tanh(turning / 0.5)
-    dy[5] = 0.0
+    dy[5] = dy[10] = dy[11] = 0.0
     if c.friction > 0:
-        level = c.coulomb + c.by_load * math.sqrt(pm * pm + 1e8)
+        level = c.coulomb + c.dry * (1 + c.turn * math.sin(y[4])) + c.by_load * math.sqrt(pm * pm + 1e8)
         r = 1.0586 * turning / c.stribeck
         if -20 < r < 20:
             level += c.excess / math.cosh(r) ** 2
-        dy[5] = (turning - abs(turning) * y[5]) / (WINDING + RELAXATION * abs(turning))
-        torque -= level * (y[5] + BRISTLE_TIME * dy[5])
+        dy[5] = wound(turning, y[5], c.winding, RELAXATION, c.shape)
+        if c.shape == 0.0:  # a Maxwell body's three elements
+            dy[10] = wound(turning, y[10], c.winding * SPREAD[0], RELAXATION, 0.0)
+            dy[11] = wound(turning, y[11], c.winding * SPREAD[2], RELAXATION, 0.0)
+            torque -= level / 3 * (y[5] + y[10] + y[11] + BRISTLE_TIME * (dy[5] + dy[10] + dy[11]))
+        else:
+            torque -= level * (y[5] + BRISTLE_TIME * dy[5])
     if has_spring:
         twisted = c.spring_k * y[spring + 1] + c.spring_d * (turning - speed)
         dy[spring] = (torque - 0.5 * viscous * turning - twisted) / (0.5 * c.inertia + c.mass)

@@ -9,13 +9,14 @@ import numpy as np
 from numba import njit
 
 import dormand_prince
+from friction_laws import SPREAD, wound
 
 ORIFICE_LAMINAR = 6.0e3  # Pa
 AMBIENT = 101325.0
 POLYTROPIC = 1.1
 LOWEST = -9.0e4  # Pa gauge: below, air comes in
 ROUNDING = 2.0e4  # Pa, of a relief valve's corner
-WINDING = 2.0e-5  # m, over which bristles take up friction
+WINDING = 2.0e-5  # m, over which bristles take up friction, unless a random truth's are softer or stiffer
 BRISTLE_TIME = 5.0e-4  # s, of their damping
 RELAXATION = 2.0e-4  # s, no faster than which they turn over
 ROD_SHARE = 0.7 / 12.3  # of the moving mass
@@ -24,8 +25,8 @@ CONTACT_DAMPING = 1.5e3  # N s/m
 STROKE = 0.05  # m
 LINE_DAMPING = 50.0  # 1/s
 PISTONS = 9
-X, V, PA, PB, ANGLE1, ANGLE2, BRISTLE, ROD_X, ROD_V, LINE_A, COLUMN_A, LINE_B, COLUMN_B = range(13)
-STATES = 13
+X, V, PA, PB, ANGLE1, ANGLE2, BRISTLE, ROD_X, ROD_V, LINE_A, COLUMN_A, LINE_B, COLUMN_B, FAST, SLOW = range(15)
+STATES = 15  # FAST, SLOW: two more bristles of a Maxwell body
 
 CONSTANTS = np.dtype(
     [
@@ -35,7 +36,8 @@ CONSTANTS = np.dtype(
             " weight width line_a_volume line_b_volume stiction warming pulsation mismatch more_coulomb more_viscous"
             " excess stribeck asymmetry by_load push spring added end_x end_k lam_2ab orf_2ab spd_2ab lam_2a lam_2b"
             " orf_2b crack relief lam_1a orf_1a spd_1a lam_ab orf_ab air_a air_b factor_a factor_b inertance_a"
-            " inertance_b gap ripple order viscosity"
+            " inertance_b gap ripple order viscosity winding shape stroke_friction slip"
+            " hum stiffening"
         ).split()
     ]
 )
@@ -85,6 +87,11 @@ def rate(t, y, c, drive, dy):
     d1 = c.displacement * (1 - c.mismatch) * w1 * (1 + c.pulsation * math.sin(PISTONS * y[ANGLE1]))
     d2 = c.displacement * (1 + c.mismatch) * w2 * (1 + c.pulsation * math.sin(PISTONS * y[ANGLE2] + 1.0))
     d2 += c.displacement * w2 * c.ripple * math.sin(c.order * y[ANGLE2])
+    if c.slip != 0.0:  # what a pump loses grows with its speed too
+        d1, d2 = d1 * (1 - c.slip * abs(w1) / 50), d2 * (1 - c.slip * abs(w2) / 50)
+    if c.hum > 0:  # once a turn: a shaft out of true
+        d1 *= 1 + c.hum * math.sin(y[ANGLE1])
+        d2 *= 1 + c.hum * math.sin(y[ANGLE2] + 1.0)
     across = (c.internal / thick + c.lam_2ab + c.spd_2ab * abs(w2)) * (at_a - at_b) + c.orf_2ab * root(at_a - at_b)
     q_a = d1 + d2 - across - ((c.internal + 2 * c.external_a) / thick + c.lam_2a + c.lam_1a) * at_a
     q_a -= c.orf_1a * root(at_a) + c.spd_1a * abs(w1) * at_a
@@ -96,6 +103,9 @@ def rate(t, y, c, drive, dy):
     past = c.lam_ab * (pa - pb) + c.orf_ab * root(pa - pb)
     beta_a = modulus(pa, c.c1, c.c2, c.air_a, c.factor_a)
     beta_b = modulus(pb, c.c1, c.c2, c.air_b, c.factor_b)
+    if c.stiffening != 0.0:  # hoses
+        beta_a *= min(max(1 + c.stiffening * (pa / 4e6 - 1), 0.3), 2.0)
+        beta_b *= min(max(1 + c.stiffening * (pb / 4e6 - 1), 0.3), 2.0)
     volume_a, volume_b = c.volume_a + c.area_a * xr, c.volume_b - c.area_b * xr
     if has_a:
         volume_a -= c.line_a_volume
@@ -127,11 +137,20 @@ def rate(t, y, c, drive, dy):
         r = 1.0586 * vr / c.stribeck
         if -20 < r < 20:
             level += c.excess / math.cosh(r) ** 2
-    dy[BRISTLE] = 0.0
+    dy[BRISTLE] = dy[FAST] = dy[SLOW] = 0.0
+    if c.stroke_friction != 0.0:
+        level *= 1 + c.stroke_friction * math.sin(80.0 * x)
+        smooth *= 1 + c.stroke_friction * math.sin(80.0 * x)
     force = c.area_a * pa - c.area_b * pb - c.more_viscous * vr - c.push - c.spring * x
     if level > 0:
-        dy[BRISTLE] = (vr - abs(vr) * y[BRISTLE]) / (WINDING + RELAXATION * abs(vr))
-        force -= level * (y[BRISTLE] + BRISTLE_TIME * dy[BRISTLE])
+        dy[BRISTLE] = wound(vr, y[BRISTLE], c.winding, RELAXATION, c.shape)
+        if c.shape == 0.0:
+            dy[FAST] = wound(vr, y[FAST], c.winding * SPREAD[0], RELAXATION, 0.0)
+            dy[SLOW] = wound(vr, y[SLOW], c.winding * SPREAD[2], RELAXATION, 0.0)
+            held = y[BRISTLE] + y[FAST] + y[SLOW] + BRISTLE_TIME * (dy[BRISTLE] + dy[FAST] + dy[SLOW])
+            force -= level / 3 * held
+        else:
+            force -= level * (y[BRISTLE] + BRISTLE_TIME * dy[BRISTLE])
     if c.asymmetry != 0.0:
         force -= 0.5 * c.asymmetry * math.tanh(vr / 2e-3) ** 2
     if c.end_k > 0 and x > c.end_x:

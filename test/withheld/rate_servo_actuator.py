@@ -11,6 +11,7 @@ from numba import carray, cfunc, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from friction_laws import SPREAD, wound
 from signal_paths import soft_deadband
 
 ORIFICE_LAMINAR = 600.0  # Pa
@@ -19,7 +20,7 @@ POLYTROPIC = 1.1
 PUMP_RESISTANCE = 5.0e8  # Pa s/m^3, seen by the supply transducer
 PUMP_TIME = 0.05  # s
 BRISTLE_DAMPING = 5.0e3  # N s/m
-MOST_STATES = 14
+MOST_STATES = 17
 
 CONSTANTS = np.dtype(
     [
@@ -29,7 +30,8 @@ CONSTANTS = np.dtype(
             " stop_k stop_d bristle stroke_friction warming more_coulomb more_viscous more_excess more_velocity"
             " asymmetry by_load push spring end_x end_k leak_ab laminar_ab leak_a leak_b air exponent overlap droop"
             " ripple ripple_w supply_offset has_rod has_line rod_index line_index inertance share_f gap rod_k rod_d"
-            " supply_level load_level extra_friction any_leak"
+            " supply_level load_level extra_friction any_leak shape maxwell maxwell_index second_order spool_damping"
+            " spool_index lap rounding uneven pulsation pulsation_w line stiffening"
         ).split()
     ]
     + [(name, np.float64, (3,)) for name in ("supply_a", "supply_w", "supply_p", "load_a", "load_w", "load_p")]
@@ -66,6 +68,20 @@ def bulk_with_air(bulk, air, p):
 
 
 @njit
+def land(opening, rounding):
+    """How far a land is open; never quite shut."""
+    s = opening / rounding
+    return opening if s > 40 else rounding * math.log1p(math.exp(s)) if s > -40 else 0.0
+
+
+@njit
+def winding(v, z, stiffness, level, shape):
+    """Rate of an element's winding z (m) that slips at a force."""
+    reach = level / stiffness
+    return reach * wound(v, z / reach, reach, 0.0, shape)
+
+
+@njit
 def rate(t, y, c, drive, dy):
     x, v, pa, pb, xv, ps, z = y[0], y[1], y[2], y[3], y[4], y[5], y[6]
     supply, outer = c.supply_level, c.load_level
@@ -82,6 +98,10 @@ def rate(t, y, c, drive, dy):
         if (u - drive[1]) * drive[3] > 0:
             u = drive[1]
     dxv = (c.spool_gain * u - xv) / c.tau_v
+    if c.second_order > 0:  # as slow as the first order's lag
+        spool, w = int(c.spool_index), 2 * c.spool_damping / c.tau_v
+        dy[spool] = w * w * (c.spool_gain * u - xv) - 2 * c.spool_damping * w * y[spool]
+        dxv = y[spool]
     if (xv >= 10 and dxv > 0) or (xv <= -10 and dxv < 0):
         dxv = 0.0
     # valve
@@ -94,18 +114,31 @@ def rate(t, y, c, drive, dy):
     if has_line:
         pva, pvb = y[line], y[line + 2]
     pv = ps + c.supply_offset + c.ripple * math.sin(c.ripple_w * t)
+    if c.pulsation > 0:
+        pv += c.pulsation * math.sin(c.pulsation_w * t)
     g = c.flow_gain * opening
-    if opening > 0:
-        qa, qb = supplied(g, pv - pva, c.droop), g * root(pvb)
+    if c.rounding > 0:  # four lands; where two of a side are open, oil passes from supply to tank
+        into = c.flow_gain * land(opening - 0.5 * c.lap, c.rounding)
+        out = c.flow_gain * land(-opening - 0.5 * c.lap, c.rounding)
+        qa = supplied(into, pv - pva, c.droop + c.line) - out * root(pva)
+        qb = into * root(pvb) - supplied(out, pv - pvb, c.droop + c.line)
+        drawn = into * root(pv - pva) + out * root(pv - pvb)
+    elif opening > 0:
+        qa, qb = supplied(g, pv - pva, c.droop + c.line), g * root(pvb)
         drawn = qa
     else:
-        qa, qb = g * root(pva), supplied(g, pv - pvb, c.droop)
+        qa, qb = g * root(pva), supplied(g, pv - pvb, c.droop + c.line)
         drawn = -qb
+    if c.uneven != 0.0:
+        qa, qb = qa * (1 + c.uneven), qb * (1 - c.uneven)
     # chambers
     pl = pa - pb
     ca = cb = c.bulk
     if c.air > 0:
         ca, cb = bulk_with_air(c.bulk, c.air, pa), bulk_with_air(c.bulk, c.air, pb)
+    if c.stiffening != 0.0:  # hoses: softer below half the supply's pressure, stiffer above
+        ca *= min(max(1 + c.stiffening * (pa / 3.4e6 - 1), 0.3), 2.0)
+        cb *= min(max(1 + c.stiffening * (pb / 3.4e6 - 1), 0.3), 2.0)
     out_a = out_b = 0.0
     if c.any_leak > 0:
         across = c.leak_ab * root(pl) + c.laminar_ab * pl
@@ -137,7 +170,16 @@ def rate(t, y, c, drive, dy):
         level += 0.5 * c.asymmetry * math.tanh(v / 5e-4) + c.by_load * math.sqrt(pl * pl + 1e6)
         level = max(level, 1.0)
     dz = v - c.bristle * abs(v) * z / level
-    force = c.area * pl - c.bristle * z - BRISTLE_DAMPING * dz - (own * b + c.more_viscous) * v - c.push - c.spring * x
+    rubbed = c.bristle * z
+    if c.maxwell > 0:  # z and two more elements, a third of the level each
+        dz = winding(v, z, c.bristle * SPREAD[1], level / 3, 0.0)
+        first = int(c.maxwell_index)
+        dy[first] = winding(v, y[first], c.bristle * SPREAD[0], level / 3, 0.0)
+        dy[first + 1] = winding(v, y[first + 1], c.bristle * SPREAD[2], level / 3, 0.0)
+        rubbed += c.bristle * (SPREAD[0] * y[first] + SPREAD[2] * y[first + 1])
+    elif c.shape != 1.0:
+        dz = winding(v, z, c.bristle, level, c.shape)
+    force = c.area * pl - rubbed - BRISTLE_DAMPING * dz - (own * b + c.more_viscous) * v - c.push - c.spring * x
     if c.end_k > 0 and x > c.end_x:
         force -= max(0.0, c.end_k * (x - c.end_x) * (1 + 0.5 * v))
     if has_rod:

@@ -3,11 +3,12 @@
     run.py OUT --cases 40                      all parts, development seed
     run.py OUT --cases 200 --set test          the table in docs/
     run.py OUT --rig hydraulic_drive           another rig (the baselines know the servo actuator alone)
+    run.py OUT --truth random --cases 40       truths drawn from classes (truth_classes.py)
+    run.py OUT --truth random --cases 40 --case 7    one case of them, for Slurm or GNU parallel; then score.py OUT
     run.py OUT --part closed --cases 5 --no-faultline    baselines only
 Stops cleanly on Ctrl-C and goes on where it stopped when the same command is given again.
 """
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -20,16 +21,9 @@ import score
 from datasheet import ROOT, Datasheet
 
 
-def seconds_file(folder, name, seconds):
-    path = os.path.join(folder, "seconds.json")
-    known = {}
-    if os.path.exists(path):
-        with open(path, encoding="utf-8") as stream:
-            known = json.load(stream)
-    known[name] = seconds
-    with open(path + ".new", "w", encoding="utf-8") as stream:
-        json.dump(known, stream, indent=1)
-    os.replace(path + ".new", path)
+def write_seconds(folder, name, seconds):
+    with open(os.path.join(folder, name + ".seconds"), "w", encoding="ascii") as stream:
+        stream.write(f"{seconds:.3f}\n")
 
 
 class Diagnosis:
@@ -87,7 +81,7 @@ def run_program(program, out, rig, manifest, method, jobs, threads, with_third):
                 if spent is None:
                     failed.append(f"{name}: {error}")
                 else:
-                    seconds_file(folder, name, spent)
+                    write_seconds(folder, name, spent)
                 generate.bar(done, len(todo), began, f"{method:8s}")
     except BaseException:
         work.stop()
@@ -118,7 +112,7 @@ def run_baselines(out, manifest, jobs):
         for name, found, spent in pool.imap_unordered(_baseline, todo):
             for method, data in found.items():
                 baselines.write(os.path.join(folders[method], name + ".json"), data)
-                seconds_file(folders[method], name, spent)  # the four share one regression, and its time
+                write_seconds(folders[method], name, spent)  # the four share one regression, and its time
             done += 1
             generate.bar(done, len(todo), began, "baseline")
         pool.close()
@@ -144,22 +138,20 @@ def main():
         sys.exit("--cases, --jobs and --at-once must be at least 1")
     if not given.no_faultline and not os.access(given.program, os.X_OK):
         sys.exit(f"{given.program}: cannot be run; build first, or give --program or --no-faultline")
-    seed = given.seed if given.seed is not None else generate.SEEDS[given.set]
-    parts = given.part or generate.PARTS
-    more = {"rig": given.rig, "exact_inputs": given.exact_inputs, "first": given.first}
-    generate.generate(given.out, parts, given.cases, seed, given.jobs, given.third, **more)
-    with open(os.path.join(given.out, "runs.json"), encoding="utf-8") as stream:
-        manifest = json.load(stream)
+    seed = generate.seed_of(given)
+    manifest = generate.from_arguments(given)
     failed = []
     if not given.no_faultline:
         threads = max(1, given.jobs // given.at_once)
         failed = run_program(given.program, given.out, given.rig, manifest, "faultline", given.at_once, threads, False)
         if given.third:
             failed += run_program(given.program, given.out, given.rig, manifest, "third", given.at_once, threads, True)
-    if not given.no_baselines and given.rig == baselines.RIG:
+    if not given.no_baselines and given.rig == baselines.RIG and given.truth == "plain":
         run_baselines(given.out, manifest, given.jobs)
     for line in failed:
         print(line, file=sys.stderr)
+    if given.case is not None:  # one of many processes: the table is score.py's, once all are done
+        return 1 if failed else 0
     command = (
         "test/withheld/run.py OUT"
         + (f" --rig {given.rig}" if given.rig != generate.RIGS[0] else "")
@@ -169,8 +161,12 @@ def main():
         + (" --exact-inputs" if given.exact_inputs else "")
         + (" --third" if given.third else "")
         + (f" --first {given.first}" if given.first else "")
+        + (" --truth random" if given.truth == "random" else "")
+        + (f" --classes {','.join(given.classes) or 'none'}" if given.classes is not None else "")
+        + (f" --without-classes {','.join(given.without_classes)}" if given.without_classes else "")
+        + "".join(f" --{n} {v:g}" for n in ("runs", "length", "noise") for v in [getattr(given, n)] if v)
     )
-    table = score.score(given.out, f"Made by `{command}` (seed {seed}).", given.first is not None)
+    table = score.score([given.out], f"Made by `{command}` (seed {seed}).", given.first is not None)
     with open(given.table or os.path.join(given.out, "table.md"), "w", encoding="utf-8") as stream:
         stream.write(table)
     print(table)

@@ -1,16 +1,18 @@
 """Scores answers against the sealed labels and writes the table as Markdown.
 
-    score.py OUT [--table FILE] [--answered]
+    score.py OUT [OUT2 ...] [--table FILE] [--answered] [--by class|rig|noise|length|runs|excitation]
 
---answered leaves out cases that faultline has not answered (yet): the table of a run that was stopped. Otherwise they
-count as wrong. Reads OUT/sealed/labels.json and OUT/answers/METHOD/CASE.json; METHOD faultline and the baselines side
-by side. """
+Several folders make one table (one of each rig, say). --answered leaves out cases that faultline has not answered
+(yet): the table of a run that was stopped. Otherwise they count as wrong. Reads OUT/sealed/CASE.json and
+OUT/answers/METHOD/CASE.json; METHOD faultline and the baselines side by side.
+"""
 import argparse
 import json
 import math
 import os
 
 import answer
+import groups
 import sizes
 import twins
 
@@ -291,42 +293,77 @@ def markdown(labels, methods, heading):
 
 def load_answers(folder):
     answers, seconds = {}, {}
-    for name in sorted(os.listdir(folder)):
-        if name.endswith(".json") and name != "seconds.json":
-            answers[name[:-5]] = answer.read(os.path.join(folder, name))
-    path = os.path.join(folder, "seconds.json")
-    if os.path.exists(path):
-        with open(path, encoding="utf-8") as stream:
-            seconds = json.load(stream)
+    for name in sorted(os.listdir(folder) if os.path.isdir(folder) else []):
+        stem, kind = os.path.splitext(name)
+        if kind == ".json":
+            answers[stem] = answer.read(os.path.join(folder, name))
+        elif kind == ".seconds":
+            with open(os.path.join(folder, name), encoding="ascii") as stream:
+                seconds[stem] = float(stream.read())
     return answers, seconds
 
 
-def score(out, heading, answered=False):
-    """The Markdown of everything answered in OUT."""
-    with open(os.path.join(out, "sealed", "labels.json"), encoding="utf-8") as stream:
-        labels = json.load(stream)["cases"]
-    base = os.path.join(out, "answers")
-    third = load_answers(os.path.join(base, "third"))[0] if os.path.isdir(os.path.join(base, "third")) else {}
-    found = os.listdir(base) if os.path.isdir(base) else []
-    names = sorted((d for d in found if d != "third"), key=lambda d: (d != "faultline", d))
-    if not names:
-        raise SystemExit(f"{base}: no answers yet; run run.py first")
-    given = {name: load_answers(os.path.join(base, name)) for name in names}
-    if answered:
-        labels = {n: l for n, l in labels.items() if n in given[names[0]][0]}
+def load(out, prefix=""):
+    """({case: label}, {method: (answers, seconds)}) of one folder; prefix: of its cases' names."""
+    sealed, base = os.path.join(out, "sealed"), os.path.join(out, "answers")
+    if not os.path.isdir(sealed):
+        raise SystemExit(f"{out}: no cases there; run run.py first")
+    names = sorted(n[:-5] for n in os.listdir(sealed) if n.startswith("case_") and n.endswith(".json"))
+    asked = os.listdir(os.path.join(out, "asked"))
+    labels = {}
+    for name in names:
+        if name + ".json" in asked:  # a closed case may be there for its open one alone
+            with open(os.path.join(sealed, name + ".json"), encoding="utf-8") as stream:
+                labels[prefix + name] = json.load(stream)
     methods = {}
-    for name, (answers, seconds) in given.items():
+    for method in os.listdir(base) if os.path.isdir(base) else []:
+        answers, seconds = load_answers(os.path.join(base, method))
+        methods[method] = ({prefix + n: a for n, a in answers.items()}, {prefix + n: s for n, s in seconds.items()})
+    if not methods:
+        raise SystemExit(f"{base}: no answers yet; run run.py first")
+    return labels, methods
+
+
+def load_all(outs, answered):
+    labels, methods = {}, {}
+    for out in outs:
+        prefix = os.path.basename(os.path.abspath(out)) + "/" if len(outs) > 1 else ""
+        found, given = load(out, prefix)
+        labels.update(found)
+        for method, (answers, seconds) in given.items():
+            known = methods.setdefault(method, ({}, {}))
+            known[0].update(answers)
+            known[1].update(seconds)
+    if answered:
+        labels = {n: l for n, l in labels.items() if n in methods.get("faultline", next(iter(methods.values())))[0]}
+    return labels, methods
+
+
+def score(outs, heading, answered=False, by=()):
+    """The Markdown of everything answered in the folders; by: more tables, grouped so."""
+    labels, given = load_all(outs, answered)
+    third = given.pop("third", ({}, {}))[0]
+    methods = {}
+    for name in sorted(given, key=lambda d: (d != "faultline", d)):
+        answers, seconds = given[name]
         methods[name] = summarise(labels, answers, seconds, third if name == "faultline" else {}) + (answers,)
-    return markdown(labels, methods, heading)
+    text = markdown(labels, methods, heading)
+    first = next(iter(methods))
+    for title in by:
+        text += "\n" + groups.markdown(title, first, labels, *given[first])
+    return text
 
 
 if __name__ == "__main__":
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    reader.add_argument("out")
-    reader.add_argument("--table", help="write the table here (default OUT/table.md)")
+    reader.add_argument("out", nargs="+")
+    reader.add_argument("--table", help="write the table here (default OUT/table.md, of the first OUT)")
     reader.add_argument("--answered", action="store_true", help="leave out cases without an answer")
+    choices = sorted(groups.OF)
+    reader.add_argument("--by", action="append", choices=choices, default=[], help="a table by this; repeatable")
     given = reader.parse_args()
-    made = score(given.out, f"Cases in {os.path.basename(os.path.abspath(given.out))}.", given.answered)
-    with open(given.table or os.path.join(given.out, "table.md"), "w", encoding="utf-8") as out_stream:
+    heading = f"Cases in {', '.join(os.path.basename(os.path.abspath(out)) for out in given.out)}."
+    made = score(given.out, heading, given.answered, given.by)
+    with open(given.table or os.path.join(given.out[0], "table.md"), "w", encoding="utf-8") as out_stream:
         out_stream.write(made)
     print(made)

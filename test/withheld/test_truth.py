@@ -312,11 +312,10 @@ class Cases(unittest.TestCase):
             before = truth_servo_actuator.DURATION
             truth_servo_actuator.DURATION = 2.0
             try:
-                generate.generate(folder, ["none"], 1, 7, 1)
+                manifest = generate.generate(folder, ["none"], 1, 7, 1)
             finally:
                 truth_servo_actuator.DURATION = before
-            with open(os.path.join(folder, "runs.json"), encoding="utf-8") as stream:
-                manifest = json.load(stream)
+            self.assertEqual(manifest[0], generate.read(os.path.join(folder, "asked", "case_0001.json")))
             self.assertEqual(sorted(manifest[0]), ["case", "runs", "third", "without"])
             data = [os.path.join(at, f) for at, _, files in os.walk(os.path.join(folder, "data")) for f in files]
             self.assertEqual([os.path.basename(f) for f in sorted(data)], ["run_1.csv", "run_2.csv"])
@@ -330,7 +329,7 @@ class Cases(unittest.TestCase):
             columns = dict(zip(head.split(","), table.T))
             self.assertEqual(np.abs(columns["leak_valve_command"]).max(), 0.0)
             self.assertLess(columns["leak_flow"].max(), 6 * 20 * SHEET.noise["leak_flow"])  # the meter's noise
-            self.assertEqual(sorted(os.listdir(os.path.join(folder, "sealed"))), ["labels.json"])
+            self.assertEqual(sorted(os.listdir(os.path.join(folder, "sealed"))), ["case_0001.json", "settings.json"])
 
     def test_noise_in_the_recording_has_its_size(self):
         for scale in (1.0, 5.0):

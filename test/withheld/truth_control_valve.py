@@ -28,6 +28,7 @@ import rate_control_valve as rate
 from signal_paths import Sensor, split
 
 DURATION = 30.0  # s, of a run
+BUDGET = 240.0  # s, of all runs of a random truth together
 OUTPUTS = ["prestage_pressure", "cylinder_pressure", "load_torque", "valve_position", "flow"]
 NOT_MEASURED = ["flapper_position", "spool_position"]
 INPUTS = ["supply_pressure", "ambient_temperature"]
@@ -35,10 +36,31 @@ PERIOD = 0.1  # s, of the recording and of the flow loop
 WARM_UP = 40  # periods before the recording, under its first demand
 PARAMETERS = list(rate.CONSTANTS.names[: rate.CONSTANTS.names.index("prestage_leak")])
 NO_NUISANCE = {"pump_ripple": 0.0, "diaphragm_trace": 0.0, "line_resistance": 0.0, "gain_error": 0.0}
+# Classes of a random truth (truth_classes.py): what each variant puts in the nuisance's place.
+VARIANTS = {
+    "friction": {
+        "set_valued": {"piston_winding": 4e-6},
+        "lugre": {"piston_winding": (1e-5, 1e-3)},
+        "dahl": {"piston_winding": (1e-5, 1e-3), "shape": (1.2, 3.0)},
+        "maxwell": {"piston_winding": (2e-5, 4e-4), "maxwell": 1.0},
+        "position": {"stroke_friction": (-0.8, 0.8)},
+        "temperature": {"heat_friction": (-0.06, 0.06)},
+    },
+    "valve": {
+        "null_leakage": {"null_area": (1e-3, 3e-2)},
+        "underlap": {"underlap": (1e-2, 0.15)},
+        "overlap": {"overlap": (5e-4, 1e-2)},
+        "hysteresis": {"diaphragm_trace": (0.1, 2.0)},
+        "curve": {"exponent": (0.85, 1.15)},
+    },
+    "supply": {"pulsation": {"hum": (5e2, 2e4), "hum_frequency": (3.0, 40.0)}, "line": {"line_resistance": (5e5, 2e7)}},
+    "hose": {"polytropic": {"gamma": (1.05, 1.35)}, "ripple": {"pump_ripple": (2e-3, 2e-2)}},
+    "integrator": {"loose": {"tolerance": 10.0}, "tight": {"tolerance": 0.05}, "cash_karp": {"tolerance": -1.0}},
+}
 STIFFEST = 2.0e-5  # rad/(N m), of a joint without elasticity
 CONTACT_DAMPING = 20.0  # N m s
 # Of the states: what an error per step is held against.
-SCALE = np.array([1e-2, 1e8, 1e-1, 100, 1e8, 1e1, 1e1, 100, 100, 100, 1e7, 100, 100, 1e1, 1e2]) * 1e-2
+SCALE = np.array([1e-2, 1e8, 1e-1, 100, 1e8, 1e1, 1e1, 100, 100, 100, 1e7, 100, 100, 1e1, 1e2, 100, 100]) * 1e-2
 TOLERANCE = 1e-5
 
 
@@ -124,6 +146,14 @@ class Truth:
         c.joint_stiffness = 1 / max(spring.get("compliance", 0.0), STIFFEST)
         c.joint_damping = spring.get("damping", CONTACT_DAMPING)
         c.ripple, c.size = n["pump_ripple"], rate.STATES
+        more = lambda name, nothing=0.0: n.get(name) or nothing
+        c.piston_winding = more("piston_winding", rate.PISTON_WINDING)
+        c.shape = 0.0 if more("maxwell") else more("shape", 1.0)
+        c.stroke_friction, c.heat_friction = more("stroke_friction"), more("heat_friction")
+        c.null_area, c.underlap = more("null_area"), more("underlap")
+        c.overlap, c.exponent = c.overlap + more("overlap"), c.exponent * more("exponent", 1.0)
+        c.hum, c.hum_w, c.gamma = more("hum"), 2 * math.pi * more("hum_frequency"), more("gamma", rate.GAMMA)
+        self.tolerance = TOLERANCE * more("tolerance", 1.0)
         c.supply_level, c.air_level = self.supply[0], self.load[0]
         for name, (_, terms) in (("supply", self.supply), ("air", self.load)):
             for field, values in zip("awp", zip(*terms)):
@@ -229,7 +259,7 @@ class Truth:
             if k >= 0:
                 states[k], supply[k], air[k] = self.base(y), *around
                 record["flow_setpoint"][k], record["valve_setpoint"][k] = 0.028 * wish, set_point
-            volts, spool = rate.period(y, t, c, loops[0], set_point, inner[n], TOLERANCE, SCALE)
+            volts, spool = rate.period(y, t, c, loops[0], set_point, inner[n], self.tolerance, SCALE)
             if volts < 0:
                 raise RuntimeError(f"the truth could not be integrated past t = {t:.4f} s")
             if k >= 0:
@@ -250,7 +280,7 @@ class Truth:
         inputs, drives, clean = np.column_stack(columns), self._drives(commands), []
         for (first, last), base in zip(windows, starts):
             shown = rate.replay(
-                self.start(base), drives, first, last, PERIOD, inputs, self.constants[0], TOLERANCE, SCALE
+                self.start(base), drives, first, last, PERIOD, inputs, self.constants[0], self.tolerance, SCALE
             )
             if not len(shown):
                 raise RuntimeError(f"the truth could not be replayed from sample {first}")

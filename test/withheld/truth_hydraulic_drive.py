@@ -31,6 +31,7 @@ import rate_hydraulic_drive as rate
 from signal_paths import CommandPath, Sensor, Transducers, split
 
 DURATION = 30.0  # s, of a run
+BUDGET = 180.0  # s, of all runs of a random truth together
 OUTPUTS = ["motor_pressure", "shaft_speed"]
 INPUTS = ["supply_pressure", "pump_pressure"]
 PARAMETERS = [
@@ -55,8 +56,34 @@ NO_NUISANCE = {
     "gain_error": 0.0,
     "pressure_filter": 0.0,
 }
+# Classes of a random truth (truth_classes.py): what each variant puts in the nuisance's place. dry: N m.
+VARIANTS = {
+    "friction": {
+        "set_valued": {"dry": (0.02, 0.4), "winding": 2e-4},
+        "lugre": {"dry": (0.02, 0.4), "winding": (4e-4, 4e-2)},
+        "dahl": {"dry": (0.02, 0.4), "winding": (4e-4, 4e-2), "shape": (1.2, 3.0)},
+        "maxwell": {"dry": (0.02, 0.4), "winding": (1e-3, 2e-2), "maxwell": 1.0},
+        "position": {"dry": (0.05, 0.4), "turn": (0.2, 0.9)},
+        "temperature": {"warming": (-6e-3, -4e-4)},
+    },
+    "valve": {
+        "second_order": {"damping": (0.35, 0.8)},
+        "overlap": {"overlap": (2e-7, 8e-6)},
+        "null_leakage": {"null_opening": (1e-6, 3e-5)},
+        "hysteresis": {"spool_hysteresis": (1.5e-3, 2e-2)},
+    },
+    "supply": {
+        "pulsation": {"hum": (1e4, 4e5), "hum_frequency": (15.0, 200.0)},
+        "line": {"line": (1e8, 3e9)},
+        "motor_pulsation": {"pulsation": (1e-2, 0.1)},
+    },
+    "hose": {"stiffening": {"stiffening": (-0.3, 0.3)}, "air": {"air": (1e-4, 1e-2)}},
+    "integrator": {"loose": {"tolerance": 30.0}, "tight": {"tolerance": 0.03}, "cash_karp": {"tolerance": -1.0}},
+}
+TOLERANCE = 1e-5
 STIFFEST = 2.0e-4  # rad/(N m), where a search asks for a spring that yields to nothing
-SCALE = np.array([1e-4, 1e-4, 1e6, 50.0, 10.0, 1.0, 1e7, 1e6, 1e6, 1e6])  # of the states, for the integrator's error
+# Of the states, for the integrator's error.
+SCALE = np.array([1e-4, 1e-4, 1e6, 50.0, 10.0, 1.0, 1e7, 1e6, 1e6, 1e6, 1.0, 1.0])
 
 
 def draw_nuisance(random):
@@ -94,6 +121,7 @@ class Truth:
         self.line_at = rate.STATES
         self.spring_at = rate.STATES + (2 if self.inertance > 0 else 0)
         self.size = self.spring_at + (2 if self.has_spring else 0)
+        self.tolerance = TOLERANCE * (self.nuisance.get("tolerance") or 1.0)
         self.constants = np.zeros(1, rate.CONSTANTS).view(np.recarray)
         self._constants()
         self.scale = np.ones(rate.MOST_STATES)
@@ -117,7 +145,14 @@ class Truth:
         c.leak, c.eta_m, c.eta_p = p["leakage_coefficient"], p["motor_efficiency"], p["pump_efficiency"]
         c.inertia, c.viscous = p["inertia"], p["viscous_friction"]
         n = self.nuisance
-        c.warming, c.seal, c.pulsation = n["warming"], n["seal_friction"], n["pulsation"]
+        more = lambda name, nothing=0.0: n.get(name) or nothing
+        c.warming, c.seal = n["warming"], n["seal_friction"]
+        c.pulsation, c.line = n["pulsation"], more("line")
+        c.hum, c.hum_w = more("hum"), 2 * math.pi * more("hum_frequency")
+        c.dry, c.turn, c.winding = more("dry"), more("turn"), more("winding", rate.WINDING)
+        c.shape = 0.0 if more("maxwell") else more("shape", 1.0)
+        c.null_opening, c.overlap, c.damping = more("null_opening"), more("overlap"), more("damping")
+        c.stiffening = more("stiffening")
         shaft = "force.shaft"
         c.coulomb = of(shaft, "coulomb_friction", "force", 0.0)
         c.more_viscous = of(shaft, "viscous_friction", "coefficient", 0.0)
@@ -126,12 +161,12 @@ class Truth:
         c.by_load = of(shaft, "load_dependent_friction", "coefficient", 0.0)
         c.push = of(shaft, "load_force", "constant", 0.0)
         c.mass = of(shaft, "added_mass", "mass", 0.0)
-        c.friction = bool(c.coulomb or c.excess or c.by_load)
+        c.friction = bool(c.coulomb or c.excess or c.by_load or c.dry)
         c.laminar = of("flow.motor_in_motor_out", "laminar_leakage", "coefficient", 0.0)
         c.orifice = of("flow.motor_in_motor_out", "orifice_leakage", "coefficient", 0.0)
         c.clogging = of("restriction.valve", "clogging", "fraction", 0.0)
         c.exponent = of("restriction.valve", "area_curve", "exponent", 1.0)
-        c.air = of("compliance.motor_line", "entrained_air", "fraction", 0.0)
+        c.air = of("compliance.motor_line", "entrained_air", "fraction", 0.0) + more("air")
         c.bulk *= of("compliance.motor_line", "compliance_factor", "factor", 1.0)
         c.droop = of("source.supply", "droop", "resistance", 0.0)
         c.ripple = of("source.supply", "ripple", "amplitude", 0.0)
@@ -173,7 +208,7 @@ class Truth:
         tones = c.supply_a.copy(), c.load_a.copy()
         c.supply_a[:], c.load_a[:] = 0.0, 0.0
         drive = np.array([0.0, volts, 0.0, 1.0, 0.0])
-        rate.integrate(y, 0.0, 3.0, step, c, drive, given, 1e-5, self.scale)
+        rate.integrate(y, 0.0, 3.0, step, c, drive, given, self.tolerance, self.scale)
         c.supply_a[:], c.load_a[:] = tones
         y[4] = 0.0
         return y
@@ -194,11 +229,10 @@ class Truth:
         return np.array(y[: rate.STATES])
 
     def advance(self, y, pieces):
-        step, given = 2e-3, np.zeros(4)
+        step, given, fine = 2e-3, np.zeros(4), (self.tolerance, self.scale)
         for start, end, *drive in pieces:
-            step = rate.integrate(
-                y, start, end, min(step, 2e-3), self.constants[0], np.array((*drive, start)), given, 1e-5, self.scale
-            )
+            inputs = np.array((*drive, start)), given
+            step = rate.integrate(y, start, end, min(step, 2e-3), self.constants[0], *inputs, *fine)
             if step < 0:
                 raise RuntimeError(f"the truth could not be integrated past t = {start:.4f} s")
 
@@ -263,9 +297,8 @@ class Truth:
         pressures, pieces = self._pressures(), self._pieces(commands, windows[-1][1])
         clean = []
         for (first, last), base in zip(windows, starts):
-            shown = rate.replay(
-                self.start(base), pieces, first, last, self.period, pressures, self.constants[0], 1e-5, self.scale
-            )
+            fine = self.constants[0], self.tolerance, self.scale
+            shown = rate.replay(self.start(base), pieces, first, last, self.period, pressures, *fine)
             if not len(shown):
                 raise RuntimeError(f"the truth could not be replayed from sample {first}")
             times = np.arange(first, last) * self.period

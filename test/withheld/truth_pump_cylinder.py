@@ -29,6 +29,7 @@ import rate_pump_cylinder as rate
 from signal_paths import CommandPath, Sensor, Transducers, split
 
 DURATION = 12.0  # s, of a run: hundred time constants of the level
+BUDGET = 60.0  # s, of all runs of a random truth together
 PUMPS = ["pump1_speed", "pump2_speed"]
 OUTPUTS = ["position", "chamber_a_pressure", "chamber_b_pressure"] + PUMPS
 PARAMETERS = [
@@ -55,7 +56,29 @@ NO_NUISANCE = {
     "gain_error": 0.0,
     "pressure_filter": 0.0,
 }
-SCALE = np.array([1e-4, 1e-2, 1e5, 1e5, 1.0, 1.0, 0.1, 1e-4, 1e-2, 1e5, 1e-5, 1e5, 1e-5])  # of states, for the error
+# Classes of a random truth (truth_classes.py): what each variant puts in the nuisance's place. stiction: the share of
+# the Coulomb friction that bristles take up; the rest is the datasheet's smooth one.
+VARIANTS = {
+    "friction": {
+        "set_valued": {"stiction": (0.1, 1.0), "winding": 2e-6},
+        "lugre": {"stiction": (0.1, 1.0), "winding": (4e-6, 4e-4)},
+        "dahl": {"stiction": (0.1, 1.0), "winding": (4e-6, 4e-4), "shape": (1.2, 3.0)},
+        "maxwell": {"stiction": (0.1, 1.0), "winding": (1e-5, 2e-4), "maxwell": 1.0},
+        "position": {"stroke_friction": (-0.9, 0.9)},
+        "temperature": {"warming": (-8e-3, -2e-4)},
+    },
+    "valve": {  # the pumps and their drives stand in its place
+        "late_drives": {"drive_time": (2e-4, 3e-3)},
+        "slip": {"slip": (-1e-2, 1e-2)},
+        "mismatch": {"mismatch": (-6e-3, 6e-3)},
+        "hysteresis": {"drive_hysteresis": (0.05, 1.5)},
+    },
+    "supply": {"pulsation": {"pulsation": (1e-3, 3e-2)}, "turn": {"hum": (1e-3, 2e-2)}},
+    "hose": {"stiffening": {"stiffening": (-0.4, 0.4)}, "air": {"air": (1e-4, 1e-2)}},
+    "integrator": {"loose": {"tolerance": 10.0}, "tight": {"tolerance": 0.05}, "cash_karp": {"tolerance": -1.0}},
+}
+# Of the states, for the integrator's error.
+SCALE = np.array([1e-4, 1e-2, 1e5, 1e5, 1.0, 1.0, 0.1, 1e-4, 1e-2, 1e5, 1e-5, 1e5, 1e-5, 0.1, 0.1])
 TOLERANCE = 1e-4
 # Where the datasheet's ports give their sizes to.
 CONSTANT_OF = {
@@ -152,10 +175,16 @@ class Truth:
         c.c1, c.c2 = p["bulk_c1"], p["bulk_c2"]
         for name in ("stiction", "mismatch", "pulsation", "warming"):
             setattr(c, name, n[name])
+        more = lambda name, nothing=0.0: n.get(name) or nothing
+        c.winding, c.shape = more("winding", rate.WINDING), 0.0 if more("maxwell") else more("shape", 1.0)
+        for name in ("stroke_friction", "slip", "hum", "stiffening"):
+            setattr(c, name, more(name))
+        self.tolerance = TOLERANCE * more("tolerance", 1.0)
         c.stribeck = self._effect("force.piston", "stribeck_friction", "velocity", 0.01)
         for port, entries in CONSTANT_OF.items():
             for field, (effect, parameter) in entries.items():
                 setattr(c, field, self._effect(port, effect, parameter, 0.0))
+        c.air_a, c.air_b = c.air_a + more("air"), c.air_b + more("air")
         c.factor_a = self._effect("compliance.chamber_a", "compliance_factor", "factor", 1.0)
         c.factor_b = self._effect("compliance.chamber_b", "compliance_factor", "factor", 1.0)
         c.viscosity = self._effect("source.oil", "viscosity_drift", "factor", 1.0)
@@ -199,7 +228,7 @@ class Truth:
             if not effects.get("rate_limit", {}).get("rate", math.inf) < math.inf:
                 late = effects.get("lag", {}).get("time_constant", 0.0) + self.nuisance["drive_time"]
                 effects["lag"] = {"time_constant": late}
-            result.append(CommandPath(effects, self.period, 0.0, 125.7))
+            result.append(CommandPath(effects, self.period, self.nuisance.get("drive_hysteresis") or 0.0, 125.7))
         return result
 
     def run(self, duration, controller, noise_scale=1.0, seed=0):
@@ -226,7 +255,7 @@ class Truth:
                 ((_, _, *drive[n, :4]),) = path.pieces(k, commands[k, n])
             drive[:, 4] = t
             before = y[rate.ANGLE1], y[rate.ANGLE2]
-            step = rate.integrate(y, t, t + h, min(step, h), c, drive, TOLERANCE, SCALE)
+            step = rate.integrate(y, t, t + h, min(step, h), c, drive, self.tolerance, SCALE)
             if step < 0:
                 raise RuntimeError(f"the truth could not be integrated past t = {t:.4f} s")
             for n in range(2):
@@ -242,7 +271,7 @@ class Truth:
         clean = []
         for (first, last), base in zip(windows, starts):
             y = self.start(base)
-            shown = rate.replay(y, pieces, first, last, self.period, self.constants[0], TOLERANCE, SCALE)
+            shown = rate.replay(y, pieces, first, last, self.period, self.constants[0], self.tolerance, SCALE)
             if not len(shown):
                 raise RuntimeError(f"the truth could not be replayed from sample {first}")
             times, slopes = np.arange(first, last) * self.period, np.zeros(last - first)  # no transducer has a delay
@@ -252,7 +281,8 @@ class Truth:
 
     def _pieces(self, commands):
         """A row a sample of (kind, a, b, c) of each pump; most replays of a run share them."""
-        key = tuple(repr(self.ports.get("command." + pump)) for pump in PUMPS) + (self.nuisance["drive_time"],)
+        key = tuple(repr(self.ports.get("command." + pump)) for pump in PUMPS)
+        key += (self.nuisance["drive_time"], self.nuisance.get("drive_hysteresis"))
         if key not in self.known:
             paths = self.paths()
             self.known[key] = np.array(

@@ -25,12 +25,14 @@ from scipy.integrate import ode
 
 import excitation
 import rate_servo_actuator as rate
+from friction_laws import SPREAD
 from signal_paths import CommandPath, Sensor, split
 
 BRISTLE = 1.0e8  # N/m: 400 N of friction winds the seals up by 4 um; softer ones would be a gap of their own
 CONTACT = 1.0e7  # N/m, backlash flanks
 COUPLING_STIFFNESS = 4.0e7  # N/m, rod coupling when only the other rod effect is asked for
 DURATION = 20.0  # s, of a run
+BUDGET = 60.0  # s, of all runs of a random truth together
 STIFF_BRISTLE = 6.0e8  # N/m: nearly the datasheet's set-valued friction
 OUTPUTS = ["position", "velocity", "load_pressure", "chamber_a_pressure", "chamber_b_pressure", "spool_position"]
 PARAMETERS = [
@@ -53,6 +55,31 @@ NO_NUISANCE = {
     "gain_error": 0.0,
     "pressure_filter": 0.0,
     "bristle": BRISTLE,
+}
+# Classes of a random truth (truth_classes.py): what each variant puts in the nuisance's place.
+VARIANTS = {
+    "friction": {
+        "set_valued": {"bristle": STIFF_BRISTLE},
+        "lugre": {"bristle": (5e5, 5e7)},
+        "dahl": {"bristle": (1e6, 1e8), "shape": (1.2, 3.0)},
+        "maxwell": {"bristle": (5e5, 3e7), "maxwell": 1.0},
+        "position": {"stroke_friction": (-0.5, 0.5)},
+        "temperature": {"warming": (-1.2e-2, -1e-3)},
+    },
+    "valve": {
+        "second_order": {"spool_damping": (0.35, 0.9)},
+        "overlap": {"lap": (0.005, 0.15), "rounding": (1e-3, 5e-3)},
+        "underlap": {"lap": (-0.5, -0.02), "rounding": (1e-3, 5e-3)},
+        "null_leakage": {"rounding": (1e-2, 0.2)},
+        "hysteresis": {"spool_hysteresis": (5e-3, 0.15)},
+        "uneven": {"uneven": (-0.06, 0.06)},
+    },
+    "supply": {
+        "pulsation": {"pulsation": (5e4, 8e5), "pulsation_frequency": (30.0, 300.0)},
+        "line": {"line": (1e8, 3e9)},
+    },
+    "hose": {"stiffening": {"stiffening": (-0.6, 0.6)}, "air": {"air": (2e-4, 2e-2)}},
+    "integrator": {"loose": {"tolerance": 30.0}, "tight": {"tolerance": 0.03}},
 }
 
 
@@ -99,7 +126,9 @@ class Truth:
         self.inertance = self.ports.get("line.valve_cylinder", {}).get("line_inertia", {}).get("inertance", 0.0)
         self.rod_index = 7
         self.line_index = 7 + (3 if self.has_rod else 0)
-        self.size = self.line_index + (4 if self.inertance > 0 else 0)
+        self.maxwell_index = self.line_index + (4 if self.inertance > 0 else 0)
+        self.spool_index = self.maxwell_index + (2 if self.nuisance.get("maxwell") else 0)
+        self.size = self.spool_index + (1 if self.nuisance.get("spool_damping") else 0)
         self.compiled = isinstance(self.supply, excitation.Tones) and isinstance(self.load, excitation.Tones)
         self.constants = np.zeros(1, rate.CONSTANTS).view(np.recarray)
         self._constants()
@@ -117,6 +146,13 @@ class Truth:
         c.stop, c.stop_k, c.stop_d = p["stroke_limit"], p["stop_stiffness"], p["stop_damping"]
         c.bristle = self.bristle
         c.stroke_friction, c.warming = self.nuisance["stroke_friction"], self.nuisance["warming"]
+        more = lambda name, nothing=0.0: self.nuisance.get(name) or nothing
+        c.shape, c.maxwell, c.maxwell_index = more("shape", 1.0), more("maxwell"), self.maxwell_index
+        c.spool_damping, c.spool_index = more("spool_damping"), self.spool_index
+        c.second_order = c.spool_damping > 0
+        c.lap, c.rounding, c.uneven = more("lap"), more("rounding"), more("uneven")
+        c.pulsation, c.pulsation_w = more("pulsation"), 2 * math.pi * more("pulsation_frequency")
+        c.line, c.stiffening = more("line"), more("stiffening")
 
         f = ports.get("force.piston", {})
         c.more_coulomb = f.get("coulomb_friction", {}).get("force", 0.0)
@@ -139,7 +175,7 @@ class Truth:
         c.leak_b = ports.get("flow.chamber_b_tank", {}).get("orifice_leakage", {}).get("coefficient", 0.0)
         c.any_leak = bool(c.leak_ab or c.laminar_ab or c.leak_a or c.leak_b)
         oil = ports.get("compliance.chambers", {})
-        c.air = oil.get("entrained_air", {}).get("fraction", 0.0)
+        c.air = oil.get("entrained_air", {}).get("fraction", 0.0) + more("air")
         c.bulk = p["chamber_volume"] / (2 * p["compliance"]) * oil.get("compliance_factor", {}).get("factor", 1.0)
         lands = ports.get("restriction.valve", {})
         c.flow_gain = p["flow_coefficient"] * math.sqrt(2.0) * (1 - lands.get("clogging", {}).get("fraction", 0.0))
@@ -184,15 +220,22 @@ class Truth:
             tolerance += [1e-8, 1e-6, 1e-9]
         if self.inertance > 0:
             tolerance += [20.0, 1e-9, 20.0, 1e-9]
-        return tolerance
+        return tolerance + [1e-9] * (self.spool_index - self.maxwell_index) + [1e-2] * (self.size - self.spool_index)
 
     def start(self, base=None, t=0.0, speed_sign=1.0):
         """A full state from base states (or rest), with the effect's own states where they would settle.
 
-        The base is x, v, p_a, p_b, x_v, P_s and the bristle's force, which a truth with other bristles can take over.
+        The base is x, v, p_a, p_b, x_v, P_s and the bristle's force, which a truth with other bristles can take over;
+        then the windings of a Maxwell body's other elements and the spool's speed, where the truth has them.
         """
         ps = self.supply(t)
         y = list(base[:7]) if base is not None else [0.0, 0.0, ps / 2, ps / 2, 0.0, ps, 0.0]
+        own = list(base[7:]) if base is not None and len(base) > 7 else []  # of a truth like this one
+        maxwell, second = self.spool_index > self.maxwell_index, self.size > self.spool_index
+        windings = own[:2] if maxwell and len(own) >= 2 else [0.0, 0.0] * maxwell
+        if windings:
+            y[6] -= self.bristle * (SPREAD[0] * windings[0] + SPREAD[2] * windings[1])
+        spool = ([own[-1]] if len(own) % 2 else [0.0]) if second else []
         y[6] /= self.bristle
         if self.has_rod:
             share = self.p["load_friction_share"]
@@ -206,7 +249,7 @@ class Truth:
             y += [y[0] - held / stiffness - side * play, y[1], share * z]
         if self.inertance > 0:
             y += [y[2], self.p["ram_area"] * y[1], y[3], self.p["ram_area"] * y[1]]
-        return y
+        return y + windings + spool
 
     def base(self, y):
         """The base of a full state (for a model without the rod's or the line's states)."""
@@ -214,9 +257,13 @@ class Truth:
         if self.has_rod:
             y[6] += y[self.rod_index + 2]
         y[6] *= self.bristle
-        return y[:7]
+        if self.spool_index > self.maxwell_index:
+            first, last = y[self.maxwell_index : self.spool_index]
+            y[6] += self.bristle * (SPREAD[0] * first + SPREAD[2] * last)
+        return y[:7] + y[self.maxwell_index :]
 
     def solver(self, tolerance=1e-5):
+        tolerance *= self.nuisance.get("tolerance") or 1.0
         return ode(rate.FORTRAN if self.compiled else self.rhs).set_integrator(
             "lsoda", rtol=tolerance, atol=self.absolute_tolerance(), nsteps=20000
         )

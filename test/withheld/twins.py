@@ -112,6 +112,28 @@ EXACT_TWIN = {
     "clogging@restriction.nozzle": ("nozzle_cd_factor", lambda e, nominal: -e["fraction"]),
     "clogging@restriction.spool_ports": ("port_area", lambda e, nominal: -e["fraction"]),
 }
+# cooling circuit: its datasheet's notes, for each branch
+PARAMETER_TWINS |= {
+    "clogging@restriction.bench_valve",
+    "lag@command.bench_valve_command",
+    "lag@command.heat_load_command",
+    "scale@command.heat_load_command",
+    "compliance_factor@compliance.manifold",
+    "droop@source.supply",
+}
+EXACT_TWIN["clogging@restriction.bench_valve"] = ("valve_coefficient", lambda e, nominal: -e["fraction"])
+EXACT_TWIN["compliance_factor@compliance.manifold"] = ("manifold_volume", lambda e, nominal: 1 / e["factor"] - 1)
+_BRANCHES = ["m", "v1", "v2", "v3", "t"]
+for _b in _BRANCHES:
+    _less = lambda e, nominal: -e["fraction"]
+    EXACT_TWIN[f"clogging@restriction.{_b}_feed"] = (f"{_b}_feed_coefficient", _less)
+    EXACT_TWIN[f"clogging@restriction.{_b}_drain"] = (f"{_b}_drain_coefficient", _less)
+    EXACT_TWIN[f"clogging@restriction.{_b}_orifice"] = (f"{_b}_c", _less)
+    EXACT_TWIN[f"scale@heat.{_b}_wall"] = (f"{_b}_heat_flux", lambda e, nominal: e["factor"] - 1)
+    PARAMETER_TWINS |= {f"clogging@restriction.{_b}_{_place}" for _place in ("feed", "drain", "orifice")}
+    PARAMETER_TWINS |= {f"{_effect}@heat.{_b}_wall" for _effect in ("scale", "heat_loss", "heat_capacity")}
+    PARAMETER_TWINS |= {f"orifice_leakage@flow.{_b}_{_place}_ambient" for _place in ("inlet", "outlet", "drain")}
+    PARAMETER_TWINS |= {f"laminar_leakage@flow.{_b}_{_place}_ambient" for _place in ("inlet", "outlet")}
 # Other rigs' names for the same parameter.
 SAME_PARAMETER = {"viscous_damping": "viscous_friction"}
 
@@ -254,6 +276,36 @@ _GROUPS = [
     ["offset@sensor.valve_position", "scale@sensor.valve_position"],
     ["backlash@transmission.linkage", "elasticity@transmission.linkage"],
 ]
+
+_GROUPS += [
+    ["lag@command.bench_valve_command", "delay@command.bench_valve_command", "rate_limit@command.bench_valve_command"],
+    ["deadband@command.bench_valve_command", "hysteresis@command.bench_valve_command"],
+    ["gain_curve@command.bench_valve_command", "area_curve@restriction.bench_valve"],
+    ["lag@command.heat_load_command", "delay@command.heat_load_command"],
+    ["offset@source.supply", "offset@sensor.supply_pressure", "drift@sensor.supply_pressure"],
+    ["droop@source.supply", "clogging@restriction.bench_valve", "area_curve@restriction.bench_valve"],
+    ["entrained_air@compliance.manifold", "compliance_factor@compliance.manifold", "line_inertia@line.feed"],
+]
+for _b in _BRANCHES:
+    _leak = lambda place, kinds=("orifice", "laminar"), b=_b: [f"{k}_leakage@flow.{b}_{place}_ambient" for k in kinds]
+    _GROUPS += [
+        _leak("inlet") + [f"clogging@restriction.{_b}_feed", f"clogging@restriction.{_b}_orifice"],
+        _leak("outlet") + [f"clogging@restriction.{_b}_orifice", f"scale@sensor.{_b}_mass_flow"],
+        _leak("drain", ("orifice",)) + [f"clogging@restriction.{_b}_drain"],
+        [f"clogging@restriction.{_b}_orifice", f"area_curve@restriction.{_b}_orifice"],
+        [f"heat_loss@heat.{_b}_wall", f"scale@heat.{_b}_wall", f"offset@sensor.{_b}_outlet_temperature"],
+        [f"heat_capacity@heat.{_b}_wall", f"lag@sensor.{_b}_outlet_temperature"],
+        [f"lag@sensor.{_b}_mass_flow", f"delay@sensor.{_b}_mass_flow"],
+        [f"offset@sensor.{_b}_mass_flow", f"scale@sensor.{_b}_mass_flow", f"clogging@restriction.{_b}_drain"],
+        [f"offset@sensor.{_b}_inlet_temperature", f"drift@sensor.{_b}_inlet_temperature"],
+        [f"offset@sensor.{_b}_outlet_temperature", f"drift@sensor.{_b}_outlet_temperature"],
+        [
+            f"{_e}@sensor.{_b}_{_place}_pressure"
+            for _e in ("offset", "scale", "drift")
+            for _place in ("inlet", "outlet")
+        ],
+    ]
+
 
 def rivals(key, known):
     """Effects that could be mistaken for this one and that the datasheet knows."""
