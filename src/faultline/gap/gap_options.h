@@ -127,7 +127,7 @@ struct GapOptions {
     // ... and of the refit's excess, what they must close: what wins less is told by nobody as a cause.
     double material_shrink_fraction = 0.1;
     // Of what named effects win, what a free signal at one place may still win beside them (development).
-    double free_evidence_fraction = 0.2;
+    double free_evidence_fraction = 0.25;
     // Of what a perfect model would win, what effects must win to be told as a part of an unknown cause ...
     double partial_evidence_fraction = 0.2;
     // ... and what a free signal at one place must win to speak of one where no effect was found (development) ...
