@@ -154,6 +154,7 @@ GapEvidence evidence() {
   e.effects = 2000;
   e.free_before = 1500;
   e.free_after = 50;
+  e.readings = 10000;
   e.size = 0.1;
   e.excess = 5;
   e.calibrated = 1;
@@ -188,6 +189,9 @@ TEST(Verdict, FollowsTheEvidence) {
   e.effects = 0;
   EXPECT_EQ(judge(e).verdict, "unknown");
   EXPECT_FALSE(judge(e).names);
+  e.readings = 100000;
+  EXPECT_EQ(judge(e).verdict, "miscalibrated");
+  e.readings = 10000;
   e.size = 0.005;
   EXPECT_EQ(judge(e).verdict, "miscalibrated");
   e = evidence();

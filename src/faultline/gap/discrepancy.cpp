@@ -78,6 +78,9 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   Discrepancy result;
   result.losses = block_losses(model, q, {});
   result.loss = total(result.losses);
+  for (const StochasticStretch& stretch : model.stretches)
+    for (const Eigen::VectorXd& misfit : stretch.misfit)
+      result.readings += static_cast<double>((misfit.array() == misfit.array()).count());
   for (Eigen::Index s = 0; s < states; ++s) result.noise.push_back(model.size[s] * std::sqrt(q[s]));
   if (places == Places::none) return result;
   open_ports(residuals, change, jobs, model);

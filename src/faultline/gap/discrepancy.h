@@ -19,6 +19,7 @@ struct FreePlace {
 struct Discrepancy {
   std::vector<double> losses;     // per block: minus log likelihood
   double loss = 0;                // their sum
+  double readings = 0;            // that were held against the model
   std::vector<double> noise;      // per state: standard deviation of the process noise in a step, in its unit
   std::vector<FreePlace> places;  // best first
 };

@@ -132,6 +132,8 @@ struct GapOptions {
     double partial_evidence_fraction = 0.2;
     // ... and what a free signal at one place must win to speak of one where no effect was found (development) ...
     double place_evidence_fraction = 0.15;
+    // ... and per reading: a tenth off the squared error from sample to sample ...
+    double place_log_likelihood = 0.05;
     // ... in a gap as large as the noise.
     double material_excess_variances = 1;
     double miscalibrated_excess_variances =
@@ -240,6 +242,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.free_evidence_fraction);
   FAULTLINE_OPTION(verdict.partial_evidence_fraction);
   FAULTLINE_OPTION(verdict.place_evidence_fraction);
+  FAULTLINE_OPTION(verdict.place_log_likelihood);
   FAULTLINE_OPTION(verdict.material_excess_variances);
   FAULTLINE_OPTION(verdict.miscalibrated_excess_variances);
   FAULTLINE_OPTION(verdict.doubt_steepness);

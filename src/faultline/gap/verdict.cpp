@@ -12,6 +12,7 @@ GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bo
   // The loss of a perfect model is about 0, and less where the noise was taken too large.
   evidence.perfect = std::max(before.loss, evidence.effects);
   evidence.free_before = most(before);
+  evidence.readings = before.readings;
   evidence.free_after = found ? most(after) : evidence.free_before;
   return evidence;
 }
@@ -24,7 +25,8 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
                  evidence.effects > options.material_evidence_fraction * perfect;
   // Without a name that holds: only a signal at one place that wins much of a gap that matters tells a cause.
   const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
-  const double place = evidence.free_before / perfect / options.place_evidence_fraction;
+  const double place = evidence.free_before / std::max(options.place_evidence_fraction * perfect,
+                                                       options.place_log_likelihood * std::max(evidence.readings, 1.0));
   const double silent = large ? place : std::min(place, 0.5);
   if (result.names && beside <= 1) {
     result.verdict = "named";

@@ -17,6 +17,7 @@ struct GapEvidence {
   double effects = 0;      // ... the effects do win ...
   double free_before = 0;  // ... and a free signal at one place would, without ...
   double free_after = 0;   // ... and beside them
+  double readings = 0;     // over which these are summed
   double size = 0;         // gap of the refit beyond the noise, over what the channels move: rms over the channels
   double excess = 0;       // ... and squared over the noise: mean over the channels
   double calibrated = 0;   // excess that the refit removed
