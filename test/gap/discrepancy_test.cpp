@@ -170,6 +170,12 @@ TEST(Verdict, FollowsTheEvidence) {
   GapEvidence e = evidence();
   e.perfect = 8000;
   EXPECT_EQ(judge(e).verdict, "named");
+  // Nor is a small shrink too little, unless the likelihood says too much.
+  e = evidence();
+  e.shrink = 0.3;
+  EXPECT_EQ(judge(e).verdict, "named");
+  e.plain = false;
+  EXPECT_NE(judge(e).verdict, "named");
   // A signal at one place that would win much beside it does; the effect is then a part.
   e = evidence();
   e.free_after = 1000;

@@ -309,6 +309,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
 
   measure_levels(work.model(), nominal, search.plain.fit.model, search.base, result);
   GapEvidence evidence = gap_evidence(search.before, search.after, found);
+  evidence.plain = std::all_of(search.base.effects.begin(), search.base.effects.end(),
+                               [](const Candidate& candidate) { return restarts_freely(candidate.effect); });
   evidence.shrink = result.shrink_refit;
   evidence.size = gap_size(result.gap[1]);
   evidence.excess = result.gap[1].excess;

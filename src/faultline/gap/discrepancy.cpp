@@ -92,4 +92,10 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   return result;
 }
 
+bool restarts_freely(const EffectSpec& effect) {
+  const PortKind kind = port_kind(effect.port);
+  if (kind == PortKind::line || kind == PortKind::transmission) return false;
+  return kind != PortKind::sensor || !find_effect_type(effect.effect)->make()->remembers();
+}
+
 }  // namespace faultline

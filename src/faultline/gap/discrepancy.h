@@ -28,4 +28,8 @@ enum class Places { none, free };  // whether free signals are tried
 Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
                              const std::vector<std::size_t>& runs, int jobs, Places places);
 
+// Whether restarts in every step leave an effect as it is: no state of its own, no memory behind which a state shows.
+// Of others the likelihood says too much.
+bool restarts_freely(const EffectSpec& effect);
+
 }  // namespace faultline

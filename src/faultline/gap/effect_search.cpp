@@ -12,23 +12,16 @@ double loss_of(const GapTrials& work, const ModelChange& model) {
   return find_discrepancy(work.model(), model, work.learned(), work.jobs(), Places::none).loss;
 }
 
-// Whether restarts in every step leave an effect as it is: no state of its own, no memory behind which a state shows.
-bool restarts_freely(const Candidate& candidate) {
-  const PortKind kind = port_kind(candidate.effect.port);
-  if (kind == PortKind::line || kind == PortKind::transmission) return false;
-  return kind != PortKind::sensor || !find_effect_type(candidate.effect.effect)->make()->remembers();
-}
-
 // Among those that close the gap as well over segments, the one that leaves the likeliest recording from sample to
 // sample comes first: the two see different things of a cause.
 void likeliest_first(const GapTrials& work, const std::vector<double>& now, std::vector<Structure>& structures) {
   const Structure& best = structures.front();
-  if (!restarts_freely(best.fit.effects.back())) return;
+  if (!restarts_freely(best.fit.effects.back().effect)) return;
   const double close = work.options().search.close_rival_gain_fraction * (sum(now) - sum(best.score));
   std::size_t likeliest = 0;
   double least = loss_of(work, best.fit.model);
   for (std::size_t i = 1; i < structures.size() && sum(structures[i].score) - sum(best.score) < close; ++i) {
-    if (!restarts_freely(structures[i].fit.effects.back())) continue;
+    if (!restarts_freely(structures[i].fit.effects.back().effect)) continue;
     const double loss = loss_of(work, structures[i].fit.model);
     if (loss < least) least = loss, likeliest = i;
   }
@@ -99,7 +92,7 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
         for (Structure& s : search.ranked)
           if (same_effect(s.fit.effects.back(), rival.fit.effects.back())) s.score = beside;
       if (sum(gain) <= 0) continue;
-      if (restarts_freely(rival.fit.effects.back()) && restarts_freely(winner.fit.effects.back()) &&
+      if (restarts_freely(rival.fit.effects.back().effect) && restarts_freely(winner.fit.effects.back().effect) &&
           loss_of(work, swapped.front().fit.model) >= search.after.loss)
         continue;
       standing = beside;

@@ -126,6 +126,8 @@ struct GapOptions {
     double material_evidence_fraction = 0.1;
     // ... and of the refit's excess, what they must close: what wins less is told by nobody as a cause.
     double material_shrink_fraction = 0.1;
+    // ... where the likelihood says too much of an effect: half.
+    double hidden_shrink_fraction = 0.5;
     // Of what named effects win, what a free signal at one place may still win beside them (development).
     double free_evidence_fraction = 0.25;
     // Of what a perfect model would win, what effects must win to be told as a part of an unknown cause ...
@@ -239,6 +241,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.quiet_noisy_fraction);
   FAULTLINE_OPTION(verdict.material_evidence_fraction);
   FAULTLINE_OPTION(verdict.material_shrink_fraction);
+  FAULTLINE_OPTION(verdict.hidden_shrink_fraction);
   FAULTLINE_OPTION(verdict.free_evidence_fraction);
   FAULTLINE_OPTION(verdict.partial_evidence_fraction);
   FAULTLINE_OPTION(verdict.place_evidence_fraction);

@@ -21,8 +21,9 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   GapVerdict result;
   const double perfect = std::max(evidence.perfect, 1e-9), effects = std::max(evidence.effects, 1e-9);
   const double beside = evidence.free_after / effects / options.free_evidence_fraction;
-  result.names = evidence.found && evidence.shrink > options.material_shrink_fraction &&
-                 evidence.effects > options.material_evidence_fraction * perfect;
+  const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
+  result.names =
+      evidence.found && evidence.shrink > shrink && evidence.effects > options.material_evidence_fraction * perfect;
   // Without a name that holds: only a signal at one place that wins much of a gap that matters tells a cause.
   const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
   const double place = evidence.free_before / std::max(options.place_evidence_fraction * perfect,

@@ -12,6 +12,7 @@ namespace faultline {
 
 struct GapEvidence {
   bool found = false;      // whether the search took effects
+  bool plain = true;       // whether restarts leave the effects as they are: restarts_freely()
   double shrink = 0;       // fraction of the refit's excess that they close on held-out data
   double perfect = 0;      // log likelihood that a perfect model would win over the refit ...
   double effects = 0;      // ... the effects do win ...
