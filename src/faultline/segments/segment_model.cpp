@@ -165,6 +165,7 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
   setup.effects = change.effects;
   setup.sample_period = run.period;
   setup.noise = false;
+  setup.long_steps = options_.long_steps;
   DrivenModel driven(sheet_, setup);
   driven.set_around([&](const Recording& recording, std::size_t row, std::size_t channel, double later) {
     const auto output = std::find(outputs_.begin(), outputs_.end(), static_cast<int>(channel)) - outputs_.begin();
