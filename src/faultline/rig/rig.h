@@ -45,11 +45,10 @@ struct RigType {
   // `parameters` in the datasheet's order. Keeps references to the effects' chains: they must outlive the rig.
   std::unique_ptr<Rig> (*make)(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
   // s, of the model that a recording drives, which may be coarser; 0: substep. Effects in a line or a transmission
-  // bring states that are faster than the rig's own, a hysteretic force a spring that is: with them the model takes
-  // `substep` too.
+  // bring states that are faster than the rig's own: with them the model takes `substep` too.
   double model_substep = 0;
-  // s, of the model where its motion() stays what it is: events, not the equations between them, ask for model_substep.
-  // 0: no longer steps anywhere.
+  // s, of the model where its motion() stays what it is and long steps are asked for (SimulationSetup): events, not the
+  // equations between them, need model_substep. 0: no longer steps anywhere.
   double even_substep = 0;
 };
 

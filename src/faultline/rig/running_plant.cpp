@@ -22,8 +22,12 @@ double period_of(const Datasheet& sheet, const SimulationSetup& setup) {
 
 bool is_fast(const EffectSpec& effect) {
   const PortKind kind = port_kind(effect.port);
-  return kind == PortKind::line || kind == PortKind::transmission ||
-         (kind == PortKind::force && effect.effect == "hysteresis");
+  return kind == PortKind::line || kind == PortKind::transmission;
+}
+
+// A hysteretic force is a stiff spring.
+bool asks_for_short_steps(const EffectSpec& effect) {
+  return is_fast(effect) || (port_kind(effect.port) == PortKind::force && effect.effect == "hysteresis");
 }
 
 // A multiple of `parts`.
@@ -57,7 +61,9 @@ RunningPlant::RunningPlant(const Datasheet& sheet, const SimulationSetup& setup,
   rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
   integrator_ = make_integrator(*rig_);
   // What remembers is asked at every substep.
-  if (use == Use::model && setup.substep <= 0 && parts == 1 && !effects_.remembers())
+  const std::vector<EffectSpec> specs = all_effects(sheet, setup.effects);
+  if (setup.long_steps && use == Use::model && setup.substep <= 0 && parts == 1 && !effects_.remembers() &&
+      std::none_of(specs.begin(), specs.end(), asks_for_short_steps))
     even_ = std::clamp(static_cast<int>(type->even_substep / substep_ + 1e-9), 1, substeps_);
   before_.resize(static_cast<std::size_t>(rig_->states()));
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {

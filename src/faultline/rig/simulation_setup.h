@@ -19,6 +19,7 @@ struct SimulationSetup {
   double substep = 0;                  // s; 0: the rig's own
   double sample_period = 0;            // s, of a driven model's recording; 0: the datasheet's
   bool noise = true;                   // sensor noise and rounding
+  bool long_steps = false;             // of a driven model, where its motion is even (RigType::even_substep)
 };
 
 // The datasheet's effects of the nominal model.

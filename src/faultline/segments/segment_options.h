@@ -42,6 +42,9 @@ struct SegmentOptions {
   double period_error_fraction = 0.2;
   // Readings of a segment that count, as a fraction of all: fewer are not taken to speak for all of them.
   double least_counted_fraction = 0.25;
+  // Whether the model takes long steps where its motion is even: for answers that are asked for many times over. Not
+  // where small differences between models are weighed over long recordings.
+  bool long_steps = false;
 };
 
 template <class Visit>

@@ -199,7 +199,7 @@ void ControlValve::outputs(double, const double* state, double* channels) const 
 }
 
 namespace {
-FAULTLINE_RIG(control_valve, {"control_valve", 0.5e-3, make_rig<ControlValve>, 2.5e-3});
+FAULTLINE_RIG(control_valve, {"control_valve", 0.5e-3, make_rig<ControlValve>, 1.25e-3, 2.5e-3});
 }
 
 }  // namespace faultline

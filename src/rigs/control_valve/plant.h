@@ -25,6 +25,7 @@ class ControlValve : public Rig {
   void start(const double* channels, double* state) override;
   void start_at(const double* nominal_state, const double* channels, double* state) override;
   void set_modes(const double* state) override;
+  int motion(const double*) const override { return linked_ || actuator_.may_slip() ? kUneven : 0; }
   void derivative(double time, const double* state, const double* channels, double* rate) override;
   void after_step(double time, double* state, const double* channels) override;
   void outputs(double time, const double* state, double* channels) const override;
