@@ -1,6 +1,6 @@
-"""Run in the built environment: hands the isolator's two topics of a rig on to RIG/lossy/..., but for some samples, lets
-the replay go on once both ends are connected, and writes what the alarm node of the whole topics and the one of the
-lossy ones say, as one JSON object, on SIGINT.
+"""Run in the built environment: hands the isolator's two topics of a rig on to RIG/lossy/..., but for some samples,
+lets the replay go on once both ends are connected, and writes what the alarm node of the whole topics and the one of
+the lossy ones say, as one JSON object, on SIGINT.
 
 lossy_relay.py RIG FILE LOST_DETECTIONS LOST_HYPOTHESES   (sequence numbers with commas)"""
 
@@ -60,6 +60,7 @@ while not rospy.is_shutdown() and not all(there() for there in connected):
 if not rospy.is_shutdown():
     go_on = rospy.ServiceProxy(f"/{rig}/player/pause_playback", SetBool)
     go_on.wait_for_service(30)
+    time.sleep(2)  # a subscriber counts a connection before the other end sends through it
     go_on(False)
 while not rospy.is_shutdown():
     time.sleep(0.1)

@@ -1,4 +1,5 @@
-"""Words of the isolator that are lost on their way to the alarms, in simulated time: counted, and no alarm is another."""
+"""Words of the isolator that are lost on their way to the alarms, in simulated time: they are counted, and the alarms
+are the same."""
 
 import json
 import pathlib
@@ -22,7 +23,8 @@ class LostWords(unittest.TestCase):
             ran = subprocess.run(
                 [
                     *(str(devel_space() / "lib/faultline/faultline"), "simulate", RIG, "--duration", str(LENGTH)),
-                    *("--seed", "3", "--effect", f"offset@sensor.pump_pressure:value=5e5,from={OFF / 100}", "-o", str(bag)),
+                    *("--seed", "3", "-o", str(bag)),
+                    *("--effect", f"offset@sensor.pump_pressure:value=5e5,from={OFF / 100}"),
                 ],
                 env=graph.environment,
                 capture_output=True,

@@ -51,14 +51,14 @@ class FaultResponses {
   const std::vector<RankedFault>& first() const { return confirmed_ ? first_ : none_; }
   // The same for what is wrong beside the first.
   const std::vector<RankedFault>& second() const { return confirmed_ ? second_ : none_; }
-  // Something is suspected that the next stretches must confirm; not for ever: a rig that stands still confirms nothing.
+  // Something is suspected that the next stretches must confirm; not for ever: a rig that rests confirms nothing.
   bool undecided() const { return event_ && !confirmed_ && age_ <= settings_.recent_stretches; }
   // A channel that is not what it is called explains more (plausibility.h); empty: none does.
   const std::string& doubt() const { return doubt_text_; }
   double since() const { return since_; }  // s, start of the first stretch that shows it
   // Of the best, refined or not; of a stretch not looked at closely, what there could be at most; of what is not
-  // confirmed no more than the threshold. While no fault is there but more is left in the residuals than need not be
-  // weighed, at least that (weighed_from()): below, all that was measured is explained by the rig without faults.
+  // confirmed no more than the threshold. While no fault is there but residuals hold more than the rig without faults
+  // explains (explained_ratio), at least weighed_from().
   double evidence() const {
     if (event_) return confirmed_ ? evidence_ : std::min(evidence_, settings_.threshold_evidence);
     return explained_ ? evidence_ : std::max(evidence_, weighed_from(settings_));
