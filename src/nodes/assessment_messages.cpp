@@ -1,6 +1,7 @@
 #include "nodes/assessment_messages.h"
 
-#include <algorithm>
+#include <map>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -144,24 +145,29 @@ Assessment to_assessment(const faultline_msgs::Detections& detections, const fau
 }
 
 std::optional<Assessment> AssessmentJoin::next() {
-  const auto same = [](const auto& one, const auto& other) {
-    return one->sequence == other->sequence && one->header.stamp == other->header.stamp;
+  // Each topic keeps its order: where the first ones are no pair, all before the next pair have lost their partners.
+  // Until that pair is there nobody knows which of the two was passed over.
+  const auto key = [](const auto& message) {
+    return std::pair(static_cast<std::uint64_t>(message->sequence), message->header.stamp.toNSec());
   };
-  while (!detections_.empty() && !hypotheses_.empty()) {
-    if (same(detections_.front(), hypotheses_.front())) {
-      const auto detections = detections_.front();
-      const auto hypotheses = hypotheses_.front();
-      detections_.pop_front();
-      hypotheses_.pop_front();
-      return to_assessment(*detections, *hypotheses);
+  std::size_t skipped = 0, passed = 0;
+  bool found = !detections_.empty() && !hypotheses_.empty() && key(detections_.front()) == key(hypotheses_.front());
+  if (!found && !detections_.empty() && !hypotheses_.empty()) {
+    std::map<decltype(key(hypotheses_.front())), std::size_t> places;
+    for (std::size_t i = 0; i < hypotheses_.size(); ++i) places.emplace(key(hypotheses_[i]), i);
+    for (; skipped < detections_.size() && !found; skipped += !found) {
+      const auto place = places.find(key(detections_[skipped]));
+      found = place != places.end();
+      if (found) passed = place->second;
     }
-    // One of them lost its partner: the one that the other topic passed over.
-    ++dropped_;
-    if (std::any_of(hypotheses_.begin(), hypotheses_.end(),
-                    [&](const auto& other) { return same(detections_.front(), other); }))
-      hypotheses_.pop_front();
-    else
-      detections_.pop_front();
+  }
+  if (found) {
+    dropped_ += skipped + passed;
+    const auto detections = detections_[skipped];
+    const auto hypotheses = hypotheses_[passed];
+    detections_.erase(detections_.begin(), detections_.begin() + static_cast<std::ptrdiff_t>(skipped + 1));
+    hypotheses_.erase(hypotheses_.begin(), hypotheses_.begin() + static_cast<std::ptrdiff_t>(passed + 1));
+    return to_assessment(*detections, *hypotheses);
   }
   const auto bound = [this](auto& waiting) {
     for (; waiting.size() > kMostWaiting; ++dropped_) waiting.pop_front();

@@ -126,7 +126,7 @@ TEST(AlarmStage, DifferentialTransducerThatDriftsOffIsASensorAlarm) {
   ASSERT_NE(alarm, nullptr) << told(report);
   EXPECT_EQ(alarm->port, "sensor.load_pressure");
   EXPECT_GT(alarm->raised, 20);
-  EXPECT_LT(alarm->raised, 23);
+  EXPECT_LT(alarm->raised, 25);  // a stretch that shows it and one that confirms it
   EXPECT_NEAR(alarm->size, 6e4, 6e3) << told(report);
   EXPECT_LE(alarm->low, 6e4);
   EXPECT_GE(alarm->high, 6e4);

@@ -6,7 +6,8 @@ isolator_node -> alarm_node at 1 kHz.
 
 Runs in a network namespace of its own (loopback with a multicast route), in real time, and leaves nothing running.
 Counted by the nodes themselves from the sequence numbers and read from /diagnostics at the end; UDP drops by the
-kernel, for this namespace. Exit code 0 if nothing was lost, 1 if something was.
+kernel, for this namespace. The delay is that of the isolator's word on a sample (/RIG/hypotheses) behind the stamp that
+the simulator gave it, at a listener in Python, which adds its own. Exit code 0 if nothing was lost, 1 if something was.
 """
 
 import argparse
@@ -14,6 +15,8 @@ import json
 import os
 import pathlib
 import resource
+import signal
+import struct
 import subprocess
 import sys
 import time
@@ -35,6 +38,27 @@ def udp_counts():
 def cpu_seconds(process):
     words = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def hear_delays(file):
+    """Writes the quantiles [s] of the hypotheses' delays at the end; the messages stay packed but for their stamps."""
+    import rospy
+
+    delays = []
+
+    def take(message):
+        stamp = struct.unpack_from("<II", message._buff, 4)
+        delays.append(time.time() - stamp[0] - 1e-9 * stamp[1])
+
+    rospy.init_node("delays", disable_signals=True)
+    signal.signal(signal.SIGINT, lambda *_: rospy.signal_shutdown("over"))
+    rospy.Subscriber(f"/{RIG}/hypotheses", rospy.AnyMsg, take, queue_size=100000, tcp_nodelay=True)
+    while not rospy.is_shutdown():
+        time.sleep(0.1)
+    delays.sort()
+    at = {"median": 0.5, "99 %": 0.99, "99.9 %": 0.999, "most": 1}
+    told = {name: delays[int(share * (len(delays) - 1))] for name, share in at.items()} if delays else {}
+    pathlib.Path(file).write_text(json.dumps({"messages": len(delays), **told}))
 
 
 def measure(seconds):
@@ -59,6 +83,8 @@ def measure(seconds):
             "kalman": graph.node("kalman_node", "kalman", rig=RIG, wait_for="isolator"),
             "driver": graph.node("rig_driver_node", "driver", rig=RIG, lcm_url=URL, wait_for="kalman"),
         }
+        delays = graph.path / "delays"
+        ear = graph.start(["/usr/bin/python3", str(HERE), "--hear", str(delays)])
         time.sleep(3)  # LCM keeps nothing for a listener that comes late
         nodes["simulator"] = graph.node(
             "rig_simulator_node", "simulator", rig=RIG, output="lcm", lcm_url=URL, nuisance=True
@@ -76,6 +102,7 @@ def measure(seconds):
         for name in ("driver", "kalman", "isolator", "alarms"):
             graph.end(nodes[name])
         graph.end(listener)
+        graph.end(ear)
         last = {}
         for line in heard.read_text().splitlines():
             for status in json.loads(line)["status"]:
@@ -90,6 +117,7 @@ def measure(seconds):
                 else None
             ),
             "udp": udp_counts(),
+            "delay": json.loads(delays.read_text()),
             "nodes": {},
         }
         for name in ("driver", "kalman", "isolator", "alarms"):
@@ -108,9 +136,13 @@ def main():
     words.add_argument("--build", help="build folder; default: catkin_ws/build of this clone")
     words.add_argument("--json", help="writes the answer to this file too")
     words.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
+    words.add_argument("--hear", help=argparse.SUPPRESS)
     given = words.parse_args()
     if given.seconds < 5:
         words.error("--seconds: at least 5")
+    if given.hear:
+        hear_delays(given.hear)
+        return 0
     if given.inside:
         measure(given.seconds)
         return 0
@@ -143,6 +175,8 @@ def main():
         f"  UDP: {answer['udp']['InDatagrams']} datagrams in, receive buffer overrun"
         f" {answer['udp']['RcvbufErrors']} times"
     )
+    told = ", ".join(f"{name} {1e3 * t:.1f} ms" for name, t in answer["delay"].items() if name != "messages")
+    print(f"  delay of {answer['delay']['messages']} words of the isolator: {told}")
     whole = all(counts and counts["lost"] == 0 and counts["received"] > 0 for counts in answer["nodes"].values())
     return 0 if whole else 1
 

@@ -99,6 +99,33 @@ TEST(FaultResponses, NameAndSizeFrictionThatRose) {
             found.first.end());
 }
 
+// Evidence of the most that was told, and the most that was found.
+std::pair<double, double> told_and_found(const std::string& effect, const ResponseSettings& settings) {
+  SimulationSetup setup = off_nominal("random", 36);
+  setup.effects.push_back(parse_effect(effect));
+  const Recording run = simulate(servo(), setup, 16);
+  FaultResponses responses(servo(), settings);
+  double told = 0, found = 0;
+  for (std::size_t k = 0; k < run.rows(); ++k) {
+    if (!responses.add(run.time[k], run.row(k), true)) continue;
+    found = std::max(found, responses.evidence());
+    if (!responses.first().empty()) told = std::max(told, responses.evidence());
+  }
+  return {told, found};
+}
+
+TEST(FaultResponses, WhatOneStretchAloneShowsIsNotTold) {
+  const std::string friction = "coulomb_friction@force.piston:force=60,from=7.5";
+  ResponseSettings settings = shipped();
+  const auto [passing, suspected] = told_and_found(friction + ",to=8.9,swells=1", settings);
+  EXPECT_EQ(passing, 0);
+  EXPECT_EQ(suspected, settings.threshold_evidence);  // the stretch from 8 s on shows it; the next one does not
+  const auto [lasting, found] = told_and_found(friction, settings);
+  EXPECT_GT(lasting, settings.threshold_evidence);
+  settings.confirmed_fraction = 0;
+  EXPECT_GT(told_and_found(friction + ",to=8.9,swells=1", settings).first, settings.threshold_evidence);
+}
+
 TEST(FaultResponses, AVelocityTransducerIsNoLeak) {
   const Found found = look("random", 35, 8, 14, {"scale@sensor.velocity:factor=0.7"});
   ASSERT_FALSE(found.first.empty());

@@ -176,6 +176,28 @@ TEST(SignatureTable, SettingsThatMakeNoSenseAreRefused) {
 
 // ---- the isolator, on estimates of its own
 
+TEST(ParameterChange, WhatTheHealthyMotionDidNotShowIsLeftOut) {
+  ParameterChangeOptions options;
+  options.period_s = 0.1;
+  options.memory_s = options.block_s = 0.2;
+  options.window_s = 4;
+  options.relative_error = 0.03;
+  options.inflation = {1, 1};
+  options.floor = {0.001, 0.001};
+  const auto chi2 = [&](double reference_std, double second) {
+    ParameterChange change(2, options);
+    const double theta[] = {1.0, second}, covariance[] = {1e-4, 0, 0, 1e-4};
+    for (int k = 0; k < 40; ++k) change.add(theta, covariance, true);
+    ParameterLevel reference;
+    reference.theta = Eigen::Vector2d(1, 1);
+    reference.covariance = Eigen::Vector2d(1e-6, reference_std * reference_std).asDiagonal();
+    return change.step_from(reference).chi2;
+  };
+  EXPECT_GT(chi2(0.02, 1.5), 100);  // known to 2 %, moved by 50 %
+  EXPECT_LT(chi2(0.15, 1.5), 1);    // known to 15 %
+  EXPECT_LT(chi2(0.02, 1.001), 1);
+}
+
 constexpr double kTrue[] = {-8.8, 8.68e-4, -1.199e-3};
 
 class TableIsolation : public ::testing::Test {

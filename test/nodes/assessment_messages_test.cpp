@@ -5,6 +5,7 @@
 #include <boost/make_shared.hpp>
 
 #include <limits>
+#include <vector>
 
 #include "faultline/signal/error.h"
 #include "nodes/conversion.h"
@@ -108,6 +109,21 @@ TEST(AssessmentJoin, PairsComeOutInOrderAndWhatLostItsPartnerIsCounted) {
   for (const std::uint64_t k : {0, 2, 4}) EXPECT_EQ(join.next().value().sequence, k);
   EXPECT_FALSE(join.next());
   EXPECT_EQ(join.dropped(), 2u);
+}
+
+// A word that comes before its partner has not lost it, whatever was lost before.
+TEST(AssessmentJoin, ALossCostsNoOtherPair) {
+  AssessmentJoin join;
+  std::vector<std::uint64_t> joined;
+  for (std::uint64_t k = 0; k < 20; ++k) {
+    const bool detection = k < 3 || k > 5, hypothesis = k < 5 || k > 7;  // 3 to 5 were lost, and 5 to 7
+    if (detection) join.add(detections(k));
+    while (const auto pair = join.next()) joined.push_back(pair->sequence);
+    if (hypothesis) join.add(hypotheses(k));
+    while (const auto pair = join.next()) joined.push_back(pair->sequence);
+  }
+  EXPECT_EQ(joined, (std::vector<std::uint64_t>{0, 1, 2, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19}));
+  EXPECT_EQ(join.dropped(), 4u);  // 3, 4; 6, 7
 }
 
 }  // namespace

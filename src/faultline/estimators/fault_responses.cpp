@@ -25,7 +25,8 @@ FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& s
 
 void FaultResponses::reset() {
   collecting_.reset();
-  started_ = event_ = false;
+  started_ = event_ = confirmed_ = explained_ = false;
+  confirming_ = 0;
   recent_.clear();
   point_ = model_.nominal();
   reference_ = model_.no_sums();
@@ -290,13 +291,19 @@ std::map<std::size_t, double> FaultResponses::remembered() const {
 
 // ---- the event
 
-bool FaultResponses::over() const {
+double FaultResponses::speaks_for() const {
   const RankedFault& first = first_.front();
   Eigen::MatrixXd before = known_to_tolerance(point_.shift);
   if (window_.change) before += known_part(reference_);
   const Stretches last = latest(1);
-  const double with = model_.loss(before, last, point_, {hypotheses()[first.hypothesis].at(first.amplitude)});
-  return with > model_.loss(before, last) + settings_.over_evidence;
+  return model_.loss(before, last) -
+         model_.loss(before, last, point_, {hypotheses()[first.hypothesis].at(first.amplitude)});
+}
+
+void FaultResponses::confirm(double evidence) {
+  confirming_ += evidence;
+  confirmed_ = confirmed_ || confirming_ >= settings_.confirmed_fraction * settings_.threshold_evidence ||
+               evidence_ >= settings_.sure_ratio * settings_.threshold_evidence;
 }
 
 void FaultResponses::look_beside(const Eigen::MatrixXd& before) {
@@ -332,7 +339,8 @@ bool FaultResponses::follow() {
 }
 
 void FaultResponses::end_event() {
-  event_ = false;
+  event_ = confirmed_ = false;
+  confirming_ = 0;
   age_ = 0;
   first_.clear();
   second_.clear();
@@ -350,6 +358,10 @@ void FaultResponses::judge(const Recording& recording) {
   if (!growing && !early && says_nothing_new()) {
     if (event_ || !due) {
       pass_over();
+      if (event_ && !confirmed_) {
+        respond_all();
+        confirm(speaks_for());
+      }
       if (!event_ || !due) return;
       respond_all();
       // How two faults share what is seen is worth another look where the motion shows them.
@@ -369,17 +381,20 @@ void FaultResponses::judge(const Recording& recording) {
   if (event_ && over()) {
     // What the recent stretches hold belongs to neither state.
     recent_.erase(recent_.begin(), recent_.end() - 1);
-    event_ = false;
+    event_ = confirmed_ = false;
+    confirming_ = 0;
     age_ = 0;
   }
   if (event_) {
+    confirm(confirmed_ ? 0 : speaks_for());
     ++age_;
     window_.stretches = std::min(window_.stretches + 1, recent_.size());
     // While a fault lasts, all causes are weighed ever more rarely, unless it grows.
     if (!growing && !power_of_two(age_) && follow()) return;
   }
   const double left = unexplained();
-  if (!event_ && settings_.refresh_stretches > 1 && left < settings_.weighed_fraction * settings_.threshold_evidence) {
+  explained_ = !event_ && left < settings_.explained_ratio * settings_.threshold_evidence;
+  if (!event_ && settings_.refresh_stretches > 1 && left < weighed_from(settings_)) {
     evidence_ = std::max(0.0, left);
     end_event();
     return;
@@ -435,7 +450,9 @@ void FaultResponses::find_healthy_or_fault() {
     since_ = recent_[recent_.size() - window_.stretches]->begin;
     event_ = true;
     age_ = 1;
+    confirming_ = 0;
   }
+  confirm(0);
 }
 
 // ---- what could be seen

@@ -9,6 +9,10 @@
 // made linear anew around what it learnt of the parameters. The best few hypotheses are refined on the model with the
 // effect in it, and a second fault is searched for beside the first (fault_search.h).
 //
+// What was found is told once stretches that had no part in finding it confirm it: with the fault as it was found, the
+// model must explain them better, by as much evidence as finding takes. Of what is not there the next stretch says the
+// opposite, as strongly as it would confirm it.
+//
 // Most stretches say what those before them said. One whose misfit with all that is known (known_model.h) is the usual
 // one cannot win evidence for any other cause, so it costs one run of the model and is not looked at further, while
 // well or while a fault lasts.
@@ -17,6 +21,7 @@
 // whose least amplitude at the threshold lies beyond its range is not observable in this motion.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -42,15 +47,22 @@ class FaultResponses {
   void judge(const Recording& stretch);
 
   const std::vector<FaultHypothesis>& hypotheses() const { return model_.hypotheses(); }
-  // While a fault is there: best first, refined ones only. Empty: nothing is wrong.
-  const std::vector<RankedFault>& first() const { return first_; }
+  // While a fault is there: best first, refined ones only. Empty: nothing is wrong, or not surely.
+  const std::vector<RankedFault>& first() const { return confirmed_ ? first_ : none_; }
   // The same for what is wrong beside the first.
-  const std::vector<RankedFault>& second() const { return second_; }
+  const std::vector<RankedFault>& second() const { return confirmed_ ? second_ : none_; }
+  // Something is suspected that the next stretches must confirm; not for ever: a rig that rests confirms nothing.
+  bool undecided() const { return event_ && !confirmed_ && age_ <= settings_.recent_stretches; }
   // A channel that is not what it is called explains more (plausibility.h); empty: none does.
   const std::string& doubt() const { return doubt_text_; }
   double since() const { return since_; }  // s, start of the first stretch that shows it
-  // Of the best, refined or not; of a stretch not looked at closely, what there could be at most.
-  double evidence() const { return evidence_; }
+  // Of the best, refined or not; of a stretch not looked at closely, what there could be at most; of what is not
+  // confirmed no more than the threshold. While no fault is there but residuals hold more than the rig without faults
+  // explains (explained_ratio), at least weighed_from().
+  double evidence() const {
+    if (event_) return confirmed_ ? evidence_ : std::min(evidence_, settings_.threshold_evidence);
+    return explained_ ? evidence_ : std::max(evidence_, weighed_from(settings_));
+  }
   std::uint64_t runs() const { return model_.runs(); }  // of the model so far
   // Per hypothesis, over all stretches so far (forgetting as set): standard error of the amplitude of a fault that
   // comes after as much healthy motion. Large where the motion does not show it.
@@ -77,7 +89,9 @@ class FaultResponses {
   bool search_parameters();
   void move(const Eigen::VectorXd& step);
   void forget_oldest();
-  bool over() const;                                  // the latest stretch no longer shows the fault
+  double speaks_for() const;  // evidence of the latest stretch alone for the fault, as it was found
+  bool over() const { return speaks_for() < -settings_.over_evidence; }  // it no longer shows it
+  void confirm(double evidence);
   Eigen::MatrixXd prior(const Window& window) const;  // [r T]'[r T] of what is known of theta
   std::vector<RankedFault> screen(const Window& window) const;
   std::vector<RankedFault> find_window();  // sets window_; what it screened there
@@ -113,6 +127,10 @@ class FaultResponses {
   std::size_t shown_ = 0;  // latest stretches that may show a fault: those before hold nothing that is unexplained
   Window window_;
   std::vector<RankedFault> first_, second_;
+  const std::vector<RankedFault> none_;
+  bool confirmed_ = false;
+  bool explained_ = false;                    // the latest stretches looked at closely, by the rig without faults
+  double confirming_ = 0;                     // evidence of stretches since it was found
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
   KnownModel known_;

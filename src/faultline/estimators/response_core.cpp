@@ -79,6 +79,7 @@ class ResponseEstimator : public Estimator {
     work_.get();
     judged_ = ended_;
     news_ = true;
+    if (responses_.undecided()) judged_ = std::min(judged_, responses_.since());
     take_over();
   }
 

@@ -60,8 +60,15 @@ struct ResponseSettings {
   // ---- the fault
   double threshold_evidence = 30;  // from which there is a fault: a bound on false alarms, found on one rig
   double release_fraction = 0.3;   // of the threshold, below which a fault is over: hysteresis against flicker
-  double over_evidence = 5;        // by which the latest stretch speaks against a fault that was there
-  double longer_fraction = 0.05;   // of the evidence, by which one more stretch must speak for a fault to be part of it
+  // A fault is told when stretches after those that found it have won as much again, or when it has so many times that:
+  // what a chance, or a passing error of the model, has found says nothing of what comes next.
+  double confirmed_fraction = 1;
+  double sure_ratio = 5;
+  // Of the threshold, left in the residuals of the recent stretches beyond white noise, up to which the rig without
+  // faults explains them: several small errors of the model in different directions are no fault.
+  double explained_ratio = 2;
+  double over_evidence = 5;       // by which the latest stretch speaks against a fault that was there
+  double longer_fraction = 0.05;  // of the evidence, by which one more stretch must speak for a fault to be part of it
   // Of the largest amplitude, tried beside the linear answer: sizes whose answers differ, over ranges of many decades.
   std::array<double, 3> coarse_fractions = {0.15, 0.4, 1};
   double pace_fraction = 0.25;  // of what the first wins up to any segment, that a size must win up to there to go on
@@ -87,6 +94,11 @@ struct ResponseSettings {
 
   double stretch_s() const { return static_cast<double>(segments + 1) * segment_s; }
 };
+
+// Evidence that causes must be able to win together before they are weighed.
+inline double weighed_from(const ResponseSettings& settings) {
+  return settings.weighed_fraction * settings.threshold_evidence;
+}
 
 template <class Visit>
 void for_each_option(ResponseSettings& options, Visit&& visit) {
@@ -118,6 +130,9 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(early_stretches);
   FAULTLINE_OPTION(threshold_evidence);
   FAULTLINE_OPTION(release_fraction);
+  FAULTLINE_OPTION(confirmed_fraction);
+  FAULTLINE_OPTION(sure_ratio);
+  FAULTLINE_OPTION(explained_ratio);
   FAULTLINE_OPTION(over_evidence);
   FAULTLINE_OPTION(longer_fraction);
   FAULTLINE_OPTION(coarse_fractions);

@@ -290,6 +290,12 @@ void IsolationStage::decide_findings() {
 bool IsolationStage::explained(const Watched& w) const {
   // Numbers that are not the transducers' own fit no model.
   if (w.meaning.kind == AlarmKind::unknown && channels_.unusable() && raised_on_bad_data(w)) return true;
+  // A filter with a model of its own, simpler than the rig's, is not asked where that explains everything.
+  if (w.withholds && std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+        return i.isolator->overrules() && i.isolator->finds_all_explained() &&
+               i.isolator->judged_until() >= detection(w).since;
+      }))
+    return true;
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     const Finding& f = finding(i);
     if (!names_the_cause(i) || f.kind == AlarmKind::unknown) return false;

@@ -46,6 +46,8 @@ class Isolator {
   virtual bool rests_on_model() const { return true; }
   // Whether its findings rest on every channel of the rig, so that one that is off spoils them.
   virtual bool rests_on_all_channels() const { return false; }
+  // Whether it judged that the rig without any fault explains all that was measured.
+  virtual bool finds_all_explained() const { return false; }
   virtual double judged_until() const { return std::numeric_limits<double>::infinity(); }  // s
   // As Detector has them: what it learnt of the healthy rig, and to judge by that instead of learning.
   virtual std::optional<Reference> reference() const { return {}; }

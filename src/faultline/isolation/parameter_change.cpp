@@ -8,6 +8,8 @@
 namespace faultline {
 namespace {
 
+constexpr double kKnown = 0.1;    // relative sigma of a reference: what is known worse has no level that could change
+constexpr double kUnknown = 1e3;  // sigma of the logarithm of what is not known
 constexpr double kLeastRatio = 0.05;  // of a parameter to its reference: far below any fault that is a change of it
 
 // Inverse of a symmetric positive matrix whose rows have units of their own; false where it is not positive.
@@ -111,7 +113,11 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
   step.scatter = sum.square - sum.weighted.dot(theta);
   const auto known = [&](double spread) {
     Eigen::MatrixXd v = scale.asDiagonal() * (spread * covariance + reference.covariance) * scale.asDiagonal();
-    for (int i = 0; i < n_; ++i) v(i, i) += std::pow(options_.floor[static_cast<std::size_t>(i)], 2);
+    for (int i = 0; i < n_; ++i) {
+      v(i, i) += std::pow(options_.floor[static_cast<std::size_t>(i)], 2);
+      const double relative = std::sqrt(reference.covariance(i, i)) * std::abs(scale[i]);
+      if (!(relative <= kKnown)) v(i, i) += kUnknown * kUnknown;
+    }
     return v;
   };
   step.covariance = known(1);

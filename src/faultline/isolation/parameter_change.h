@@ -16,8 +16,10 @@
 // Review 40 (1932)); that of chi2_j is not.
 // `inflation` (of every P_k, F P_k F with F = diag(inflation_i^(1/2))) and `floor` stand for what the estimates'
 // covariance does not know: friction that is not viscous, entrained air, noise that is not white and so weighs less
-// in one parameter and more in another. The logarithm makes a factor on a parameter a shift of any size; a parameter
-// that changes its sign counts as fallen to `kLeastRatio` of the reference. Estimates that are not finite say nothing.
+// in one parameter and more in another. A parameter that the healthy motion did not show, its reference known to
+// more than a tenth of itself (`kKnown`), is left out: y and V are to first order, and of a reference so bad they say
+// nothing. The logarithm makes a factor on a parameter a shift of any size; a parameter that changes its sign counts as
+// fallen to `kLeastRatio` of the reference. Estimates that are not finite say nothing.
 #pragma once
 
 #include <cstddef>

@@ -10,6 +10,7 @@
 namespace faultline {
 namespace {
 
+constexpr double kExplained = 0.6;  // of the threshold: ResponseSettings::weighed_fraction
 constexpr double kAtBound = 0.005;  // of the way from no effect to the bound
 
 RankingOptions read_options(const Settings& s) {
@@ -62,6 +63,10 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
   told_ = best.order;
   told_evidence_ = best.evidence;
   write(ranked, finding);
+}
+
+bool RankingFinding::all_explained() const {
+  return heard_ && heard_->first.empty() && heard_->doubt.empty() && heard_->evidence < kExplained * heard_->threshold;
 }
 
 void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding& finding) {

@@ -46,6 +46,8 @@ class RankingFinding {
   void tell(const std::shared_ptr<const Ranking>& ranking, bool restarted, Finding& finding);
   bool second() const { return options_.second; }
   double judged_until() const { return judged_; }
+  // Nothing is wrong, and no cause could win as much evidence as makes them worth weighing.
+  bool all_explained() const;
 
  private:
   void write(const std::vector<RankedHypothesis>& ranked, Finding& finding);

@@ -15,7 +15,7 @@ enum class Reason {
   told,
   absent,               // its condition does not hold
   transducer_in_doubt,  // a fault that shows in a transducer which is itself off
-  explained,            // by another cause, which an isolator named that weighed them all
+  explained,            // by another cause, which an isolator named that weighed them all, or by the rig without faults
   judgement_awaited,    // such an isolator has not yet judged the time at which this began
   told_by_another,      // it is the same thing as another stage's alarm and stands under that
   model_does_not_fit    // a fault claimed with a model that does not explain the measurements
