@@ -43,16 +43,17 @@ Visited visit(Options& options) {
 
 // All members are of eight bytes or arrays of such, so that none that is forgotten hides in padding.
 TEST(Options, EveryMemberIsVisited) {
+  constexpr std::size_t kSwitch = 8;  // SegmentOptions::long_steps, which is no number, with its padding
   GapOptions gap;
-  EXPECT_EQ(visit(gap).bytes, sizeof gap);
+  EXPECT_EQ(visit(gap).bytes, sizeof gap - kSwitch);
   FitOptions fit;
-  EXPECT_EQ(visit(fit).bytes, sizeof fit);
+  EXPECT_EQ(visit(fit).bytes, sizeof fit - kSwitch);
   SegmentOptions segments;
-  EXPECT_EQ(visit(segments).bytes, sizeof segments);
+  EXPECT_EQ(visit(segments).bytes, sizeof segments - kSwitch);
   LiveGapSettings live;
   EXPECT_EQ(visit(live).bytes, sizeof live - sizeof live.gap);
   ResponseSettings responses;
-  EXPECT_EQ(visit(responses).bytes, sizeof responses - sizeof(double));  // jobs, of which no answer depends
+  EXPECT_EQ(visit(responses).bytes, sizeof responses - kSwitch - sizeof(double));  // jobs, of which no answer depends
 }
 
 TEST(Options, OfTheSignatureIsolatorAreTheDatasheets) {
