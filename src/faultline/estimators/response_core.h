@@ -6,7 +6,7 @@
 
 namespace faultline {
 
-// Settings: segment, segments, every, recent, memory, inflation, threshold; those of ResponseSettings where there is
+// Settings: segment, segments, every, recent, memory, inflation, threshold, confirmed; those of ResponseSettings where there is
 // none given.
 ResponseSettings response_settings(const Datasheet& sheet, const StageSpec& spec);
 

@@ -157,6 +157,8 @@ class Completer {
     numbers["segments"] = kSegments;
     numbers["inflation"] = kInflation;
     numbers["every"] = rounded(1.005 * every());  // never below what a stretch takes
+    numbers["confirmed"] =
+        0;  // few stretches see a fault here, and of states without a channel those of its onset alone
     numbers["latency"] = std::min(kLongestLatency, rounded(0.5 * numbers["every"]));
     sheet_.estimators.push_back({"responses", "fault_response", settings("responses", numbers)});
     sheet_.defaulted.insert("estimators");
