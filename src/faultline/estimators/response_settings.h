@@ -159,7 +159,8 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
 }
 
 // Those that a datasheet may set, by its keys: segment [s], segments, every [s], recent, memory, inflation, threshold,
-// confirmed (of the threshold). Without `segment` two fifths of the rig's (segments/segment_length.h), without `every` four stretches.
+// confirmed (of the threshold). Without `segment` two fifths of the rig's (segments/segment_length.h), without `every`
+// four stretches.
 ResponseSettings read_response_settings(const Settings& settings, const Datasheet& sheet);
 
 }  // namespace faultline
