@@ -30,7 +30,7 @@ class FreeSignal : public Effect {
 
 FAULTLINE_EFFECT(free_signal,
                  {"free_signal",
-                  "flexible",
+                  "free",
                   "u + value; of an opening, a modulus, what is handed on: u (1 + value)",
                   {PortKind::command, PortKind::sensor, PortKind::force, PortKind::flow, PortKind::restriction,
                    PortKind::compliance, PortKind::source, PortKind::transmission, PortKind::heat},

@@ -66,11 +66,7 @@ class Filter {
       }
       done(i);
       if (i + 1 == stretch_.rows.size()) break;
-      map_.topLeftCorner(states_, states_) = stretch_.f[i];
-      if (with_) {
-        if (drive_) map_.col(states_).head(states_) = drive_->col(static_cast<Eigen::Index>(i));
-        map_(states_, states_) = keep_;
-      }
+      set_map(i, map_);
       next.noalias() = map_ * x_;
       x_ = next;
       x_.head(states_) += stretch_.defect[i];
@@ -96,15 +92,18 @@ class Filter {
   // The map from row i to the next.
   Eigen::MatrixXd map(std::size_t i) const {
     Eigen::MatrixXd m = Eigen::MatrixXd::Identity(n_, n_);
-    m.topLeftCorner(states_, states_) = stretch_.f[i];
-    if (with_) {
-      if (drive_) m.col(states_).head(states_) = drive_->col(static_cast<Eigen::Index>(i));
-      m(states_, states_) = keep_;
-    }
+    set_map(i, m);
     return m;
   }
 
  private:
+  void set_map(std::size_t i, Eigen::MatrixXd& m) const {
+    m.topLeftCorner(states_, states_) = stretch_.f[i];
+    if (!with_) return;
+    if (drive_) m.col(states_).head(states_) = drive_->col(static_cast<Eigen::Index>(i));
+    m(states_, states_) = keep_;
+  }
+
   const StochasticModel& model_;
   const StochasticStretch& stretch_;
   const Eigen::VectorXd& q_;

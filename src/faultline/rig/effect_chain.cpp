@@ -26,8 +26,8 @@ const Port* find_port(const Datasheet& sheet, const std::string& name) {
   return found == sheet.ports.end() ? nullptr : &*found;
 }
 
-PortContext context_of(const Datasheet& sheet, const Port& port, const EffectType& type, const EffectSpec& spec,
-                       double step, double input_step, std::uint64_t seed) {
+PortContext context_of(const Datasheet& sheet, const Port& port, const EffectSpec& spec, double step, double input_step,
+                       std::uint64_t seed) {
   PortContext context;
   context.range = port.range;
   context.step = step;
@@ -38,7 +38,6 @@ PortContext context_of(const Datasheet& sheet, const Port& port, const EffectTyp
     const Channel& passes = sheet.channels[static_cast<std::size_t>(channel)];
     context.noise_std = passes.noise_std;
     if (port.kind == PortKind::sensor && passes.role == Role::input && input_step > 0) context.step = input_step;
-    if (type.family == "flexible") context.range = std::max(std::abs(passes.minimum), std::abs(passes.maximum));
   }
   return context;
 }
@@ -66,7 +65,7 @@ EffectSet::EffectSet(const Datasheet& sheet, const std::vector<EffectSpec>& spec
     effects_.push_back(type.make());
     effects_.back()->configure(
         spec.parameters, none,
-        context_of(sheet, *find_port(sheet, spec.port), type, spec, step, input_step, seed_of(seed, i)));
+        context_of(sheet, *find_port(sheet, spec.port), spec, step, input_step, seed_of(seed, i)));
     chains_[spec.port].add(effects_.back().get());
   }
   reset();
@@ -107,8 +106,8 @@ void check_effect(const Datasheet& sheet, const EffectSpec& spec) {
     throw InputError(fmt::format("effect '{}@{}': {} has no port '{}'; it has {}", spec.effect, spec.port, sheet.rig,
                                  spec.port, names));
   }
-  // What only the gap diagnoser's closure uses fits wherever its kind does.
-  const bool listed = type->family == "flexible" ||
+  // A free signal is no effect of a rig: it fits wherever its kind does.
+  const bool listed = type->family == "free" ||
                       std::any_of(port->effects.begin(), port->effects.end(),
                                   [&](const FittingEffect& fitting) { return fitting.effect == spec.effect; });
   if (!listed || !type->fits_kind(port->kind)) {
