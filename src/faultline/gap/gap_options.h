@@ -19,6 +19,8 @@
 namespace faultline {
 
 struct GapOptions {
+  GapOptions() { segments.long_steps = true; }
+
   SegmentOptions segments;
 
   // linearisation.h: loss, sensitivities, parameters to first order.
@@ -79,6 +81,11 @@ struct GapOptions {
     std::size_t quick_steps = 8;    // ... of a finalist, at most: few need more than six to converge
     std::size_t refit_rounds = 5;   // linearisations of the refit, at most
     std::size_t refine_rounds = 6;  // ... and of a structure that is followed
+    // Segments of all runs on which causes are sought, in pieces of neighbours; of one run at least; and the part of all
+    // above which all are taken.
+    std::size_t part_segments = 64, part_piece_segments = 4, part_least_segments = 12;
+    double part_worthwhile_fraction = 0.7;
+    std::size_t whole_rounds = 2;  // linearisations on all segments of what was followed on a part, at most
     // Move up to which sensitivities stay valid: of a parameter in tolerances, of an effect as a fraction of its size.
     double same_sensitivity_fraction = 0.35;
     // Information about an effect's size, as a fraction of that of all runs, below which a fold does not fit it.
@@ -217,6 +224,11 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.quick_steps);
   FAULTLINE_OPTION(trials.refit_rounds);
   FAULTLINE_OPTION(trials.refine_rounds);
+  FAULTLINE_OPTION(trials.part_segments);
+  FAULTLINE_OPTION(trials.part_piece_segments);
+  FAULTLINE_OPTION(trials.part_least_segments);
+  FAULTLINE_OPTION(trials.part_worthwhile_fraction);
+  FAULTLINE_OPTION(trials.whole_rounds);
   FAULTLINE_OPTION(trials.same_sensitivity_fraction);
   FAULTLINE_OPTION(trials.shown_information_fraction);
   FAULTLINE_OPTION(trials.relinearise_log_likelihood);

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "faultline/gap/part_of_runs.h"
 #include "faultline/gap/screening.h"
 #include "faultline/gap/size_search.h"
 #include "faultline/gap/spectral_lines.h"
@@ -151,13 +152,26 @@ FitResult GapTrials::refit(const Structure& refined) {
     if (before - now < options().trials.relinearise_log_likelihood) break;
     before = now;
   }
+  take_part(fit.model);
   return fit;
+}
+
+void GapTrials::take_part(const ModelChange& at) {
+  const auto segments = telling_segments(*around_.linear, model());
+  part_ = around_;
+  parted_ = false;
+  for (std::size_t r = 0; r < segments.size(); ++r) parted_ |= segments[r].size() < model().runs()[r].segments();
+  if (!parted_) return;
+  part_.seen_from = at;
+  part_.residuals = std::make_shared<ResidualModel>(model().part(segments));
+  part_.linear = std::make_shared<Linearisation>(*part_.residuals, at, every_, settings_.jobs);
 }
 
 FitResult GapTrials::stand(const ModelChange& model) {
   FitResult fit;
   fit.model = model;
   around_ = settle(around_, model, settings_.jobs);
+  take_part(fit.model);
   return fit;
 }
 
@@ -167,16 +181,16 @@ std::vector<Structure> GapTrials::screen(const FitResult& base, double from, dou
   std::vector<double> periods;
   for (std::size_t run : around_.linear->runs()) periods.push_back(model().runs()[run].period);
   const std::vector<Candidate> all = at_lines(all_, around_.linear->at_model(), periods, options().spectrum);
-  return screen_candidates(model(), *around_.linear, all, base, settings_.jobs, progress);
+  return screen_candidates(*part_.residuals, *part_.linear, all, base, settings_.jobs, progress);
 }
 
 void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from,
                           double to) const {
   if (structures.empty()) return;
   const GapOptions::Trials& trials = options().trials;
-  const Linearisation learn = around_.linear->subset(learn_);
+  const Linearisation learn = part_.linear->subset(learn_);
   const auto weighted = [&](const ModelChange& at) {
-    return sum(robust(learn.segment_losses(residuals_of(model(), at, learn_))));
+    return sum(robust(learn.segment_losses(residuals_of(*part_.residuals, at, learn_))));
   };
   const double before = weighted(base.model);
   // The time from which a signal is stuck has a narrow valley.
@@ -197,7 +211,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
   // A candidate is judged by where its fit has converged, from the refit's parameters, which were bent without it, and
   // from the datasheet's: after one step it says more of the start than of the effect.
   const auto fit = [&](Structure& structure, const FitResult& start) {
-    FitResult found = fit_gap(model(), start.model, start.effects, learn, trials.quick_steps);
+    FitResult found = fit_gap(*part_.residuals, start.model, start.effects, learn, trials.quick_steps);
     const double gain = before - weighted(found.model);
     if (gain <= structure.quick) return;
     structure.fit = std::move(found);
@@ -217,7 +231,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
       straight.model.parameters = sheet_.nominal();
       fit(structure, straight);
       FitResult other = bent;
-      if (search && search_effect(model(), learn, other, trials.wide_span_coordinate, trials.wide_points) >=
+      if (search && search_effect(*part_.residuals, learn, other, trials.wide_span_coordinate, trials.wide_points) >=
                         trials.relinearise_log_likelihood)
         fit(structure, other);
     }
@@ -230,8 +244,8 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
                    [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
 }
 
-double GapTrials::follow(Structure& structure, int jobs, std::size_t rounds) const {
-  structure.around = settle(around_, structure.fit.model, jobs);
+double GapTrials::follow(Structure& structure, const Surroundings& from, int jobs, std::size_t rounds) const {
+  structure.around = settle(from, structure.fit.model, jobs);
   double best = learned_loss(structure.around);
   for (std::size_t round = 0; round < rounds; ++round) {
     const Surroundings& own = structure.around;
@@ -252,21 +266,15 @@ double GapTrials::follow(Structure& structure, int jobs, std::size_t rounds) con
 void GapTrials::refine(Structure& structure, int jobs) const {
   const GapOptions::Trials& trials = options().trials;
   // The refit without this effect may have bent parameters into a valley of their own, from which no step leads out:
-  // the fit starts at the datasheet's parameters again, and only where that ends worse than the quick fit from there.
+  // the fit starts at the datasheet's parameters again, and goes on from there unless the quick fit is ahead of its
+  // first round.
   const FitResult quick = structure.fit;
-  const Linearisation learn = around_.linear->subset(learn_);
-  const double quick_loss = sum(robust(learn.segment_losses(residuals_of(model(), quick.model, learn_))));
+  const Linearisation learn = part_.linear->subset(learn_);
+  const double quick_loss = sum(robust(learn.segment_losses(residuals_of(*part_.residuals, quick.model, learn_))));
   structure.fit.model.parameters = sheet_.nominal();
-  double best = follow(structure, jobs, trials.refine_rounds);
-  if (best > quick_loss - trials.relinearise_log_likelihood) {
-    Structure bent = structure;
-    bent.fit = quick;
-    const double other = follow(bent, jobs, trials.refine_rounds);
-    if (other < best) {
-      structure = std::move(bent);
-      best = other;
-    }
-  }
+  double best = follow(structure, part_, jobs, 1);
+  if (best > quick_loss) structure.fit = quick;
+  best = follow(structure, best > quick_loss ? part_ : Surroundings(structure.around), jobs, trials.refine_rounds);
   const double values = segment_values() * static_cast<double>(learn.weights().size());
   const double enough = trials.search_excess_variances * 0.5 * values;
   for (std::size_t pass = 0; pass < trials.searches && best > enough; ++pass) {
@@ -274,11 +282,12 @@ void GapTrials::refine(Structure& structure, int jobs) const {
     if (search_effect(*structure.around.residuals, structure.around.linear->subset(learn_), searched.fit,
                       trials.close_span_coordinate, trials.close_points, jobs) < trials.relinearise_log_likelihood)
       break;
-    const double other = follow(searched, jobs, 1);
+    const double other = follow(searched, part_, jobs, 1);
     if (other > best - trials.relinearise_log_likelihood) break;
     structure = std::move(searched);
     best = other;
   }
+  if (parted_) follow(structure, around_, jobs, trials.whole_rounds);
   structure.fit.covariance =
       uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_), jobs);
   cross_score(structure.around, structure, structure.fit.effects.size() - 1, jobs);

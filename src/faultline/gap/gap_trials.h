@@ -95,8 +95,9 @@ class GapTrials {
  private:
   Surroundings settle(const Surroundings& before, const ModelChange& at, int jobs) const;
   double learned_loss(const Surroundings& around) const;
+  void take_part(const ModelChange& at);
   void refine(Structure& structure, int jobs) const;
-  double follow(Structure& structure, int jobs, std::size_t rounds) const;
+  double follow(Structure& structure, const Surroundings& from, int jobs, std::size_t rounds) const;
   // The first `held` effects stay as they are.
   void cross_score(const Surroundings& around, Structure& structure, std::size_t held, int jobs) const;
 
@@ -107,6 +108,8 @@ class GapTrials {
   std::vector<std::size_t> learn_, every_;
   std::vector<Candidate> all_;
   Surroundings around_;  // of the model that stands
+  Surroundings part_;    // the same over the segments on which causes are sought (part_of_runs.h)
+  bool parted_ = false;  // whether these are not all
 };
 
 }  // namespace faultline

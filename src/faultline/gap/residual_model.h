@@ -21,6 +21,14 @@ class ResidualModel {
     for (SegmentedRun& run : runs_) model_.place_starts(run, noise_, model_.nominal());
   }
 
+  // The same over some segments of each run.
+  ResidualModel part(const std::vector<std::vector<std::size_t>>& segments) const {
+    ResidualModel result = *this;
+    for (std::size_t r = 0; r < runs_.size(); ++r)
+      if (segments[r].size() < runs_[r].segments()) result.runs_[r] = some_segments(runs_[r], segments[r]);
+    return result;
+  }
+
   const SegmentModel& model() const { return model_; }
   const Datasheet& sheet() const { return model_.sheet(); }
   const std::vector<SegmentedRun>& runs() const { return runs_; }

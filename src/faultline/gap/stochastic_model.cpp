@@ -11,6 +11,8 @@ namespace faultline {
 namespace {
 
 constexpr std::size_t kStepsPerSegment = 50;  // resolves what a segment shows at a fraction of the samples' cost
+constexpr std::size_t kMostSegments = 160;    // of all runs: levels and places show in these
+constexpr std::size_t kPieceSegments = 8;     // of neighbours, so that memories fill
 constexpr double kPortFraction = 1e-4;        // of a port's range: a free signal's size for differences
 constexpr double kLeastResponse = 1e-9;       // of a state's size, below which a port moves nothing
 constexpr int kUnitAttempts = 6;              // to find a port's unit, each four decades up at most
@@ -66,17 +68,35 @@ class Passes {
   const ModelChange& change_;
 };
 
+// Rows of neighbouring segments: all of a run, or of a long one evenly spread pieces, `most` segments in all.
+std::vector<Stretched> pieces_of(const SegmentedRun& run, std::size_t most) {
+  const bool whole = run.segments() <= most;
+  std::vector<Stretched> pieces;
+  for (const std::size_t row : run.restarts) {
+    const bool follows = !pieces.empty() && row == pieces.back().last &&
+                         (whole || pieces.back().last - pieces.back().first < kPieceSegments * run.segment);
+    if (!follows) pieces.push_back({row, row});
+    pieces.back().last = row + run.segment;
+  }
+  if (whole) return pieces;
+  std::vector<Stretched> some;
+  const std::size_t wanted = std::min(pieces.size(), most / kPieceSegments);
+  for (std::size_t i = 0; i < wanted; ++i) some.push_back(pieces[(2 * i + 1) * pieces.size() / (2 * wanted)]);
+  return some;
+}
+
 // States along a stretch: what channels show without their noise, the rest as the model has them within its segments.
-void place_reference(const ResidualModel& residuals, const ModelChange& change, const Stretched& within,
-                     StochasticStretch& stretch) {
+void place_reference(const ResidualModel& residuals, const ModelChange& change, StochasticStretch& stretch) {
   const SegmentModel& model = residuals.model();
   const SegmentedRun& run = residuals.runs()[stretch.run];
   const auto states = static_cast<Eigen::Index>(model.shown_by().size());
+  const Stretched& within = *std::find_if(run.stretches.begin(), run.stretches.end(),
+                                          [&](const Stretched& s) { return stretch.rows.front() < s.last; });
   std::vector<std::size_t> restarts;
   std::vector<double> starts;
   const std::vector<double> all = starts_of(run);
   for (std::size_t g = 0; g < run.segments(); ++g) {
-    if (run.restarts[g] < within.first || run.restarts[g] >= within.last) continue;
+    if (run.restarts[g] < stretch.rows.front() || run.restarts[g] > stretch.rows.back()) continue;
     restarts.push_back(run.restarts[g]);
     for (Eigen::Index s = 0; s < states; ++s) starts.push_back(all[g * static_cast<std::size_t>(states) + s]);
   }
@@ -273,15 +293,12 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
   model.block = std::max<std::size_t>(2, first.segment / stride);
   for (const std::size_t r : runs) {
     const SegmentedRun& run = residuals.runs()[r];
-    for (const Stretched& within : run.stretches) {
-      const auto start = std::find_if(run.restarts.begin(), run.restarts.end(),
-                                      [&](std::size_t k) { return k >= within.first && k < within.last; });
-      if (start == run.restarts.end()) continue;
+    for (const Stretched& piece : pieces_of(run, std::max(kPieceSegments, kMostSegments / runs.size()))) {
       StochasticStretch stretch;
       stretch.run = r;
-      for (std::size_t k = *start; k < within.last; k += stride) stretch.rows.push_back(k);
+      for (std::size_t k = piece.first; k < piece.last; k += stride) stretch.rows.push_back(k);
       if (stretch.rows.size() < 3) continue;
-      place_reference(residuals, change, within, stretch);
+      place_reference(residuals, change, stretch);
       model.stretches.push_back(std::move(stretch));
     }
   }

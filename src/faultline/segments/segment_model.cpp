@@ -36,6 +36,12 @@ auto rows_of(const SegmentedRun& run, const Eigen::MatrixXf& matrix, std::size_t
   return matrix.middleRows(static_cast<Eigen::Index>(run.restarts[segment]), static_cast<Eigen::Index>(run.segment));
 }
 
+std::vector<Stretched> parts_of(const SegmentedRun& run) {
+  std::vector<Stretched> parts;
+  for (const std::size_t row : run.restarts) parts.push_back({row, row + run.segment});
+  return parts;
+}
+
 // The e of settled().
 Eigen::VectorXd best_move(const SegmentedRun& run, const std::vector<Eigen::MatrixXf>& columns,
                           const Eigen::MatrixXf& residuals, std::size_t segment) {
@@ -197,25 +203,31 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
   const bool goes_on = std::any_of(starts.begin(), starts.end(), [](double value) { return std::isnan(value); });
   const std::size_t lead = goes_on || driven.remembers() ? 0 : run.lead;
   auto restart = restarts.begin();
+  bool ended = false;
+  // From a restart on, of which `own` follow without a break.
+  const auto run_on = [&](const std::vector<std::size_t>& own, const double* first, std::size_t last) {
+    auto next = own.begin() + 1;
+    driven.run(run.recording, own.front(), last - own.front(), own, first, [&](std::size_t k, const double* channels) {
+      const bool shows_the_last = (next != own.end() && *next == k) || (lead > 0 && k == own.front());
+      next += next != own.end() && *next == k;
+      for (std::size_t i = 0; i < outputs_.size(); ++i)
+        if (counts(run, k, i) && !(shows_the_last && restarted == Restarted::left_out))
+          result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) = residual(k, i, channels);
+      ended = enough && enough(k, result);
+      return !ended;
+    });
+  };
   for (const Stretched& stretch : run.stretches) {
-    std::vector<std::size_t> own;
     // What follows a lead is as it would be without.
     const auto ends = std::find_if(restart, restarts.end(), [&](std::size_t k) { return k >= stretch.last; });
+    if (restart == ends) continue;
     restart += std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(lead), ends - restart - 1);
-    const double* first = starts.data() + static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
-    for (; restart != restarts.end() && *restart < stretch.last; ++restart) own.push_back(*restart);
-    auto next = own.begin() + 1;
-    bool ended = false;
-    driven.run(run.recording, own.front(), stretch.last - own.front(), own, first,
-               [&](std::size_t k, const double* channels) {
-                 const bool shows_the_last = (next != own.end() && *next == k) || (lead > 0 && k == own.front());
-                 next += next != own.end() && *next == k;
-                 for (std::size_t i = 0; i < outputs_.size(); ++i)
-                   if (counts(run, k, i) && !(shows_the_last && restarted == Restarted::left_out))
-                     result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) = residual(k, i, channels);
-                 ended = enough && enough(k, result);
-                 return !ended;
-               });
+    while (restart != ends && !ended) {
+      const double* first = starts.data() + static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
+      std::vector<std::size_t> own{*restart++};
+      while (restart != ends && !(run.parted && *restart > own.back() + run.segment)) own.push_back(*restart++);
+      run_on(own, first, run.parted ? std::min(stretch.last, own.back() + run.segment) : stretch.last);
+    }
     if (ended) return result;
   }
   read_held_values(change, run, result);
@@ -235,8 +247,8 @@ void SegmentModel::read_held_values(const ModelChange& change, const SegmentedRu
     const auto first = static_cast<std::size_t>(
         std::lower_bound(run.recording.time.begin(), run.recording.time.end(), from) - run.recording.time.begin());
     const auto held = [&](const auto& visit) {
-      for (const Stretched& stretch : run.stretches)
-        for (std::size_t k = std::max(first, stretch.first); k < stretch.last; ++k)
+      for (const Stretched& part : run.parted ? parts_of(run) : run.stretches)
+        for (std::size_t k = std::max(first, part.first); k < part.last; ++k)
           if (counts(run, k, static_cast<std::size_t>(output))) visit(residuals(static_cast<Eigen::Index>(k), output));
     };
     double sum = 0, count = 0;

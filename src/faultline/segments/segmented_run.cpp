@@ -164,6 +164,22 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
   return run;
 }
 
+SegmentedRun some_segments(const SegmentedRun& run, const std::vector<std::size_t>& which) {
+  SegmentedRun part = run;
+  part.parted = true;
+  const auto keep = [&](const auto& all, auto& some) {
+    some.clear();
+    for (const std::size_t g : which)
+      if (g < all.size()) some.push_back(all[g]);
+  };
+  keep(run.restarts, part.restarts);
+  keep(run.counted, part.counted);
+  keep(run.starts, part.starts);
+  keep(run.start_shift, part.start_shift);
+  keep(run.start_roots, part.start_roots);
+  return part;
+}
+
 std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                              const SegmentOptions& options) {
   std::vector<double> result;

@@ -31,6 +31,7 @@ struct SegmentedRun {
   std::size_t segment = 0;            // rows of each
   std::vector<Stretched> stretches;   // in order of time
   std::vector<std::size_t> restarts;  // first row of each segment
+  bool parted = false;                // segments are left out, and what lies between the others is not run
   std::size_t lead = 0;               // segments at the head of each stretch that only fill memories
   std::vector<double> counted;        // per segment: readings of outputs that count
   std::string remark;                 // what was left out and why; empty: nothing
@@ -59,6 +60,9 @@ std::vector<int> compared_outputs(const Datasheet& sheet);
 enum class Inputs { smoothed, as_measured };
 SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording recording, double segment,
                      const SegmentOptions& options = {}, Inputs inputs = Inputs::smoothed);
+
+// The run with some of its segments (rising), starts and all.
+SegmentedRun some_segments(const SegmentedRun& run, const std::vector<std::size_t>& which);
 
 // Noise of each compared output over runs, in the channel's unit: their own (smoothing.h), never below rounding.
 std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
