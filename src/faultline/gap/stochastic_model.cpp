@@ -14,6 +14,7 @@ constexpr std::size_t kStepsPerSegment = 50;  // resolves what a segment shows a
 constexpr std::size_t kMostSegments = 160;    // of all runs: levels and places show in these
 constexpr std::size_t kPieceSegments = 8;     // of neighbours, so that memories fill
 constexpr double kPortFraction = 1e-4;        // of a port's range: a free signal's size for differences
+constexpr double kNothing = 1e-300;           // a size that changes nothing; an effect of size 0 is not there
 constexpr double kLeastResponse = 1e-9;       // of a state's size, below which a port moves nothing
 constexpr int kUnitAttempts = 6;              // to find a port's unit, each four decades up at most
 constexpr const char* kFree = "free_signal";
@@ -200,15 +201,25 @@ EffectSpec free_signal(const std::string& port, double value) {
   return spec;
 }
 
+// An effect in a line or a transmission brings bodies and volumes of its own, of whatever size it is: they are there
+// without the signal too. `bare`: the pass without an effect.
+Pass without_signal(const Passes& passes, const StochasticStretch& stretch, const Pass& bare, const std::string& port) {
+  const PortKind kind = port_kind(port);
+  if (kind != PortKind::line && kind != PortKind::transmission) return bare;
+  const EffectSpec nothing = free_signal(port, kNothing);
+  return passes.run(stretch, Eigen::VectorXd::Zero(stretch.reference.front().size()), &nothing);
+}
+
 // What a free signal of kPortFraction of its unit does in every step.
 void drive_ports(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model) {
   const Passes passes(residuals, change);
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(model.size.size());
   for (StochasticStretch& stretch : model.stretches) {
-    const Pass base = passes.run(stretch, none, nullptr);
+    const Pass bare = passes.run(stretch, none, nullptr);
     stretch.port_drives.assign(model.ports.size(), {});
     in_parallel(model.ports.size(), jobs, [&](std::size_t p) {
       if (model.shows[p] >= 0) return;
+      const Pass base = without_signal(passes, stretch, bare, model.ports[p]);
       const EffectSpec signal = free_signal(model.ports[p], kPortFraction * model.unit[p]);
       const Pass moved = passes.run(stretch, none, &signal);
       Eigen::MatrixXd drive(model.size.size(), moved.ended.rows() - 1);
@@ -270,9 +281,11 @@ double response(const Passes& passes, const StochasticModel& model, const Stocha
 void find_units(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model) {
   const Passes passes(residuals, change);
   const StochasticStretch& stretch = model.stretches.front();
-  const Pass base = passes.run(stretch, Eigen::VectorXd::Zero(model.size.size()), nullptr);
+  const Pass bare = passes.run(stretch, Eigen::VectorXd::Zero(model.size.size()), nullptr);
   in_parallel(model.ports.size(), jobs, [&](std::size_t p) {
-    for (int attempt = 0; attempt < kUnitAttempts && model.shows[p] < 0; ++attempt) {
+    if (model.shows[p] >= 0) return;
+    const Pass base = without_signal(passes, stretch, bare, model.ports[p]);
+    for (int attempt = 0; attempt < kUnitAttempts; ++attempt) {
       const double moved = response(passes, model, stretch, base, model.ports[p], kPortFraction * model.unit[p]);
       const double ratio = moved > kLeastResponse ? kPortFraction / moved : 1 / kPortFraction;
       if (ratio > 0.1 && ratio < 10) break;
