@@ -288,6 +288,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
         static_cast<double>(work.model().runs().front().segment) * work.model().runs().front().period));
   work.tell(0.02, "refitting parameters");
   const EffectSearch search = search_effects(work, settings.most_effects, quiet);
+  if (std::string text = work.runs_disagree(search.base); !text.empty()) result.remarks.push_back(std::move(text));
   ModelChange nominal;
   nominal.parameters = sheet.nominal();
   const double nominal_excess = mean_excess(search.nominal, values);

@@ -123,6 +123,14 @@ struct GapOptions {
         0.03;  // of an effect's gain that a rival may be behind to be tried again beside the others
   } search;
 
+  // run_agreement.h: whether the runs are of one rig.
+  struct Agreement {
+    double gain_fraction = 0.25;        // of what the model leaves that parameters of each run's own must win,
+    double least_log_likelihood = 100;  // but at least this: what is worth another linearisation
+    double apart_standard_errors = 5;   // between a parameter's values in two runs,
+    double apart_tolerances = 1;        // but at least this: less is what an effect that is missing bends
+  } agreement;
+
   // diagnose_gap.h: the verdict.
   struct Verdict {
     // Excess of a healthy rig at the datasheet's noise: what small unmodelled things leave (development) ...
@@ -249,6 +257,10 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.least_free_fraction);
   FAULTLINE_OPTION(search.further_free_fraction);
   FAULTLINE_OPTION(search.close_rival_gain_fraction);
+  FAULTLINE_OPTION(agreement.gain_fraction);
+  FAULTLINE_OPTION(agreement.least_log_likelihood);
+  FAULTLINE_OPTION(agreement.apart_standard_errors);
+  FAULTLINE_OPTION(agreement.apart_tolerances);
   FAULTLINE_OPTION(verdict.quiet_excess_variances);
   FAULTLINE_OPTION(verdict.quiet_noisy_fraction);
   FAULTLINE_OPTION(verdict.material_evidence_fraction);

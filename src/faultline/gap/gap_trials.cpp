@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "faultline/gap/part_of_runs.h"
+#include "faultline/gap/run_agreement.h"
 #include "faultline/gap/screening.h"
 #include "faultline/gap/size_search.h"
 #include "faultline/gap/spectral_lines.h"
@@ -173,6 +174,10 @@ FitResult GapTrials::stand(const ModelChange& model) {
   around_ = settle(around_, model, settings_.jobs);
   take_part(fit.model);
   return fit;
+}
+
+std::string GapTrials::runs_disagree(const FitResult& fit) const {
+  return disagreement(model(), around_.linear->subset(learn_), fit);
 }
 
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {

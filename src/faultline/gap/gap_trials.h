@@ -63,6 +63,9 @@ class GapTrials {
   // and has to prove itself on the others.
   Structure score(const FitResult& fit) const;
 
+  // disagreement() of the runs to learn from, at what refit() or stand() just returned.
+  std::string runs_disagree(const FitResult& fit) const;
+
   // Every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best
   // starting point or wherever on the way to it from no effect it should be better.
   std::vector<Structure> screen(const FitResult& base, double from, double to) const;

@@ -1,0 +1,83 @@
+#include "faultline/gap/run_agreement.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <Eigen/LU>
+
+#include "faultline/attribution/screening.h"
+#include "faultline/gap/gap_trials.h"
+
+namespace faultline {
+namespace {
+
+struct OwnParameters {
+  std::size_t run = 0;
+  std::vector<double> values;
+  Eigen::VectorXd z, variance;  // of the free ones, in tolerances
+  double loss = 0, gain = 0;    // with the common parameters; and what its own win
+};
+
+std::vector<double> robust_losses(const Linearisation& linear, const std::vector<Eigen::MatrixXf>& residuals) {
+  std::vector<double> result = linear.segment_losses(residuals);
+  for (double& loss : result) loss = linear.robust(loss);
+  return result;
+}
+
+OwnParameters fitted_alone(const ResidualModel& residuals, const Linearisation& linear, const FitResult& at) {
+  std::vector<Candidate> held = at.effects;
+  for (Candidate& effect : held)
+    for (std::size_t p = 0; p < effect.bounds.size(); ++p)
+      effect.bounds[p].minimum = effect.bounds[p].maximum = effect.effect.parameters[p];
+  const FitResult fit = fit_gap(residuals, at.model, held, linear, residuals.options().trials.steps);
+  OwnParameters own;
+  own.run = linear.runs().front();
+  own.values = fit.model.parameters;
+  own.z = deviations(residuals.sheet(), linear.free_parameters(), own.values);
+  own.loss = sum(robust_losses(linear, linear.at_model()));
+  own.gain = own.loss - sum(robust_losses(linear, residuals_of(residuals, fit.model, linear.runs())));
+  const Eigen::Index n = own.z.size();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
+  std::size_t segment = 0;
+  for (const Eigen::MatrixXd& products : linear.products(linear.at_model()))
+    information += linear.weights()[segment++] * products.block(1, 1, n, n);
+  own.variance = information.inverse().diagonal();
+  return own;
+}
+
+}  // namespace
+
+std::string disagreement(const ResidualModel& residuals, const Linearisation& linear, const FitResult& at) {
+  const GapOptions::Agreement& options = residuals.options().agreement;
+  std::vector<OwnParameters> runs;
+  double gain = 0, loss = 0;
+  for (std::size_t r = 0; r < linear.runs().size(); ++r) {
+    runs.push_back(fitted_alone(residuals, linear.subset({r}), at));
+    gain += runs.back().gain;
+    loss += runs.back().loss;
+  }
+  if (gain < options.gain_fraction * loss || gain < options.least_log_likelihood) return "";
+  double farthest = options.apart_standard_errors;
+  std::string text;
+  for (std::size_t a = 0; a < runs.size(); ++a)
+    for (std::size_t b = a + 1; b < runs.size(); ++b)
+      for (Eigen::Index i = 0; i < runs[a].z.size(); ++i) {
+        const double apart = std::abs(runs[a].z[i] - runs[b].z[i]);
+        const double errors = apart / std::sqrt(runs[a].variance[i] + runs[b].variance[i]);
+        if (errors <= farthest || apart < options.apart_tolerances) continue;
+        farthest = errors;
+        const std::size_t index = linear.free_parameters()[static_cast<std::size_t>(i)];
+        const Parameter& parameter = residuals.sheet().parameters[index];
+        text = fmt::format(
+            "the runs disagree: with parameters of its own each run loses {:.0f} % of its gap; {} is {:.4g} {} in {} "
+            "and "
+            "{:.4g} {} in {}. Are they of one rig, in one state?",
+            100 * gain / loss, parameter.name, runs[a].values[index], parameter.unit,
+            residuals.runs()[runs[a].run].name, runs[b].values[index], parameter.unit,
+            residuals.runs()[runs[b].run].name);
+      }
+  return text;
+}
+
+}  // namespace faultline

@@ -1,0 +1,45 @@
+// Runs of two rigs are told from runs of one, whatever else the model lacks.
+#include "faultline/gap/run_agreement.h"
+
+#include <gtest/gtest.h>
+
+#include "rigs/servo_actuator/runs.h"
+
+namespace faultline {
+namespace {
+
+std::string said_of(const std::vector<double>& frictions, const char* effect = nullptr) {
+  const auto coulomb = static_cast<std::size_t>(servo().parameter("coulomb_friction"));
+  std::vector<SegmentedRun> runs;
+  std::uint64_t seed = 3;
+  for (const double friction : frictions) {
+    SimulationSetup setup = servo_setup("multisine", seed++);
+    setup.parameters = servo().nominal();
+    setup.parameters[coulomb] = friction;
+    if (effect) setup.effects.push_back(parse_effect(effect));
+    runs.push_back(cut_run(servo(), "run " + std::to_string(runs.size() + 1), simulate(servo(), setup, 6), 0.25));
+  }
+  ResidualModel residuals(servo(), runs);
+  FitResult at;
+  at.model.parameters = servo().nominal();
+  at.model.parameters[coulomb] = 0.5 * (frictions.front() + frictions.back());
+  const Linearisation linear(residuals, at.model, {0, 1}, 1);
+  return disagreement(residuals, linear, at);
+}
+
+TEST(RunAgreement, NamesTheParameterInWhichTwoRunsDiffer) {
+  const double nominal = servo().nominal()[static_cast<std::size_t>(servo().parameter("coulomb_friction"))];
+  const std::string text = said_of({nominal, 1.3 * nominal});
+  EXPECT_NE(text.find("coulomb_friction"), std::string::npos) << text;
+  EXPECT_NE(text.find("run 1"), std::string::npos) << text;
+  EXPECT_NE(text.find("run 2"), std::string::npos) << text;
+}
+
+TEST(RunAgreement, SaysNothingOfRunsOfOneRig) {
+  const double nominal = servo().nominal()[static_cast<std::size_t>(servo().parameter("coulomb_friction"))];
+  EXPECT_EQ(said_of({nominal, nominal}), "");
+  EXPECT_EQ(said_of({nominal, nominal}, "orifice_leakage@flow.chamber_a_tank:coefficient=3e-9"), "");
+}
+
+}  // namespace
+}  // namespace faultline
