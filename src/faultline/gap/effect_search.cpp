@@ -64,8 +64,10 @@ bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best)
 bool more_to_find(const GapOptions::Search& options, const EffectSearch& now) {
   if (now.after.places.empty()) return false;
   const double most = now.after.places.front().gain;
-  return now.base.effects.empty() ? most > options.least_free_fraction * now.before.loss
-                                  : most > options.further_free_fraction * (now.before.loss - now.after.loss);
+  if (now.base.effects.empty()) return most > options.least_free_fraction * now.before.loss;
+  const double won = now.before.loss - now.after.loss;
+  return most > options.further_evidence_fraction * won &&
+         most > options.further_free_fraction * std::min(won, now.after.loss);
 }
 
 // An effect that was found alone was found with others missing: the close rivals of each round but the last are tried

@@ -117,7 +117,7 @@ struct GapOptions {
     double further_evidence_fraction = 0.03;
     // What a free signal must win for a search, of what a perfect model would win ...
     double least_free_fraction = 0.02;
-    // ... and of what the effects found have won, for another: half of what makes them doubtful.
+    // ... and of what the effects found have won or of what is left, whichever is less, for another.
     double further_free_fraction = 0.1;
     double close_rival_gain_fraction =
         0.03;  // of an effect's gain that a rival may be behind to be tried again beside the others
@@ -125,10 +125,10 @@ struct GapOptions {
 
   // run_agreement.h: whether the runs are of one rig.
   struct Agreement {
-    double gain_fraction = 0.25;        // of what the model leaves that parameters of each run's own must win,
-    double least_log_likelihood = 100;  // but at least this: what is worth another linearisation
-    double apart_standard_errors = 5;   // between a parameter's values in two runs,
-    double apart_tolerances = 1;        // but at least this: less is what an effect that is missing bends
+    double gain_fraction = 0.5;           // of what the model leaves that parameters of each run's own must win,
+    double least_excess_variances = 0.1;  // but at least this: less is the scatter of what is never modelled
+    double apart_standard_errors = 5;     // between a parameter's values in two runs,
+    double apart_tolerances = 1;          // but at least this: less is what an effect that is missing bends
   } agreement;
 
   // diagnose_gap.h: the verdict.
@@ -258,7 +258,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.further_free_fraction);
   FAULTLINE_OPTION(search.close_rival_gain_fraction);
   FAULTLINE_OPTION(agreement.gain_fraction);
-  FAULTLINE_OPTION(agreement.least_log_likelihood);
+  FAULTLINE_OPTION(agreement.least_excess_variances);
   FAULTLINE_OPTION(agreement.apart_standard_errors);
   FAULTLINE_OPTION(agreement.apart_tolerances);
   FAULTLINE_OPTION(verdict.quiet_excess_variances);

@@ -57,7 +57,8 @@ std::string disagreement(const ResidualModel& residuals, const Linearisation& li
     gain += runs.back().gain;
     loss += runs.back().loss;
   }
-  if (gain < options.gain_fraction * loss || gain < options.least_log_likelihood) return "";
+  const double values = linear.segment_values() * static_cast<double>(linear.weights().size());
+  if (gain < options.gain_fraction * loss || gain < options.least_excess_variances * 0.5 * values) return "";
   double farthest = options.apart_standard_errors;
   std::string text;
   for (std::size_t a = 0; a < runs.size(); ++a)
