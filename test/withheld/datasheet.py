@@ -7,6 +7,10 @@ import os
 
 import yaml
 
+# Of these no truth has a formula as an effect to be found; a truth's friction and valves may have them by nature.
+NOT_IN_TRUTH = {"presliding_friction", "second_order_lag", "underlap", "flow_exponent", "overflow"}
+NOT_IN_TRUTH_AT = {"hysteresis@sensor.load_pressure"}
+
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
@@ -59,6 +63,8 @@ class Datasheet:
         self.bounds = {}  # "effect@port" -> {parameter: (low, high)}
         for port, entry in sheet["ports"].items():
             for effect, parameters in (entry.get("effects") or {}).items():
+                if effect in NOT_IN_TRUTH or f"{effect}@{port}" in NOT_IN_TRUTH_AT:
+                    continue
                 self.bounds[f"{effect}@{port}"] = {n: tuple(map(_number, b)) for n, b in (parameters or {}).items()}
 
     def effects(self):
