@@ -144,7 +144,7 @@ TEST(EffectSet, LeaksInTheUnitsOfTheirPort) {
   EXPECT_NEAR(EffectSet(sheet, texts, 4, 1).at("flow.tank_sump").flow(full), 0.02 * 9 / std::sqrt(1000), 1e-6);
   sheet.ports.back().drop_unit = port.drop_unit = "V";
   sheet.ports.back().unit = port.unit = "V/s";
-  EXPECT_NEAR(EffectSet(sheet, texts, 4, 1).at("flow.tank_sump").flow(full), 0.06, 1e-8);
+  EXPECT_NEAR(EffectSet(sheet, texts, 4, 1).at("flow.tank_sump").flow(full), 0.06, 1e-7);
   EXPECT_EQ(effect_unit(sheet, port, "m^3/(s sqrt(Pa))"), "V/(s sqrt(V))");
   EXPECT_EQ(effect_unit(sheet, port, "m^3/(s Pa)"), "V/(s V)");
   EXPECT_EQ(effect_unit(sheet, port, "Pa"), "V");

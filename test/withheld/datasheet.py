@@ -7,7 +7,7 @@ import os
 
 import yaml
 
-# Of these no truth has a formula as an effect to be found; a truth's friction and valves may have them by nature.
+# Candidates of `gap` that no truth has as an effect to be found; its friction and valves may be so by nature.
 NOT_IN_TRUTH = {"presliding_friction", "second_order_lag", "underlap", "flow_exponent", "overflow"}
 NOT_IN_TRUTH_AT = {"hysteresis@sensor.load_pressure"}
 
@@ -63,9 +63,8 @@ class Datasheet:
         self.bounds = {}  # "effect@port" -> {parameter: (low, high)}
         for port, entry in sheet["ports"].items():
             for effect, parameters in (entry.get("effects") or {}).items():
-                if effect in NOT_IN_TRUTH or f"{effect}@{port}" in NOT_IN_TRUTH_AT:
-                    continue
                 self.bounds[f"{effect}@{port}"] = {n: tuple(map(_number, b)) for n, b in (parameters or {}).items()}
 
     def effects(self):
-        return sorted(self.bounds)
+        """Those that a truth can have."""
+        return sorted(k for k in self.bounds if k.split("@")[0] not in NOT_IN_TRUTH and k not in NOT_IN_TRUTH_AT)
