@@ -324,7 +324,7 @@ const Case kCases[] = {
      "beyond what lag allows: 0 to 1000 s"},
     {"coefficient: [0, 1.0e-4]", "coefficient: [0, .inf]", "orifice_leakage.coefficient", "beyond what"},
     {"flow.a_ambient:", "flow.a_ambiant:", "faults[0].effects[0]", "did you mean 'flow.a_ambient'?"},
-    {"coefficient=1e-5", "coefficient=-1", "faults[0].effects[0]", "outside 0..0.001"},
+    {"coefficient=1e-5", "coefficient=-1", "faults[0].effects[0]", "outside 0..1000"},
     {"coefficient=1e-5", "coefficient=5e-4", "faults[0].effects[0]", "flow.a_ambient takes 0 to 0.0001"},
     {"time_constant=0.01", "time_constant=1.5", "nuisance[0]", "command.valve takes 0 to 1"},
     {"offset@sensor", "ofset@sensor", "nominal_effects[0]", "did you mean 'offset'?"},

@@ -1,8 +1,8 @@
 // Crack, an effect that this package brings along: what stands above a crack in the wall of a tank runs out of it,
 // q = coefficient sqrt(p - height) where p > height.
 //
-// p: pressure at the floor (here: level); height: what it is when the level is that of the crack. Continuous, steep where
-// the crack is just covered. Limit: a crack that is short against the tank.
+// p: pressure at the floor (here: level); height: what it is with the level at the crack. Continuous, steep where the
+// crack is just covered. Limit: a crack that is short against the tank.
 #include <algorithm>
 #include <cmath>
 

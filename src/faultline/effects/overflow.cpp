@@ -2,9 +2,9 @@
 // arrives at the port's TO side; the rest is lost.
 //
 // rim [Pa or the port's drop_unit]: upstream pressure (level) when the vessel is full; infinite: it never is. slope
-// [m^3/(s Pa)], a shape: so steep that the level stays within a few per cent of the rim. share [1], a shape: 1, all arrives.
-// One-way and dissipative; continuous, with a kink. Limit: the share does not depend on the flow; a rig that does not
-// ask its port what arrives() takes all.
+// [m^3/(s Pa)], a shape: so steep that the level stays within a few per cent of the rim. share [1], a shape: 1, all
+// arrives. One-way and dissipative; continuous, with a kink. Limit: the share does not depend on the flow; a rig that
+// does not ask its port what is arriving() takes all.
 
 #include <algorithm>
 

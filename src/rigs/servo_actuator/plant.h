@@ -1,7 +1,7 @@
 // Double-rod servo-hydraulic actuator with a proportional valve and a bypass valve that is the internal leak.
 // Source: Mahulkar, Adams, Derriso, Control Engineering Practice 19 (2011) 649-657; numbers in config/servo_actuator.
 //
-//   Q_a = K sqrt2 (e(x_v) root(P - p_a) - e(-x_v) root(p_a)),  e(x) = max(0, x): restriction.valve, one edge     like (4)
+//   Q_a = K sqrt2 (e(x_v) root(P - p_a) - e(-x_v) root(p_a)),  e(x) = max(0, x): one edge of restriction.valve    (4)
 //   Q_b = K sqrt2 (e(x_v) root(p_b) - e(-x_v) root(P - p_b))
 //   Q_i = k_q max(x_leak, 0) root(p_a - p_b) + flow.chamber_a_chamber_b
 //   (33)-(35)
