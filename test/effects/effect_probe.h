@@ -57,7 +57,7 @@ inline std::string typical_size(const std::string& effect) {
       {"ripple", "amplitude=1e5,frequency=7"},
       {"saturation", "limit=0.5"},
       {"scale", "factor=1.2"},
-      {"second_order_lag", "natural_frequency=8,damping=0.4"},
+      {"second_order_lag", "natural_frequency=50,damping=0.4"},
       {"speed_leakage", "coefficient=1e-14"},
       {"stribeck_friction", "static_excess=40,velocity=0.02"},
       {"stuck", "from=0.7"},

@@ -1,6 +1,6 @@
-// Second-order lag: y'' + 2 damping w y' + w^2 y = w^2 u,  w = 2 pi natural_frequency.
+// Second-order lag: y'' + 2 damping w y' + w^2 y = w^2 u,  w = natural_frequency.
 //
-// natural_frequency [Hz], grows from infinity as 1/size; damping [1], a shape: below 1 it overshoots. Discretised
+// natural_frequency [rad/s], grows from infinity as 1/size; damping [1], a shape: below 1 it overshoots. Discretised
 // exactly for an input that runs straight from one step to the next, by the matrix exponential of [0 1; -1 -2 damping]
 // over w h, at every damping and however fast. Starts at rest at the first value. Undone as u = y + 2 damping y'/w +
 // y''/w^2, y'' from the slopes around.
@@ -13,8 +13,6 @@
 
 namespace faultline {
 namespace {
-
-constexpr double kTwoPi = 6.283185307179586;
 
 class SecondOrderLag : public Effect {
  public:
@@ -60,7 +58,7 @@ class SecondOrderLag : public Effect {
   static constexpr double kApart = 0.3;  // of 1/w: the second slope is then 2 % off at the natural frequency
 
   void parameters_changed() override {
-    period_ = 1 / (kTwoPi * parameter(0));
+    period_ = 1 / parameter(0);
     const double damping = parameter(1), angle = context().step / period_;
     per_step_ = period_ / context().step;
     const double root = std::sqrt(std::fabs(1 - damping * damping));
@@ -92,9 +90,9 @@ class SecondOrderLag : public Effect {
 FAULTLINE_EFFECT(second_order_lag,
                  {"second_order_lag",
                   "lag",
-                  "y'' + 2 damping w y' + w^2 y = w^2 u, w = 2 pi natural_frequency",
+                  "y'' + 2 damping w y' + w^2 y = w^2 u, w = natural_frequency",
                   {PortKind::command, PortKind::sensor},
-                  {{"natural_frequency", "Hz", kInfinity, 1e-6, kInfinity}, {"damping", "1", kNoShape, 0.02, 50}},
+                  {{"natural_frequency", "rad/s", kInfinity, 1e-6, kInfinity}, {"damping", "1", kNoShape, 0.02, 50}},
                   &make_effect<SecondOrderLag>});
 
 }  // namespace faultline
