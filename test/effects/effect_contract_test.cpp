@@ -28,7 +28,7 @@ void visit_all(Check check) {
 }
 
 TEST(EffectContract, AllTypesAreRegisteredAndDescribed) {
-  EXPECT_GE(effect_types().size(), 38u);
+  EXPECT_GE(effect_types().size(), 43u);
   std::set<std::string> names;
   for (const EffectType& type : effect_types()) {
     SCOPED_TRACE(type.name);
@@ -284,7 +284,7 @@ TEST(EffectContract, WhatASensorShowsIsUndoneWhateverItRemembers) {
     EXPECT_LE(beside / found, 0.05 * most);
     EXPECT_LE(gone_on / found, 0.02 * most);
   }
-  EXPECT_EQ(with_memory, (std::set<std::string>{"delay", "hysteresis", "lag", "rate_limit"}));
+  EXPECT_EQ(with_memory, (std::set<std::string>{"delay", "hysteresis", "lag", "rate_limit", "second_order_lag"}));
 }
 
 TEST(EffectContract, LeaksDissipateAndTwoWayLeaksAreOdd) {
@@ -298,7 +298,8 @@ TEST(EffectContract, LeaksDissipateAndTwoWayLeaksAreOdd) {
         const double back = effect->flow({-drop, 0, speed});
         EXPECT_GE(forward, 0);
         EXPECT_GE(back * -drop, 0);
-        EXPECT_EQ(back, type.name == "relief_opening" ? 0 : -forward);
+        const bool one_way = type.name == "relief_opening" || type.name == "overflow";
+        EXPECT_EQ(back, one_way ? 0 : -forward);
       }
   }
 }
@@ -310,6 +311,7 @@ TEST(EffectContract, FrictionTakesEnergyOut) {
     const auto effect = made(type, typical_parameters(type));
     // Direction dependence only shifts a level that is there, so it gets one that is large enough.
     const double level = type.name == "asymmetric_friction" ? 15 : 0;
+    if (type.name == "presliding_friction") continue;  // in closed cycles: bristles give back what wound them up
     for (double load : {-1e6, 0.0, 5e6})
       for (double velocity : {-0.4, -1e-3, 1e-3, 0.4}) {
         BodyForces f;

@@ -35,6 +35,7 @@ inline std::string typical_size(const std::string& effect) {
       {"elasticity", "compliance=1e-6,damping=200"},
       {"end_stop", "position=0.02,stiffness=1e5"},
       {"entrained_air", "fraction=0.02"},
+      {"flow_exponent", "exponent=0.6,nominal_drop=1e5"},
       {"free_signal", "value=0.1"},
       {"gain_curve", "curvature=0.3"},
       {"heat_capacity", "capacity=500"},
@@ -48,15 +49,19 @@ inline std::string typical_size(const std::string& effect) {
       {"noise", "std=0.01"},
       {"offset", "value=0.1"},
       {"orifice_leakage", "coefficient=1e-9"},
+      {"overflow", "rim=5e6,slope=1e-11,share=0.4"},
+      {"presliding_friction", "force=50,stiffness=1e4"},
       {"quantisation", "step=0.05"},
       {"rate_limit", "rate=3"},
       {"relief_opening", "cracking_pressure=5e6,slope=1e-11"},
       {"ripple", "amplitude=1e5,frequency=7"},
       {"saturation", "limit=0.5"},
       {"scale", "factor=1.2"},
+      {"second_order_lag", "natural_frequency=50,damping=0.4"},
       {"speed_leakage", "coefficient=1e-14"},
       {"stribeck_friction", "static_excess=40,velocity=0.02"},
       {"stuck", "from=0.7"},
+      {"underlap", "width=0.2"},
       {"viscosity_drift", "factor=0.8"},
       {"viscous_friction", "coefficient=300"},
   };
@@ -134,10 +139,12 @@ inline std::vector<double> probe(Effect& effect, PortKind kind) {
           path.upstream = drop > 0 ? drop : 0;
           path.shaft_speed = speed;
           out.push_back(effect.flow(path) * 1e4);  // in units of 0.1 l/s, so that all probes are of order one
+          out.push_back(out.back() * effect.arriving_share());
         }
       return out;
     case PortKind::restriction:
-      for (int i = -24; i <= 24; ++i) out.push_back(effect.opening(i / 20.0));
+      for (int i = -24; i <= 24; ++i) out.insert(out.end(), {effect.opening(i / 20.0), effect.edge(i / 20.0)});
+      for (double drop : {-7e6, -100.0, 0.0, 1e5, 7e6}) out.push_back(effect.drop(drop) * 1e-6);
       return out;
     case PortKind::compliance:
       for (double modulus : {1e5, 2e8, 1.4e9})

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "faultline/rig/effect_chain.h"
+#include "faultline/rig/effect_unit.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -130,6 +131,26 @@ TEST(EffectSet, GrowsWithTime) {
   EXPECT_DOUBLE_EQ(at(30), 9);
   set.reset();
   EXPECT_DOUBLE_EQ(set.at("command.valve").signal(1, 0), 1);
+}
+
+// A leak of a rig whose levels are volts: laminar below a thousandth of the port's range, and told in its own unit.
+TEST(EffectSet, LeaksInTheUnitsOfTheirPort) {
+  Datasheet sheet = bench();
+  Port port = port_with("flow.tank_sump", {"orifice_leakage"}, 10);
+  sheet.ports.push_back(port);
+  EXPECT_EQ(effect_unit(sheet, port, "m^3/(s sqrt(Pa))"), "m^3/(s sqrt(Pa))");
+  const auto texts = specs({"orifice_leakage@flow.tank_sump:coefficient=0.02"});
+  const LeakPath full{9, 9, 0};
+  EXPECT_NEAR(EffectSet(sheet, texts, 4, 1).at("flow.tank_sump").flow(full), 0.02 * 9 / std::sqrt(1000), 1e-6);
+  sheet.ports.back().drop_unit = port.drop_unit = "V";
+  sheet.ports.back().unit = port.unit = "V/s";
+  EXPECT_NEAR(EffectSet(sheet, texts, 4, 1).at("flow.tank_sump").flow(full), 0.06, 1e-7);
+  EXPECT_EQ(effect_unit(sheet, port, "m^3/(s sqrt(Pa))"), "V/(s sqrt(V))");
+  EXPECT_EQ(effect_unit(sheet, port, "m^3/(s Pa)"), "V/(s V)");
+  EXPECT_EQ(effect_unit(sheet, port, "Pa"), "V");
+  port.unit = "kg/s";
+  port.drop_unit.clear();
+  EXPECT_EQ(effect_unit(sheet, port, "m^3/(s sqrt(Pa))"), "kg/(s sqrt(Pa))");
 }
 
 TEST(EffectSet, DriftStartsAtItsTimeWithoutAJump) {

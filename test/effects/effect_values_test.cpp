@@ -1,11 +1,13 @@
 // Each effect at a number worked out by hand.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
 
 #include "effect_probe.h"
+#include "faultline/rig/effect_chain.h"
 
 namespace faultline {
 namespace {
@@ -137,6 +139,66 @@ TEST(EffectValues, HysteresisLoopTakesItsAreaOut) {
   EXPECT_NEAR(work, 10 * (2 - 0.2), 1e-3);  // parallelogram: width times (travel - 2 reach)
 }
 
+// A body that goes to and fro over 50 um and then over 5 um; bristles of 2e6 N/m yield 25 um under 50 N.
+double rubbing_position(double time) { return (time < 1 ? 5e-5 : 5e-6) * std::sin(2 * 3.141592653589793 * 3 * time); }
+double rubbing_speed(double time) {
+  return (time < 1 ? 5e-5 : 5e-6) * 6 * 3.141592653589793 * std::cos(2 * 3.141592653589793 * 3 * time);
+}
+
+// Against Dahl's equation in small steps; the effect is asked at a two-hundredth of that rate, and at the places where
+// a Runge-Kutta step tries.
+TEST(EffectValues, PreslidingFriction) {
+  const double force = 50, stiffness = 2e6;
+  const int parts = 200;
+  const auto e = effect_of("presliding_friction@force.a:force=50,stiffness=2e6", 1e-3);
+  const auto asked = [&](double position, double velocity) {
+    BodyForces sum;
+    e->force({position, velocity, 0}, sum);
+    EXPECT_EQ(sum.sliding_plus, -force);
+    EXPECT_EQ(sum.breakaway_minus, -force);
+    EXPECT_EQ(sum.applied, 0);
+    return sum.viscous;
+  };
+  double z = 0, work = 0, last_force = asked(0, rubbing_speed(0)), last_position = 0;
+  for (int k = 0; k < 2000; ++k) {
+    const double time = k * 1e-3;
+    for (const double share : {0.0, 0.5, 0.47, 1.0}) {
+      const double trial = time + share * 1e-3;
+      asked(rubbing_position(trial), rubbing_speed(trial));
+    }
+    for (int i = 0; i < parts; ++i) {
+      const double from = rubbing_position(time + i * 1e-3 / parts);
+      const double dx = rubbing_position(time + (i + 1) * 1e-3 / parts) - from;
+      const double middle = z + 0.5 * dx * stiffness / force * (1 - (dx > 0 ? z : -z));
+      z += dx * stiffness / force * (1 - (dx > 0 ? middle : -middle));
+    }
+    const double now = rubbing_position(time + 1e-3), held = asked(now, rubbing_speed(time + 1e-3));
+    ASSERT_NEAR(held, force * z, 0.02 * force) << time;
+    if (k >= 334 && k < 667) work += 0.5 * (held + last_force) * (now - last_position);  // a closed cycle
+    last_force = held;
+    last_position = now;
+  }
+  EXPECT_GT(work, 0.5 * force * 2e-4 / 2);  // of what sliding all the way would take
+  EXPECT_LT(work, force * 2e-4);
+}
+
+TEST(EffectValues, PreslidingFrictionFollowsNoStateThatIsPutBack) {
+  const auto e = effect_of("presliding_friction@force.a:force=50,stiffness=2e6", 1e-3);
+  const auto asked = [&](double position, double velocity, bool rubs = true) {
+    BodyForces sum;
+    e->force({position, velocity, 0, rubs}, sum);
+    return sum.viscous;
+  };
+  for (int k = 0; k <= 100; ++k) asked(k * 1e-6, 1e-3);
+  const double wound = asked(100e-6, 1e-3);
+  EXPECT_NEAR(wound, 50 * (1 - std::exp(-4.0)), 1e-9);
+  EXPECT_NEAR(asked(100e-6, 0), wound, 1e-9);
+  asked(160e-6, 0);
+  EXPECT_NEAR(asked(40e-6, 0), wound, 1e-9);                                         // put back at rest
+  EXPECT_EQ(asked(0.5, -1, false), 0);                                               // another body
+  EXPECT_NEAR(asked(39.5e-6, -1e-3), wound - 2e6 * (1 + wound / 50) * 0.5e-6, 0.1);  // a turn unwinds twice as fast
+}
+
 TEST(EffectValues, GainCurve) {
   const auto e = effect_of("gain_curve@command.a:curvature=0.4", 1e-3, 10);
   EXPECT_DOUBLE_EQ(e->signal(5, 0), 4);
@@ -187,6 +249,39 @@ TEST(EffectValues, Lag) {
     double out = 0;
     for (int k = 0; k <= 300; ++k) out = late->signal(k * 1e-3, k * 1e-3);
     EXPECT_NEAR(0.3 - out, parse_effect(spec).parameters.front(), 1e-9) << spec;
+  }
+}
+
+// Against the differential equation, integrated in steps of a thousandth, on an input of straight pieces.
+TEST(EffectValues, SecondOrderLag) {
+  for (const double damping : {0.1, 0.7, 1.0, 3.0}) {
+    const double w = 120, step = 4e-3;
+    const auto e =
+        effect_of("second_order_lag@sensor.a:natural_frequency=120,damping=" + std::to_string(damping), step);
+    double y = 1, speed = 0, before = 1;
+    EXPECT_EQ(e->signal(1, 0), 1);
+    for (int k = 1; k <= 60; ++k) {
+      const double value = k < 3 ? 1 : k < 30 ? 2 : 2 + std::sin(0.9 * k);
+      const int parts = 4000;
+      const double dt = step / parts;
+      const auto bend = [&](double at, double v, double part) {
+        return w * w * (before + (value - before) * part / parts - at) - 2 * damping * w * v;
+      };
+      for (int i = 0; i < parts; ++i) {  // midpoint rule
+        const double half_y = y + 0.5 * dt * speed, half_speed = speed + 0.5 * dt * bend(y, speed, i);
+        y += dt * half_speed;
+        speed += dt * bend(half_y, half_speed, i + 0.5);
+      }
+      before = value;
+      ASSERT_NEAR(e->signal(value, k * step), y, 1e-6) << damping << " " << k;
+    }
+  }
+  // A ramp is followed 2 damping/w late, also where that is far below a step.
+  for (const double frequency : {30.0, 3e4, 1e8}) {
+    const auto e = effect_of("second_order_lag@sensor.a:damping=0.6,natural_frequency=" + std::to_string(frequency));
+    double out = 0;
+    for (int k = 0; k <= 3000; ++k) out = e->signal(k * 1e-3, k * 1e-3);
+    EXPECT_NEAR(3 - out, 1.2 / frequency, 1e-9) << frequency;
   }
 }
 
@@ -288,6 +383,46 @@ TEST(EffectValues, CloggingAndAreaCurve) {
   EXPECT_DOUBLE_EQ(curve->opening(5), 2.5);
   EXPECT_DOUBLE_EQ(curve->opening(-5), -2.5);
   EXPECT_DOUBLE_EQ(curve->opening(10), 10);
+}
+
+// Both edges open within +-0.2: what passes is their difference.
+TEST(EffectValues, Underlap) {
+  const auto e = effect_of("underlap@restriction.a:width=0.4");
+  EXPECT_DOUBLE_EQ(e->opening(0.5), 0.7);
+  EXPECT_DOUBLE_EQ(e->opening(-0.5), -0.7);
+  EXPECT_DOUBLE_EQ(e->opening(0.1), 0.2);
+  EXPECT_DOUBLE_EQ(e->edge(0), 0.2);
+  for (double x : {-0.9, -0.2, -0.05, 0.0, 0.13, 0.4})
+    EXPECT_DOUBLE_EQ(e->opening(x), std::max(0.0, e->edge(x)) - std::max(0.0, e->edge(-x)));
+  const auto overlap = effect_of("deadband@restriction.a:width=0.4");
+  for (double x : {-0.9, -0.1, 0.1, 0.9})
+    EXPECT_DOUBLE_EQ(overlap->opening(x), std::max(0.0, overlap->edge(x)) - std::max(0.0, overlap->edge(-x)));
+  const auto command = effect_of("underlap@command.a:width=0.4");
+  EXPECT_DOUBLE_EQ(command->signal(0.1, 0), 0.2);
+  EXPECT_DOUBLE_EQ(command->undo_signal(0.2, 0), 0.1);
+  EXPECT_DOUBLE_EQ(command->undo_signal(-0.7, 0), -0.5);
+}
+
+TEST(EffectValues, FlowExponent) {
+  const auto e = effect_of("flow_exponent@restriction.a:exponent=0.75,nominal_drop=2e5");
+  EXPECT_DOUBLE_EQ(e->drop(2e5), 2e5);
+  // At four times the drop the flow is 4^0.75 times as large, not twice.
+  EXPECT_NEAR(std::sqrt(e->drop(8e5) / 2e5), std::pow(4, 0.75), 1e-12);
+  EXPECT_NEAR(e->drop(-8e5), -e->drop(8e5), 1e-9);
+  EXPECT_EQ(e->drop(0), 0);
+}
+
+TEST(EffectValues, OverflowOfWhichAShareArrives) {
+  const auto e = effect_of("overflow@flow.a_b:rim=5000,slope=2e-7,share=0.3");
+  EXPECT_DOUBLE_EQ(e->flow({5500, 5500, 0}), 1e-4);
+  EXPECT_EQ(e->flow({5000, 4999, 0}), 0);
+  EXPECT_EQ(e->arriving_share(), 0.3);
+  EffectChain chain;
+  const auto leak = effect_of("laminar_leakage@flow.a_b:coefficient=1e-9");
+  chain.add(e.get());
+  chain.add(leak.get());
+  EXPECT_DOUBLE_EQ(chain.flow({5500, 5500, 0}), 1e-4 + 5.5e-6);
+  EXPECT_DOUBLE_EQ(chain.arriving({5500, 5500, 0}), 0.3e-4 + 5.5e-6);
 }
 
 TEST(EffectValues, Compliance) {

@@ -103,12 +103,12 @@ class Simulated(Tanks):
         faults = self.answer("isolability", self.bag("two"))["faults"]
         least = {(fault["effect"], fault["port"]): fault["least_size"] for fault in faults}
         self.assertLess(least["clogging", "restriction.lower_outlet"], 0.1)
-        self.assertIn(("overflow", "flow.upper_lower"), least)  # the package's own effect
+        self.assertIn(("crack", "flow.upper_reservoir"), least)  # the package's own effect
 
     def test_gap(self):
         answer = self.answer("gap", self.bag("over_one"), "--holdout", self.bag("over_two"), "--report", "gap.html")
         named = [(effect["effect"], effect["port"]) for effect in answer["cause"]["effects"]]
-        self.assertEqual(named, [("overflow", "flow.upper_reservoir")])
+        self.assertEqual(named, [("overflow", "flow.upper_lower")])
         self.assertGreater((self.folder / "gap.html").stat().st_size, 10000)
 
     def test_report(self):

@@ -81,16 +81,17 @@ class Finding(OutsideTest):
 
     def test_effects_of_a_package_are_listed(self):
         told = json.loads(self.faultline("effects", "--json", "-", env=self.path(package)).stdout)
-        overflow = [effect for effect in told["effects"] if effect["effect"] == "overflow"]
-        self.assertEqual(overflow[0]["ports"], ["flow"])
-        self.assertEqual(overflow[0]["parameters"][0]["unit"], "Pa")
+        crack = [effect for effect in told["effects"] if effect["effect"] == "crack"]
+        self.assertEqual(crack[0]["ports"], ["flow"])
+        self.assertEqual(crack[0]["parameters"][1]["unit"], "Pa")
 
     def test_a_file_given_by_config_takes_the_library_too(self):
         sheet = self.folder / "mine.yaml"
         text = (package / "config" / RIG / "rig.yaml").read_text()
         sheet.write_text(text.replace("nominal: 0.042", "nominal: 0.043"))
         said = self.faultline("rigs", "--config", sheet, env=self.path(package)).stdout
-        self.assertIn("overflow", said)
+        self.assertIn("crack", said)
+        self.assertIn("rim 4..12.5 [V]", said)  # in the port's own unit
         self.assertIn("simulated", said)
         self.assertNotIn("not in this build", said)
 

@@ -91,7 +91,7 @@ TEST(ShippedDatasheets, ServoActuator) {
   EXPECT_DOUBLE_EQ(sheet.port("restriction.valve").range, 10);
   EXPECT_EQ(sheet.port("command.valve_command").channel, "valve_command");
   EXPECT_EQ(sheet.port("force.piston").channel, "");
-  EXPECT_EQ(sheet.port("force.piston").effects.size(), 8u);
+  EXPECT_EQ(sheet.port("force.piston").effects.size(), 9u);
   EXPECT_TRUE(std::isinf(bounds(sheet, "sensor.position", "stuck", "from").maximum));
   EXPECT_DOUBLE_EQ(bounds(sheet, "line.valve_cylinder", "line_inertia", "inertance").maximum, 1.5e8);
   ASSERT_EQ(sheet.inputs.size(), 2u);

@@ -7,6 +7,10 @@ import os
 
 import yaml
 
+# Candidates of `gap` that no truth has as an effect to be found; its friction and valves may be so by nature.
+NOT_IN_TRUTH = {"presliding_friction", "second_order_lag", "underlap", "flow_exponent", "overflow"}
+NOT_IN_TRUTH_AT = {"hysteresis@sensor.load_pressure"}
+
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
@@ -62,4 +66,5 @@ class Datasheet:
                 self.bounds[f"{effect}@{port}"] = {n: tuple(map(_number, b)) for n, b in (parameters or {}).items()}
 
     def effects(self):
-        return sorted(self.bounds)
+        """Those that a truth can have."""
+        return sorted(k for k in self.bounds if k.split("@")[0] not in NOT_IN_TRUTH and k not in NOT_IN_TRUTH_AT)

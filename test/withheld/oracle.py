@@ -78,7 +78,7 @@ def examine(runs, effects, sheet, random, level=1.0):
         single = target
         if rest:
             single = np.concatenate([(run.outputs(effects) - run.outputs(rest)) / run.noise for run in runs]).ravel()
-        for rival in twins.rivals(key, sheet.bounds):
+        for rival in twins.rivals(key, sheet.effects()):
             best = np.inf
             for q in (0.45, 0.8):
                 fixed = sizes.template(rival, sheet.bounds[rival], random)

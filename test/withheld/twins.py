@@ -5,20 +5,21 @@ One table for all rigs: what a rig's datasheet does not list does not count ther
 
 FAMILY = {}
 for _family, _names in {
-    "friction": "coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction",
+    "friction": "coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_dependent_friction"
+    " presliding_friction",
     "load": "load_force added_mass end_stop",
     "play": "backlash elasticity",
-    "deadzone": "deadband",
+    "deadzone": "deadband underlap",
     "hysteresis": "hysteresis",
     "gain": "gain_curve scale",
     "limit": "rate_limit saturation",
     "offset": "offset drift",
-    "lag": "lag",
+    "lag": "lag second_order_lag",
     "delay": "delay",
     "resolution": "quantisation noise",
     "stuck": "stuck",
-    "leakage": "orifice_leakage laminar_leakage speed_leakage relief_opening",
-    "restriction": "clogging area_curve",
+    "leakage": "orifice_leakage laminar_leakage speed_leakage relief_opening overflow",
+    "restriction": "clogging area_curve flow_exponent",
     "compliance": "entrained_air compliance_factor",
     "line": "line_inertia",
     "source": "droop ripple displacement_ripple",
@@ -152,7 +153,7 @@ def twin_tolerances(key, values, parameters, tolerance):
 
 # Groups whose members one run may not tell apart (the datasheet's notes, cosine 0.93 and above, and their logic).
 _GROUPS = [
-    ["lag@command.valve_command", "delay@command.valve_command"],
+    ["lag@command.valve_command", "delay@command.valve_command", "second_order_lag@command.valve_command"],
     ["orifice_leakage@flow.chamber_a_chamber_b", "laminar_leakage@flow.chamber_a_chamber_b"],
     ["offset@sensor.chamber_a_pressure", "scale@sensor.chamber_a_pressure"],
     [

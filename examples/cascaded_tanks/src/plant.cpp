@@ -3,12 +3,12 @@
 // measured. After Schoukens and Noel, "Three benchmarks addressing open challenges in nonlinear system identification",
 // IFAC-PapersOnLine 50 (2017) 446-451.
 //
-//   x_1' = k_p u - k_1 root(x_1) - (o_12 + o_1r)/S
-//   x_2' = k_1 root(x_1) + o_12/S - k_2 root(x_2 + d) - o_2r/S
+//   x_1' = k_p u - k_1 root(x_1) - o_12 - o_1r
+//   x_2' = k_1 root(x_1) + a_12 - k_2 root(x_2 + d) - o_2r
 //
-// d: how far the outlet of the lower tank lies below the transducer's zero. o: flows through the ports flow.*, in m^3/s
-// under the pressure at the floor of their tank; S: m^3 per V. The tanks are alike, so what leaves the upper one comes
-// to the lower one volt for volt. Levels are 0 or more; nothing overflows unless an effect says so (overflow.cpp).
+// d: how far the outlet of the lower tank lies below the transducer's zero. o: what leaves through the ports flow.*, in
+// V/s, driven by the level in V; a_12: what of o_12 falls into the lower tank. The tanks are alike, so what leaves the
+// upper one comes to the lower one volt for volt. Levels are 0 or more; nothing overflows unless an effect says so.
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -19,7 +19,6 @@
 namespace faultline {
 namespace {
 
-constexpr double kWeight = 9790;      // N/m^3, of water
 constexpr double kTransition = 0.01;  // V, below which the root turns linear
 
 class CascadedTanks : public Rig {
@@ -36,8 +35,6 @@ class CascadedTanks : public Rig {
     upper_ = value("upper_outlet");
     lower_ = value("lower_outlet");
     drop_ = value("outlet_drop");
-    pressure_ = kWeight * value("height_per_volt");
-    volume_ = value("tank_area") * value("height_per_volt");
     voltage_ = sheet.channel("pump_voltage");
     level_ = sheet.channel("lower_level");
   }
@@ -55,14 +52,14 @@ class CascadedTanks : public Rig {
   }
 
   void derivative(double, const double* state, const double* channels, double* rate) override {
-    const double into_lower = upper_outlet_.opening(upper_) * signed_root(state[0], kTransition);
+    const double into_lower = upper_outlet_.opening(upper_) * signed_root(upper_outlet_.drop(state[0]), kTransition);
     // An empty tank gives nothing, though its outlet lies lower.
     const double share = std::min(1.0, std::max(0.0, state[1]) / kTransition);
-    const double out =
-        share * lower_outlet_.opening(lower_) * signed_root(std::max(0.0, state[1]) + drop_, kTransition);
-    const double past = flow(upper_reservoir_, state[0]), over = flow(upper_lower_, state[0]);
-    rate[0] = pump_gain_ * channels[voltage_] - into_lower - over - past;
-    rate[1] = into_lower + over - out - flow(lower_reservoir_, state[1]);
+    const double head = lower_outlet_.drop(std::max(0.0, state[1]) + drop_);
+    const double out = share * lower_outlet_.opening(lower_) * signed_root(head, kTransition);
+    const LeakPath upper{state[0], state[0], 0}, lower{state[1], state[1], 0};
+    rate[0] = pump_gain_ * channels[voltage_] - into_lower - upper_lower_.flow(upper) - upper_reservoir_.flow(upper);
+    rate[1] = into_lower + upper_lower_.arriving(upper) - out - lower_reservoir_.flow(lower);
   }
 
   void after_step(double, double* state, const double*) override {
@@ -72,12 +69,7 @@ class CascadedTanks : public Rig {
   void outputs(double, const double* state, double* channels) const override { channels[level_] = state[1]; }
 
  private:
-  double flow(const EffectChain& port, double level) const {  // V/s
-    const double drop = pressure_ * level;
-    return port.flow({drop, drop, 0}) / volume_;
-  }
-
-  double pump_gain_, upper_, lower_, drop_, pressure_, volume_;
+  double pump_gain_, upper_, lower_, drop_;
   int voltage_, level_;
   const EffectChain &upper_outlet_, &lower_outlet_, &upper_lower_, &upper_reservoir_, &lower_reservoir_;
 };

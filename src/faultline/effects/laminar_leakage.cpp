@@ -19,7 +19,7 @@ FAULTLINE_EFFECT(laminar_leakage, {"laminar_leakage",
                                    "leakage",
                                    "coefficient dp",
                                    {PortKind::flow},
-                                   {{"coefficient", "m^3/(s Pa)", 0, 0, 1e-6}},
+                                   {{"coefficient", "m^3/(s Pa)", 0, 0, 1e3}},
                                    &make_effect<LaminarLeakage>});
 
 }  // namespace faultline

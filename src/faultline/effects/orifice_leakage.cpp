@@ -1,5 +1,5 @@
 // Orifice leakage: q = coefficient sgn(dp) sqrt|dp|, with a laminar transition: q = coefficient dp/(dp^2 + d^2)^(1/4),
-// d = 1000 Pa.
+// d = 1000 Pa, or a thousandth of the port's range in its drop_unit.
 //
 // coefficient [m^3/(s sqrt(Pa))]. Odd in dp and dissipative; smooth, of finite slope coefficient/sqrt(d) at dp = 0.
 // Within 0.03 % of the square root above 30 kPa. Linear in `coefficient`.
@@ -12,13 +12,12 @@
 namespace faultline {
 namespace {
 
-constexpr double kTransition = 1000;  // Pa
-
 class OrificeLeakage : public Effect {
  public:
   double flow(const LeakPath& path) const override {
     const double drop = path.pressure_drop;
-    return parameter(0) * drop / std::sqrt(std::sqrt(drop * drop + kTransition * kTransition));
+    const double laminar = context().transition;
+    return parameter(0) * drop / std::sqrt(std::sqrt(drop * drop + laminar * laminar));
   }
 };
 
@@ -28,7 +27,7 @@ FAULTLINE_EFFECT(orifice_leakage, {"orifice_leakage",
                                    "leakage",
                                    "coefficient sgn(dp) sqrt(|dp|)",
                                    {PortKind::flow},
-                                   {{"coefficient", "m^3/(s sqrt(Pa))", 0, 0, 1e-3}},
+                                   {{"coefficient", "m^3/(s sqrt(Pa))", 0, 0, 1e3}},
                                    &make_effect<OrificeLeakage>});
 
 }  // namespace faultline

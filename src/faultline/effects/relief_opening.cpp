@@ -25,7 +25,7 @@ FAULTLINE_EFFECT(relief_opening,
                   "leakage",
                   "slope max(0, dp - cracking_pressure)",
                   {PortKind::flow},
-                  {{"cracking_pressure", "Pa", kInfinity, 0, kInfinity}, {"slope", "m^3/(s Pa)", 0, 0, 1e-6}},
+                  {{"cracking_pressure", "Pa", kInfinity, 0, kInfinity}, {"slope", "m^3/(s Pa)", 0, 0, 1e3}},
                   &make_effect<ReliefOpening>});
 
 }  // namespace faultline

@@ -23,7 +23,7 @@ FAULTLINE_EFFECT(speed_leakage, {"speed_leakage",
                                  "leakage",
                                  "coefficient |shaft speed| dp",
                                  {PortKind::flow},
-                                 {{"coefficient", "m^3/(rad Pa)", 0, 0, 1e-8}},
+                                 {{"coefficient", "m^3/(rad Pa)", 0, 0, 1e3}},
                                  &make_effect<SpeedLeakage>});
 
 }  // namespace faultline

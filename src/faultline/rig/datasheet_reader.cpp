@@ -289,8 +289,18 @@ FittingEffect read_fitting(const YamlValue& entry, const Port& port) {
   return fitting;
 }
 
+// Of a rig whose flows or pressures are told in other quantities (levels in volts, mass flow). Effects are per second.
+std::string read_drop_unit(const YamlValue& entry, const Port& port) {
+  if (port.kind != PortKind::flow && port.kind != PortKind::restriction)
+    entry.at("drop_unit").fail("is for flow and restriction ports only");
+  if (port.kind == PortKind::flow && !entry.has("range"))
+    entry.at("drop_unit")
+        .fail("needs 'range', the largest such difference: a thousandth of it is where leaks are laminar");
+  return unit_of(entry.at("drop_unit"), true);
+}
+
 Port read_port(const YamlValue& entry, const Datasheet& sheet) {
-  entry.allow({"component", "meaning", "effects"}, {"channel", "range", "unit"});
+  entry.allow({"component", "meaning", "effects"}, {"channel", "range", "unit", "drop_unit"});
   Port port;
   port.name = entry.key();
   try {
@@ -319,7 +329,11 @@ Port read_port(const YamlValue& entry, const Datasheet& sheet) {
     entry.at("channel").fail("is for command and sensor ports only");
   } else if (entry.has("unit")) {
     port.unit = unit_of(entry.at("unit"), true);
+    const std::string& unit = port.unit;
+    if (port.kind == PortKind::flow && (unit.size() < 3 || unit.compare(unit.size() - 2, 2, "/s") != 0))
+      entry.at("unit").fail("must be that of a flow, and end in /s");
   }
+  if (entry.has("drop_unit")) port.drop_unit = read_drop_unit(entry, port);
   for (const YamlValue& effect : entry.at("effects").entries()) port.effects.push_back(read_fitting(effect, port));
   return port;
 }

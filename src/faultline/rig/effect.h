@@ -34,10 +34,11 @@ struct EffectParameter {
 
 // Where an effect works: what it may need to know of its port.
 struct PortContext {
-  double range = 1;        // full scale of what passes, for curves
-  double noise_std = 0;    // of the channel, for signal ports
-  double step = 1e-3;      // s, time between calls of signal()
-  std::uint64_t seed = 0;  // for effects that draw random numbers
+  double range = 1;         // full scale of what passes, for curves
+  double noise_std = 0;     // of the channel, for signal ports
+  double step = 1e-3;       // s, time between calls of signal()
+  double transition = 1e3;  // pressure drop below which leaks turn laminar: Pa, or the port's drop_unit
+  std::uint64_t seed = 0;   // for effects that draw random numbers
   // s, when the effect starts to grow; NaN: it does not grow, it is there from time 0 at the size that is set.
   double start = std::numeric_limits<double>::quiet_NaN();
 };
@@ -75,7 +76,13 @@ class Effect {
   virtual void resume(const Shown& /*in*/, const Shown& /*out*/) {}
   virtual void force(const Motion&, BodyForces&) const {}
   virtual double flow(const LeakPath&) const { return 0; }  // m^3/s, added
+  virtual double arriving_share() const { return 1; }       // of flow(), at the port's TO side
   virtual double opening(double opening) const { return opening; }
+  // One metering edge of a valve, open where positive: the other one is edge(-opening), and opening() what they differ
+  // by.
+  virtual double edge(double opening) const { return this->opening(opening); }
+  // The pressure difference of which a restriction takes the root.
+  virtual double drop(double pressure_drop) const { return pressure_drop; }
   virtual double bulk_modulus(double modulus, double /*absolute_pressure*/) const { return modulus; }  // Pa
   virtual double boundary(double value, double /*flow*/, double /*time*/) const { return value; }
   virtual double delivery(double flow, double /*shaft_angle*/) const { return flow; }  // pump flow, m^3/s

@@ -10,6 +10,8 @@
 namespace faultline {
 namespace {
 
+constexpr double kTransitionShare = 1e-3;  // of a port's range
+
 bool grows(const EffectSpec& spec) { return spec.from_given || spec.to > spec.from; }
 
 // Seeds of neighbouring effects must not be neighbours (splitmix64, Steele, Lea and Flood 2014).
@@ -32,6 +34,7 @@ PortContext context_of(const Datasheet& sheet, const Port& port, const EffectSpe
   context.range = port.range;
   context.step = step;
   context.seed = seed;
+  if (!port.drop_unit.empty()) context.transition = kTransitionShare * port.range;
   if (grows(spec)) context.start = spec.from;
   const int channel = port.channel.empty() ? -1 : find_channel(sheet.channels, port.channel);
   if (channel >= 0) {

@@ -1,6 +1,7 @@
 // The effects of one simulation, by port, in the order in which they were given.
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <map>
 #include <memory>
@@ -65,8 +66,22 @@ class EffectChain {
     for (const Effect* e : effects_) sum += e->flow(path);
     return sum;
   }
+  // Of flow(), what the TO side gets.
+  double arriving(const LeakPath& path) const {
+    double sum = 0;
+    for (const Effect* e : effects_) sum += e->arriving_share() * e->flow(path);
+    return sum;
+  }
   double opening(double value) const {
     for (const Effect* e : effects_) value = e->opening(value);
+    return value;
+  }
+  double edge(double value) const {  // 0: shut
+    for (const Effect* e : effects_) value = e->edge(value);
+    return std::max(0.0, value);
+  }
+  double drop(double value) const {
+    for (const Effect* e : effects_) value = e->drop(value);
     return value;
   }
   double bulk_modulus(double modulus, double absolute_pressure) const {

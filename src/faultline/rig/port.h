@@ -4,7 +4,7 @@
 //   command.X, sensor.Y   a signal: one number per integration step
 //   force.BODY            Motion in, BodyForces out
 //   flow.FROM_TO          Gap in, volume flow out
-//   restriction.PLACE     an opening (area, coefficient, spool travel), one number
+//   restriction.PLACE     an opening (area, coefficient, spool travel), one number; one edge; the pressure difference
 //   compliance.VOLUME     bulk modulus of a volume at an absolute pressure
 //   source.NAME           a boundary value, given the flow drawn from it and the time
 //   transmission.NAME     Coupling
@@ -39,9 +39,10 @@ struct Port {
   PortKind kind = PortKind::command;
   std::string component;
   std::string meaning;
-  std::string channel;  // command and sensor ports: the channel that passes; else empty
-  std::string unit;     // of what passes, where no channel says it; else empty
-  double range = 1;     // what a curve at this port calls full scale, in the unit of what passes
+  std::string channel;    // command and sensor ports: the channel that passes; else empty
+  std::string unit;       // of what passes, where no channel says it; else empty
+  std::string drop_unit;  // of pressure differences, where that is not Pa; else empty
+  double range = 1;       // what a curve at this port calls full scale, in the unit of what passes
   std::vector<FittingEffect> effects;
 };
 
@@ -49,12 +50,13 @@ struct Motion {
   double position = 0;  // m or rad
   double velocity = 0;  // m/s or rad/s
   double load = 0;      // what load-dependent friction grows with; the datasheet says what (Pa or N)
+  bool rubs = true;     // false: of a second body of the place, on which loads act and no friction
 };
 
 // Forces on a body that its port's effects add, in N (or N m). All resist: the rig subtracts them.
 struct BodyForces {
   double applied = 0;         // loads and stops: sign as they come, against positive motion
-  double viscous = 0;         // smooth friction, already with the sign of the velocity
+  double viscous = 0;         // smooth friction and bristles, already with their sign
   double sliding_plus = 0;    // Coulomb level while the body moves to +
   double sliding_minus = 0;   // Coulomb level while it moves to - (as a magnitude)
   double breakaway_plus = 0;  // level that must be exceeded to leave standstill to +

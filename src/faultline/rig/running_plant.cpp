@@ -25,9 +25,10 @@ bool is_fast(const EffectSpec& effect) {
   return kind == PortKind::line || kind == PortKind::transmission;
 }
 
-// A hysteretic force is a stiff spring.
+// A hysteretic force and bristles are stiff springs.
 bool asks_for_short_steps(const EffectSpec& effect) {
-  return is_fast(effect) || (port_kind(effect.port) == PortKind::force && effect.effect == "hysteresis");
+  return is_fast(effect) || (port_kind(effect.port) == PortKind::force &&
+                             (effect.effect == "hysteresis" || effect.effect == "presliding_friction"));
 }
 
 // A multiple of `parts`.

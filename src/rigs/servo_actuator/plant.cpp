@@ -173,7 +173,7 @@ ServoActuator::Body ServoActuator::load(const double* state, const double* chann
   body.sliding_plus = body.sliding_minus = load_friction_share_ * (coulomb_ + stribeck(velocity));
   body.breakaway_plus = body.breakaway_minus = load_friction_share_ * (coulomb_ + static_excess_);
   body.force = coupling_force(state) - load_friction_share_ * damping_ * velocity - channels[load_force_];
-  if (has_force_) body.force -= force_port_.forces({position, velocity, 0}).applied;
+  if (has_force_) body.force -= force_port_.forces({position, velocity, 0, false}).applied;
   return body;
 }
 
@@ -193,14 +193,15 @@ double ServoActuator::acceleration(const double* state, const double* channels) 
 double ServoActuator::drooped(double time, const double* state, double measured) const {
   // Flow drawn from P, taken at the pressure without droop: one step of the fixed point, exact to second order in the
   // droop.
-  const double opening = valve_port_.opening(state[kSpool]);
+  const double ahead = root_coefficient_ * valve_port_.edge(state[kSpool]);
+  const double astern = root_coefficient_ * valve_port_.edge(-state[kSpool]);
   const double before = supply_port_.boundary(measured, 0, time);
   const double node_a = has_line_ ? state[line_] : state[kPressureA];
   const double node_b = has_line_ ? state[line_ + 1] : state[kPressureB];
-  const double chamber = opening > 0 ? node_a : node_b;
   double drawn = 0, pressure = before;
   for (int i = 0; i < 3; ++i) {
-    drawn = std::max(0.0, root_coefficient_ * std::abs(opening) * signed_root(pressure - chamber, kTransition));
+    drawn = std::max(0.0, ahead * signed_root(pressure - node_a, kTransition)) +
+            std::max(0.0, astern * signed_root(pressure - node_b, kTransition));
     pressure = 0.5 * (pressure + supply_port_.boundary(measured, drawn, time));
   }
   return pressure;
@@ -213,9 +214,17 @@ void ServoActuator::derivative(double time, const double* state, const double* c
   const double node_b = has_line_ ? state[line_ + 1] : p_b;
   const double supply_pressure = has_droop_ ? drooped(time, state, channels[supply_]) : channels[supply_];
 
-  const double opening = root_coefficient_ * valve_port_.opening(state[kSpool]);
-  const double q_a = opening * signed_root(opening > 0 ? supply_pressure - node_a : node_a, kTransition);
-  const double q_b = opening * signed_root(opening > 0 ? node_b : supply_pressure - node_b, kTransition);
+  const double ahead = root_coefficient_ * valve_port_.edge(state[kSpool]);    // P to A, B to tank
+  const double astern = root_coefficient_ * valve_port_.edge(-state[kSpool]);  // P to B, A to tank
+  double q_a = 0, q_b = 0;
+  if (ahead > 0) {
+    q_a = ahead * signed_root(supply_pressure - node_a, kTransition);
+    q_b = ahead * signed_root(node_b, kTransition);
+  }
+  if (astern > 0) {
+    q_a -= astern * signed_root(node_a, kTransition);
+    q_b -= astern * signed_root(supply_pressure - node_b, kTransition);
+  }
 
   const double drop = p_a - p_b;
   const double bypass = state[kLeakSpool] > 0 ? leak_gain_ * state[kLeakSpool] * signed_root(drop, kTransition) : 0.0;

@@ -1,8 +1,8 @@
 // Double-rod servo-hydraulic actuator with a proportional valve and a bypass valve that is the internal leak.
 // Source: Mahulkar, Adams, Derriso, Control Engineering Practice 19 (2011) 649-657; numbers in config/servo_actuator.
 //
-//   Q_a = K o(x_v) sqrt2 root(P - p_a), Q_b = K o(x_v) sqrt2 root(p_b)      x_v > 0; mirrored for x_v <= 0         like
-//   (4)
+//   Q_a = K sqrt2 (e(x_v) root(P - p_a) - e(-x_v) root(p_a)),  e(x) = max(0, x): one edge of restriction.valve    (4)
+//   Q_b = K sqrt2 (e(x_v) root(p_b) - e(-x_v) root(P - p_b))
 //   Q_i = k_q max(x_leak, 0) root(p_a - p_b) + flow.chamber_a_chamber_b
 //   (33)-(35)
 //   (V_0 + A x)/beta p_a' = Q_a - A v - Q_i - flow.chamber_a_tank
