@@ -257,7 +257,7 @@ std::vector<SignalEquations> signal_equations(const StochasticModel& model, cons
           std::max(r.head(readings).squaredNorm() / static_cast<double>(readings), kLeastBlockVariance);
       SignalEquations& part = result[first + block * parts / blocks];
       if (std::isfinite(variance) && a.topRows(readings).allFinite()) {
-        part.a.noalias() += a.topRows(readings).transpose() * a.topRows(readings) / variance;
+        part.a.selfadjointView<Eigen::Lower>().rankUpdate(a.topRows(readings).transpose(), 1 / variance);
         part.b.noalias() += a.topRows(readings).transpose() * r.head(readings) / variance;
       }
       readings = 0;
@@ -272,6 +272,8 @@ std::vector<SignalEquations> signal_equations(const StochasticModel& model, cons
         [&](std::size_t i) {
           if ((i + 1) % model.block == 0 || i + 1 == stretch.rows.size()) close(i / model.block);
         });
+    for (std::size_t p = first; p < result.size(); ++p)
+      result[p].a.triangularView<Eigen::StrictlyUpper>() = result[p].a.transpose();
   }
   return result;
 }

@@ -8,63 +8,19 @@
 #include <fmt/format.h>
 
 #include "faultline/gap/gap_trials.h"
+#include "faultline/gap/reconstruction.h"
 #include "faultline/gap/signal_regression.h"
-#include "faultline/gap/signal_terms.h"
 #include "faultline/rig/effect_unit.h"
 
 namespace faultline {
 namespace {
 
-constexpr int kExpectations = 6;          // steps of EM: level of the signal and process noise beside it
-constexpr double kLeastVariance = 1e-18;  // of the process noise, in sizes squared
-constexpr std::size_t kParts = 16;        // pieces of all runs whose gains tell a standard error, about
-constexpr std::size_t kMostTerms = 3;     // of a formula
-constexpr std::size_t kPaired = 5;        // variables of which products are tried
-constexpr double kLeastScore = 0.3;       // from which a formula or a curve is told
+constexpr std::size_t kParts = 16;     // pieces of all runs whose gains tell a standard error, about
+constexpr std::size_t kMostTerms = 3;  // of a formula
+constexpr std::size_t kPaired = 5;     // variables of which products are tried
+constexpr double kLeastScore = 0.3;    // from which a formula or a curve is told
 constexpr double kStraight = 1e-3;  // penalty on steps of a curve, of its best known ordinate: joins what no row visits
 constexpr std::size_t kMostPoints = 500, kMostRows = 400;  // of pictures
-
-using Courses = std::vector<Eigen::VectorXd>;  // per stretch, per row
-
-// What of a smoothed process is of use here.
-struct Reconstruction {
-  StochasticModel model;  // linear around the states as smoothed with the signal; one port
-  Eigen::VectorXd q;
-  FreeSignal signal;
-  Smoothing course;
-};
-
-void open_only(const ResidualModel& residuals, const ModelChange& change, const std::string& port, int jobs,
-               StochasticModel& model) {
-  model.ports.clear();
-  model.shows.clear();
-  model.shown.clear();
-  model.unit.clear();
-  open_ports(residuals, change, jobs, model, port);
-}
-
-void settle_process(Reconstruction& at) {
-  for (int i = 0; i < kExpectations; ++i) {
-    at.course = smooth(at.model, at.q, at.signal);
-    at.q = at.course.q.cwiseMax(kLeastVariance);
-    at.signal.level = at.course.level;
-  }
-  at.course = smooth(at.model, at.q, at.signal);
-}
-
-// The model with a known course of the signal beside the free one.
-StochasticModel with_signal(StochasticModel model, const Courses& known) {
-  for (std::size_t n = 0; n < model.stretches.size(); ++n) {
-    StochasticStretch& stretch = model.stretches[n];
-    const Eigen::MatrixXd& drive = stretch.port_drives.front();
-    for (std::size_t i = 0; i < stretch.rows.size(); ++i) {
-      const auto at = static_cast<Eigen::Index>(i);
-      if (drive.size() > 0 && i + 1 < stretch.rows.size()) stretch.defect[i] += drive.col(at) * known[n][at];
-      if (model.shows.front() >= 0) stretch.misfit[i][model.shows.front()] -= model.shown.front() * known[n][at];
-    }
-  }
-  return model;
-}
 
 std::string unit_of(const Datasheet& sheet, const Port& port) {
   switch (port.kind) {
@@ -79,65 +35,6 @@ std::string unit_of(const Datasheet& sheet, const Port& port) {
     default:
       return effect_unit(sheet, port, "port");
   }
-}
-
-bool reads_input(const Datasheet& sheet, const Port& port) {
-  return port.kind == PortKind::sensor &&
-         sheet.channels[static_cast<std::size_t>(sheet.channel(port.channel))].role == Role::input;
-}
-
-// What passes the port first, then states, then commands and inputs.
-std::vector<SignalVariable> find_variables(const ResidualModel& residuals, const ModelChange& change,
-                                           const Reconstruction& at) {
-  const Datasheet& sheet = residuals.sheet();
-  const Port& port = sheet.port(at.model.ports.front());
-  const std::size_t stretches = at.model.stretches.size();
-  std::vector<SignalVariable> result;
-  const auto add = [&](SignalVariable variable) {
-    if (!settle_variable(variable)) return;
-    for (SignalVariable& known : result)
-      if (known.same(variable)) {  // the states' names are known to those who wrote the datasheet
-        known.name = variable.name;
-        return;
-      }
-    result.push_back(std::move(variable));
-  };
-  const std::vector<Eigen::MatrixXd> passed = passing_along(residuals, change, at.model, 0);
-  const std::vector<PassingQuantity> quantities = passing(port.kind);
-  for (std::size_t p = 0; p < quantities.size(); ++p) {
-    SignalVariable variable;
-    variable.name = port.kind == PortKind::command || port.kind == PortKind::sensor ? port.channel : quantities[p].name;
-    variable.unit = effect_unit(sheet, port, quantities[p].unit);
-    variable.passes = static_cast<int>(p);
-    for (std::size_t n = 0; n < stretches; ++n) {
-      variable.values.emplace_back(passed[n].col(static_cast<Eigen::Index>(p)));
-      // A reading that drives the model is what the sensor makes of the truth.
-      if (reads_input(sheet, port)) variable.values.back() -= at.model.unit.front() * at.course.signal[n];
-    }
-    add(std::move(variable));
-  }
-  for (std::size_t s = 0; s < sheet.states.size(); ++s) {
-    SignalVariable variable{sheet.states[s].name, sheet.states[s].unit, -1, {}, 1, 0, 0};
-    for (const StochasticStretch& stretch : at.model.stretches) {
-      variable.values.emplace_back(static_cast<Eigen::Index>(stretch.rows.size()));
-      for (std::size_t i = 0; i < stretch.rows.size(); ++i)
-        variable.values.back()[static_cast<Eigen::Index>(i)] = stretch.reference[i][static_cast<Eigen::Index>(s)];
-    }
-    add(std::move(variable));
-  }
-  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
-    const Channel& channel = sheet.channels[c];
-    if (channel.role != Role::command && channel.role != Role::input) continue;
-    SignalVariable variable{channel.name, channel.unit, -1, {}, 1, 0, 0};
-    for (const StochasticStretch& stretch : at.model.stretches) {
-      variable.values.emplace_back(static_cast<Eigen::Index>(stretch.rows.size()));
-      for (std::size_t i = 0; i < stretch.rows.size(); ++i)
-        variable.values.back()[static_cast<Eigen::Index>(i)] =
-            residuals.runs()[stretch.run].recording.at(stretch.rows[i], c);
-    }
-    add(std::move(variable));
-  }
-  return result;
 }
 
 // Hat functions over the nodes of a variable's range: rows x nodes per stretch.
@@ -170,19 +67,26 @@ Eigen::MatrixXd straightness() {
 
 class Shape {
  public:
-  Shape(const ResidualModel& residuals, const ModelChange& change, const std::vector<Fold>& folds, Reconstruction at)
+  Shape(const ResidualModel& residuals, const ModelChange& change, const std::vector<Fold>& folds, Reconstruction at,
+        Sought sought)
       : residuals_(residuals),
         folds_(folds),
         at_(std::move(at)),
         variables_(find_variables(residuals, change, at_)),
-        terms_(variables_, at_.model.step) {}
+        terms_(variables_, at_.model.step) {
+    if (sought == Sought::all) return;
+    variables_.erase(std::remove_if(variables_.begin(), variables_.end(), [](const auto& v) { return v.passes < 0; }),
+                     variables_.end());
+  }
 
-  void describe(MissingSignal& result) {
+  void describe(Sought sought, MissingSignal& result) {
     if (variables_.empty()) return;
-    terms_.add_singles();
-    std::vector<std::size_t> best = best_variables();
-    terms_.add_memories();
-    terms_.add_products(best);
+    if (sought == Sought::all) {
+      terms_.add_singles();
+      const std::vector<std::size_t> best = best_variables();
+      terms_.add_memories();
+      terms_.add_products(best);
+    }
     courses_ = terms_.courses();
     std::vector<Eigen::Index> first_hat;
     for (const SignalVariable& variable : variables_) {
@@ -195,7 +99,7 @@ class Shape {
       }
     }
     const SignalRegression regression = regress(courses_);
-    write_formula(regression, result);
+    if (sought == Sought::all) write_formula(regression, result);
     write_curves(regression, first_hat, result);
   }
 
@@ -226,7 +130,7 @@ class Shape {
     double left = 0, whole = 0;
     for (std::size_t f = 0; f < folds_.size(); ++f) {
       const Eigen::VectorXd size = regression.fit(columns, f, penalty).size;
-      const Courses known = sum_of(columns, size);
+      const SignalCourses known = sum_of(columns, size);
       const Smoothing rest = smooth(with_signal(at_.model, known), at_.q, at_.signal);
       for (std::size_t n = 0; n < at_.model.stretches.size(); ++n) {
         const std::vector<std::size_t>& test = folds_[f].test;
@@ -238,8 +142,8 @@ class Shape {
     return whole > 0 ? 1 - left / whole : 0;
   }
 
-  Courses sum_of(const SignalRegression::Columns& columns, const Eigen::VectorXd& size) const {
-    Courses result;
+  SignalCourses sum_of(const SignalRegression::Columns& columns, const Eigen::VectorXd& size) const {
+    SignalCourses result;
     for (const Eigen::MatrixXd& courses : courses_) {
       result.emplace_back(Eigen::VectorXd::Zero(courses.rows()));
       for (std::size_t k = 0; k < columns.size(); ++k)
@@ -259,7 +163,7 @@ class Shape {
     if (result.score < kLeastScore) return;
     for (std::size_t k = 0; k < chosen.size(); ++k) {
       const SignalTerm& term = terms_.terms()[static_cast<std::size_t>(chosen[k])];
-      const double size = fit.size[static_cast<Eigen::Index>(k)] * unit() / term.norm;
+      const double size = fit.size[static_cast<Eigen::Index>(k)] * at_.unit() / term.norm;
       result.formula += fmt::format("{}{:.3g}{}",
                                     result.formula.empty() ? (size < 0 ? "-" : "")
                                     : size < 0             ? " - "
@@ -295,8 +199,8 @@ class Shape {
       found.at = CurveGrid(variable.low, variable.high).nodes();
       const SignalRegression::Fit fit = regression.fit(columns_of(v), penalty);
       for (std::size_t j = 0; j < kCurveNodes; ++j) {
-        found.value[j] = unit() * fit.size[static_cast<Eigen::Index>(j)];
-        found.standard_error[j] = unit() * fit.standard_error[static_cast<Eigen::Index>(j)];
+        found.value[j] = at_.unit() * fit.size[static_cast<Eigen::Index>(j)];
+        found.standard_error[j] = at_.unit() * fit.standard_error[static_cast<Eigen::Index>(j)];
       }
       return found;
     };
@@ -315,7 +219,7 @@ class Shape {
       for (Eigen::Index i = 0; i < at_.course.signal[n].size(); ++i)
         if (k++ % stride == 0) {
           points.at.push_back(variable.values[n][i]);
-          points.value.push_back(unit() * at_.course.signal[n][i]);
+          points.value.push_back(at_.unit() * at_.course.signal[n][i]);
         }
   }
 
@@ -337,55 +241,40 @@ class Shape {
     course.run = run.name;
     for (Eigen::Index i = first; i < std::min<Eigen::Index>(at_.course.signal[best].size(), first + kMostRows); ++i) {
       course.time.push_back(run.recording.time[stretch.rows[static_cast<std::size_t>(i)]] - run.recording.time.front());
-      course.value.push_back(unit() * at_.course.signal[best][i]);
-      course.standard_error.push_back(unit() * at_.course.spread[best][i]);
-      if (!formula_.empty()) course.formula.push_back(unit() * formula_[best][i]);
+      course.value.push_back(at_.unit() * at_.course.signal[best][i]);
+      course.standard_error.push_back(at_.unit() * at_.course.spread[best][i]);
+      if (!formula_.empty()) course.formula.push_back(at_.unit() * formula_[best][i]);
     }
   }
-
-  double unit() const { return at_.model.unit.front(); }
 
   const ResidualModel& residuals_;
   const std::vector<Fold>& folds_;
   const Reconstruction at_;
-  const std::vector<SignalVariable> variables_;
+  std::vector<SignalVariable> variables_;
   SignalTerms terms_;
   std::vector<Eigen::MatrixXd> courses_;
-  Courses formula_;
+  SignalCourses formula_;
 };
 
 }  // namespace
 
 MissingSignal find_missing_signal(const ResidualModel& residuals, const ModelChange& change, const FreePlace& place,
-                                  const std::vector<Fold>& folds, int jobs) {
+                                  const std::vector<Fold>& folds, int jobs, Sought sought) {
   std::set<std::size_t> runs;
   for (const Fold& fold : folds) {
     runs.insert(fold.train.begin(), fold.train.end());
     runs.insert(fold.test.begin(), fold.test.end());
   }
-  FittedProcess process = fit_process(residuals, change, {runs.begin(), runs.end()}, jobs);
-  Reconstruction at;
-  at.model = std::move(process.model);
-  at.q = std::move(process.q);
-  open_only(residuals, change, place.port, jobs, at.model);
+  Reconstruction at = reconstruct(residuals, change, place, {runs.begin(), runs.end()}, jobs);
   MissingSignal result;
   result.port = place.port;
   result.unit = unit_of(residuals.sheet(), residuals.sheet().port(place.port));
-  at.signal.port = 0;
-  at.signal.memory = place.memory;
-  at.signal.level = place.level / at.model.unit.front();
-  settle_process(at);
-  const double unit = at.model.unit.front();
-  move_reference(residuals, change, at.course.states, jobs, at.model);
-  open_only(residuals, change, place.port, jobs, at.model);
-  at.signal.level *= unit / at.model.unit.front();
-  settle_process(at);
-  result.size = at.signal.level * at.model.unit.front();
+  result.size = at.signal.level * at.unit();
   result.memory = at.signal.memory;
   for (const StochasticStretch& stretch : at.model.stretches)
     for (const Eigen::VectorXd& misfit : stretch.misfit)
       result.readings += static_cast<double>((misfit.array() == misfit.array()).count());
-  Shape(residuals, change, folds, std::move(at)).describe(result);
+  Shape(residuals, change, folds, std::move(at), sought).describe(sought, result);
   return result;
 }
 

@@ -51,9 +51,10 @@ struct MissingSignal {
   SignalPoints points;
 };
 
-// A signal at `place` beside `change`, over the runs of all folds.
+// A signal at `place` beside `change`, over the runs of all folds: everything, or the adoptable curve only.
+enum class Sought { all, adoptable };
 MissingSignal find_missing_signal(const ResidualModel& residuals, const ModelChange& change, const FreePlace& place,
-                                  const std::vector<Fold>& folds, int jobs);
+                                  const std::vector<Fold>& folds, int jobs, Sought sought = Sought::all);
 
 // The effect that puts a curve at its port.
 EffectSpec curve_effect(const std::string& port, const SignalCurve& curve);

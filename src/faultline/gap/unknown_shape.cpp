@@ -2,8 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include <fmt/format.h>
+#include <optional>
 
 namespace faultline {
 namespace {
@@ -28,42 +27,58 @@ Candidate moving(const std::string& port, const SignalCurve& curve) {
   return candidate;
 }
 
+// What was fitted from one start.
+struct Adopted {
+  SignalCurve curve;
+  std::vector<double> parameters;
+  double shrink = 0;
+};
+
+// A curve at a place together with the parameters, effects as they are. Empty: none explains anything.
+std::optional<Adopted> adopt_curve(GapTrials& work, const ModelChange& start, const std::vector<Candidate>& effects,
+                                   const FreePlace& place, double excess) {
+  const MissingSignal found =
+      find_missing_signal(work.model(), start, place, work.folds(), work.jobs(), Sought::adoptable);
+  if (!found.adoptable) return {};
+  std::vector<Candidate> with;
+  for (const Candidate& known : effects) with.push_back(fixed(known));
+  with.push_back(moving(place.port, *found.adoptable));
+  const FitResult fit = work.refit(start, with);
+  const std::vector<double>& fitted = fit.effects.back().effect.parameters;
+  Adopted result{*found.adoptable, fit.model.parameters, 0};
+  std::copy(fitted.end() - kCurveNodes, fitted.end(), result.curve.value.begin());
+  result.shrink = 1 - mean_excess(work.held_out(fit.model), work.held_out_values()) / std::max(excess, 1e-9);
+  return result;
+}
+
 }  // namespace
 
 MissingSignal unknown_shape(GapTrials& work, const EffectSearch& search, bool names, double excess,
                             std::vector<std::string>& remarks) {
   const FreePlace place = (names ? search.after : search.before).places.front();
   ModelChange beside = names ? search.base.model : search.plain.fit.model;
-  // The refit bent the parameters to what is missing.
-  if (!names) beside.parameters = work.model().sheet().nominal();
-  const auto reconstruct = [&] {
-    MissingSignal found = find_missing_signal(work.model(), beside, place, work.folds(), work.jobs());
-    found.beside = names ? "explained" : "refit";
-    return found;
-  };
-  const MissingSignal first = reconstruct();
-  if (!first.adoptable) {
-    remarks.push_back("no function of what passes " + place.port +
-                      " explains what is missing there: there is no curve to adopt");
-    return first;
+  // The refit bent the parameters to what is missing; but a rig may be far from its datasheet.
+  std::vector<std::vector<double>> starts = {beside.parameters};
+  if (!names) starts.insert(starts.begin(), work.model().sheet().nominal());
+  std::optional<Adopted> adopted;
+  for (const std::vector<double>& parameters : starts) {
+    ModelChange start = beside;
+    start.parameters = parameters;
+    adopted = adopt_curve(work, start, names ? search.base.effects : std::vector<Candidate>(), place, excess);
+    if (adopted && adopted->shrink > work.options().verdict.material_shrink_fraction) break;
+    adopted.reset();
   }
-  std::vector<Candidate> effects;
-  if (names)
-    for (const Candidate& known : search.base.effects) effects.push_back(fixed(known));
-  effects.push_back(moving(place.port, *first.adoptable));
-  const FitResult fit = work.refit(beside, effects);
-  const double shrink = 1 - mean_excess(work.held_out(fit.model), work.held_out_values()) / std::max(excess, 1e-9);
-  beside.parameters = fit.model.parameters;
-  MissingSignal result = reconstruct();
-  result.adopted_shrink = shrink;
-  result.adoptable = first.adoptable;
-  const std::vector<double>& fitted = fit.effects.back().effect.parameters;
-  std::copy(fitted.end() - kCurveNodes, fitted.end(), result.adoptable->value.begin());
-  result.parameters = fit.model.parameters;
-  if (shrink > work.options().verdict.material_shrink_fraction) return result;
-  remarks.push_back(fmt::format("the curve over {} closes {:.0f} % of what is left: there is none to adopt",
-                                result.adoptable->variable, 100 * shrink));
+  if (adopted)
+    beside.parameters = adopted->parameters;
+  else
+    remarks.push_back("no curve over what passes " + place.port + " closes the gap: there is none to adopt");
+  MissingSignal result = find_missing_signal(work.model(), beside, place, work.folds(), work.jobs());
+  result.beside = names ? "explained" : "refit";
   result.adoptable.reset();
+  if (!adopted) return result;
+  result.adoptable = adopted->curve;
+  result.parameters = adopted->parameters;
+  result.adopted_shrink = adopted->shrink;
   return result;
 }
 
