@@ -18,8 +18,9 @@ namespace {
 constexpr std::size_t kParts = 16;     // pieces of all runs whose gains tell a standard error, about
 constexpr std::size_t kMostTerms = 3;  // of a formula
 constexpr std::size_t kPaired = 5;     // variables of which products are tried
+constexpr double kLeastRise = 0.02;    // of the score, for which further terms are told
 constexpr double kLeastScore = 0.3;    // from which a formula or a curve is told
-constexpr double kStraight = 1e-3;  // penalty on steps of a curve, of its best known ordinate: joins what no row visits
+constexpr double kStraight = 1e-6;  // penalty on steps of a curve, of its best known ordinate: joins what no row visits
 constexpr std::size_t kMostPoints = 500, kMostRows = 400;  // of pictures
 
 std::string unit_of(const Datasheet& sheet, const Port& port) {
@@ -155,9 +156,16 @@ class Shape {
   void write_formula(const SignalRegression& regression, MissingSignal& result) {
     SignalRegression::Columns candidates(terms_.terms().size());
     std::iota(candidates.begin(), candidates.end(), 0);
-    const SignalRegression::Columns chosen = regression.select(candidates, kMostTerms);
+    const SignalRegression::Columns most = regression.select(candidates, kMostTerms);
+    SignalRegression::Columns tried, chosen;
+    for (const Eigen::Index next : most) {
+      tried.push_back(next);
+      const double now = score(regression, tried, {});
+      if (!chosen.empty() && now < result.score + kLeastRise) continue;
+      result.score = now;
+      chosen = tried;
+    }
     if (chosen.empty()) return;
-    result.score = score(regression, chosen, {});
     const SignalRegression::Fit fit = regression.fit(chosen);
     formula_ = sum_of(chosen, fit.size);
     if (result.score < kLeastScore) return;

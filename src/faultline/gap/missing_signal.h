@@ -1,7 +1,7 @@
 // The shape of what a model misses: the signal that would have to enter at a place, reconstructed over time, and what
 // it looks like a function of.
 //
-// The signal is the free one of discrepancy.h at that place, smoothed with level and process noise of its own (EM). Its
+// The signal is the free one of discrepancy.h at that place, smoothed beside a process noise of its own (EM). Its
 // dependence is found by sparse regression on signal_terms.h, by generalised least squares on the readings themselves
 // (free_signal_filter.h), so that neither the noise nor the smoothing's own shrinkage bends it. The score is
 // 1 - sum r^2/sum u^2 on runs that the fit did not see: u the reconstruction, r that of what the formula leaves.

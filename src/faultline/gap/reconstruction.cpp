@@ -8,7 +8,7 @@
 namespace faultline {
 namespace {
 
-constexpr int kExpectations = 6;          // steps of EM: level of the signal and process noise beside it
+constexpr int kExpectations = 6;          // steps of EM: process noise beside the signal
 constexpr double kLeastVariance = 1e-18;  // of the process noise, in sizes squared
 
 void open_only(const ResidualModel& residuals, const ModelChange& change, const std::string& port, int jobs,
@@ -24,7 +24,6 @@ void settle_process(Reconstruction& at) {
   for (int i = 0; i < kExpectations; ++i) {
     at.course = smooth(at.model, at.q, at.signal);
     at.q = at.course.q.cwiseMax(kLeastVariance);
-    at.signal.level = at.course.level;
   }
   at.course = smooth(at.model, at.q, at.signal);
 }

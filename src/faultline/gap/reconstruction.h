@@ -14,7 +14,7 @@ using SignalCourses = std::vector<Eigen::VectorXd>;  // per stretch, per row, in
 struct Reconstruction {
   StochasticModel model;  // linear around the states as smoothed with the signal; one port
   Eigen::VectorXd q;      // variances of the process noise, likeliest with the signal
-  FreeSignal signal;      // with the likeliest level
+  FreeSignal signal;
   Smoothing course;
   double unit() const { return model.unit.front(); }
 };
