@@ -10,8 +10,8 @@
 
 namespace faultline {
 
-// InputError where the answer is "unknown" without an effect or a curve, or the datasheet's text is of a form that cannot be
-// edited in place.
+// InputError where the answer is "unknown" without an effect or a curve, or the datasheet's text is of a form that
+// cannot be edited in place.
 void adopt(const Datasheet& sheet, const GapResult& result, const std::string& file);
 
 // Parameters that are not nominal beside the curve of a missing signal: factors.

@@ -1,4 +1,5 @@
-// A missing signal over time: the free signal of discrepancy.h at one place, smoothed beside a process noise of its own.
+// A missing signal over time: the free signal of discrepancy.h at one place, smoothed beside a process noise of its
+// own.
 #pragma once
 
 #include <string>

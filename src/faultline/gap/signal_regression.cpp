@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kRidge = 1e-9;         // of a column's own information: keeps columns that say the same solvable
 constexpr double kSimplerLoses = 0.05;  // of what the best next term adds, that a simpler one may fall short of
-constexpr double kLeastRise = 0.1;     // of what stands, that a further term must add
+constexpr double kLeastRise = 0.1;      // of what stands, that a further term must add
 
 bool holds(const std::vector<std::size_t>& runs, std::size_t run) {
   return std::find(runs.begin(), runs.end(), run) != runs.end();
