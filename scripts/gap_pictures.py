@@ -160,7 +160,53 @@ def shrink(answer, label="shrink"):
     return base._svg(figure, label)
 
 
+def _in_brackets(unit):
+    return " [{}]".format(unit) if unit else ""
+
+
+def missing(answer, label="missing"):
+    """The reconstructed signal over the variable that explains most, and over time, in SI units as the formula."""
+    found = answer.get("missing")
+    if not found or not found["course"]["time"]:
+        return None
+    unit = Scale(found["unit"], engineering=False).unit
+    curve, course = found["curve"], {key: np.array(values) for key, values in found["course"].items() if key != "run"}
+    total, low, height = 2.9, 0.5 / 2.9, 1.9 / 2.9
+    figure = plt.figure(figsize=(base.WIDTH, total))
+    if curve:
+        left = figure.add_axes([base.LEFT / base.WIDTH, low, 0.36, height])
+        left.plot(found["points"]["at"], found["points"]["value"], ".", color="#8a949e", markersize=3, zorder=1)
+        at, value, error = (np.array(curve[key]) for key in ("at", "value", "standard_error"))
+        left.fill_between(
+            at, value - 1.645 * error, value + 1.645 * error, color="#6b4fa3", alpha=0.2, linewidth=0, zorder=2
+        )
+        left.plot(at, value, "o-", color="#6b4fa3", linewidth=1.4, markersize=4, zorder=3)
+        variable_unit = Scale(curve["unit"], engineering=False).unit
+        left.set_xlabel(words(curve["variable"]) + _in_brackets(variable_unit))
+        left.set_ylabel("signal" + _in_brackets(unit))
+        left.set_title("Over {}".format(words(curve["variable"])), loc="left", pad=5)
+    begin, width = (0.56, 0.42) if curve else (base.LEFT / base.WIDTH, 0.86)
+    right = figure.add_axes([begin, low, width, height])
+    right.fill_between(
+        course["time"],
+        course["value"] - 1.645 * course["standard_error"],
+        course["value"] + 1.645 * course["standard_error"],
+        color="#8a949e",
+        alpha=0.35,
+        linewidth=0,
+        label="reconstructed, 90 %",
+    )
+    right.plot(course["time"], course["value"], color=MEASURED, linewidth=1.0)
+    if found["formula"]:
+        right.plot(course["time"], course["formula"], color="#6b4fa3", linewidth=1.1, label="formula")
+    right.set_xlim(course["time"][0], course["time"][-1])
+    right.set_xlabel("time from the start of the run [s]")
+    right.set_title("Over time, where it is largest", loc="left", pad=5)
+    right.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=2, handlelength=1.4, borderaxespad=0.1)
+    return base._svg(figure, label)
+
+
 def draw_all(answer, series, sheet):
     with plt.rc_context(base.STYLE), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return {"comparison": comparison(answer, series, sheet), "shrink": shrink(answer)}
+        return {"comparison": comparison(answer, series, sheet), "shrink": shrink(answer), "missing": missing(answer)}

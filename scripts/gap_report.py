@@ -284,6 +284,26 @@ def marks_of(answer):
     return marks
 
 
+def missing_text(answer, sheet):
+    """What the page says of the signal that is missing: (what it is, what a curve closes)."""
+    found = answer.get("missing")
+    if not found:
+        return None
+    unit = Scale(found["unit"], engineering=False).unit
+    adoptable = found["adoptable"]
+    return {
+        "component": sheet.component(found["port"]),
+        "port": found["port"],
+        "size": " ".join(filter(None, [show(found["size"]), unit or "of what passes"])),
+        "beside": "the effects found" if found["beside"] == "explained" else "the refitted model",
+        "formula": found["formula"].replace("-", "−"),
+        "unit": unit,
+        "score": show(found["score"], decimals=2),
+        "curve": adoptable and words(adoptable["variable"]),
+        "closes": percent(found["adopted_shrink"]),
+    }
+
+
 def next_rows(answer, sheet):
     rows = []
     for run in answer["next"]:
@@ -340,6 +360,7 @@ def render(answer, series, sheet, facts):
         against_nominal=percent(shrink["against_nominal"] or 0.0),
         interval=[percent(end or 0.0) for end in shrink["interval"]],
         closable=percent(shrink["closable"] or 0.0),
+        missing=missing_text(answer, sheet),
         next=next_rows(answer, sheet),
         remarks=answer.get("remarks", []),
         drawing=markupsafe.Markup(drawing) if drawing else None,

@@ -24,20 +24,35 @@ std::string effect_text(const NamedEffect& effect) {
 
 }  // namespace
 
+std::map<std::string, double> factors_beside(const Datasheet& sheet, const MissingSignal& missing) {
+  std::map<std::string, double> factors;
+  for (std::size_t p = 0; p < missing.parameters.size(); ++p)
+    if (missing.parameters[p] != sheet.parameters[p].nominal && sheet.parameters[p].nominal != 0)
+      factors[sheet.parameters[p].name] = missing.parameters[p] / sheet.parameters[p].nominal;
+  return factors;
+}
+
 void adopt(const Datasheet& sheet, const GapResult& result, const std::string& file) {
-  if (result.verdict == "unknown")
-    throw InputError("--adopt: the answer is unknown, there is nothing that could be adopted");
+  std::vector<std::string> effects;
+  for (const NamedEffect& effect : result.effects) effects.push_back(effect_text(effect));
+  if (result.missing && result.missing->adoptable)
+    effects.push_back(to_string(curve_effect(result.missing->port, *result.missing->adoptable)));
+  if (result.verdict == "unknown" && effects.empty())
+    throw InputError(
+        "--adopt: the answer is unknown, and no curve explains it; there is nothing that could be adopted");
   std::string text = datasheet_text(sheet);
-  const GapLevel& level = result.gap.back();
-  for (const auto& [name, factor] : level.parameters) {
+  const bool curve = result.missing && result.missing->adoptable;
+  const std::map<std::string, double> factors =
+      curve ? factors_beside(sheet, *result.missing) : result.gap.back().parameters;
+  for (const auto& [name, factor] : factors) {
     const Parameter& parameter = sheet.parameters[static_cast<std::size_t>(sheet.parameter(name))];
     if (std::abs(factor - 1) < 1e-6) continue;
     set_parameter(sheet, text, name, "nominal", parameter.nominal * factor);
   }
   std::string list;
   for (const std::string& known : sheet.nominal_effects) list += fmt::format("  - \"{}\"\n", known);
-  for (const NamedEffect& effect : result.effects) list += fmt::format("  - \"{}\"\n", effect_text(effect));
-  if (!list.empty() && !result.effects.empty()) {
+  for (const std::string& effect : effects) list += fmt::format("  - \"{}\"\n", effect);
+  if (!effects.empty()) {
     const std::regex section("(^|\n)nominal_effects:[^\n]*(\n[ -][^\n]*)*");
     text = std::regex_replace(text, section, "");
     text += "\n# found by `faultline gap` and adopted\nnominal_effects:\n" + list;

@@ -48,6 +48,45 @@ Json effect_json(const Datasheet& sheet, const NamedEffect& e) {
           {"units", units},     {"intervals", intervals}, {"at_bounds", e.at_bounds}, {"probability", e.probability}};
 }
 
+Json curve_json(const std::string& port, const std::optional<SignalCurve>& curve) {
+  if (!curve) return Json();
+  Json json = {{"variable", curve->variable},
+               {"unit", curve->unit},
+               {"at", curve->at},
+               {"value", curve->value},
+               {"standard_error", curve->standard_error},
+               {"score", curve->score},
+               {"effect", Json()}};
+  if (curve->passes >= 0) json["effect"] = to_string(curve_effect(port, *curve));
+  return json;
+}
+
+Json missing_json(const Datasheet& sheet, const std::optional<MissingSignal>& missing) {
+  if (!missing) return Json();
+  Json factors = Json::object();
+  for (const auto& [name, factor] : factors_beside(sheet, *missing)) factors[name] = factor;
+  const SignalCourse& course = missing->course;
+  return {{"port", missing->port},
+          {"unit", missing->unit},
+          {"beside", missing->beside},
+          {"size", missing->size},
+          {"memory", missing->memory},
+          {"readings", missing->readings},
+          {"formula", missing->formula},
+          {"score", missing->score},
+          {"curve", curve_json(missing->port, missing->curve)},
+          {"adoptable", curve_json(missing->port, missing->adoptable)},
+          {"adopted_shrink", missing->adopted_shrink},
+          {"parameter_factors", factors},
+          {"points", {{"at", missing->points.at}, {"value", missing->points.value}}},
+          {"course",
+           {{"run", course.run},
+            {"time", course.time},
+            {"value", course.value},
+            {"standard_error", course.standard_error},
+            {"formula", course.formula}}}};
+}
+
 Json regions_json(const std::vector<Region>& regions) {
   Json list = Json::array();
   for (const Region& r : regions)
@@ -113,6 +152,7 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
     json["discrepancy"].push_back(
         {{"level", level.name}, {"evidence", level.discrepancy.loss}, {"noise", noise}, {"places", places}});
   }
+  json["missing"] = missing_json(sheet, result.missing);
   json["shrink"] = {{"heldout", result.shrink_refit},
                     {"against_nominal", result.shrink_nominal},
                     {"interval", interval_json(result.shrink_interval)},
@@ -165,6 +205,18 @@ bool is_at_bound(const NamedEffect& effect, const std::string& parameter) {
   return std::find(effect.at_bounds.begin(), effect.at_bounds.end(), parameter) != effect.at_bounds.end();
 }
 
+void print_missing(const MissingSignal& missing) {
+  fmt::print("\nmissing at {}: a signal of {:.3g} {}", missing.port, missing.size, missing.unit);
+  if (missing.formula.empty())
+    fmt::print("; no function of the model's variables explains it (score {:.2f})\n", missing.score);
+  else
+    fmt::print(", {} (score {:.2f} on held-out runs, {:.0f} readings)\n", missing.formula, missing.score,
+               missing.readings);
+  if (missing.adoptable)
+    fmt::print("as a curve over {} it closes {:.0f} % of what is left; --adopt takes it\n", missing.adoptable->variable,
+               100 * missing.adopted_shrink);
+}
+
 void print_result(const GapResult& result) {
   fmt::print("{}: {}\n{}\n", result.rig, result.verdict, result.sentence);
   fmt::print("\n{:<22} {:>12} {:>12} {:>12} {:>12}\n", "rms over a segment", "noise", "nominal", "refit", "explained");
@@ -193,6 +245,7 @@ void print_result(const GapResult& result) {
       fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n",
                  100 * result.shrink_refit, 100 * result.shrink_interval.low, 100 * result.shrink_interval.high,
                  100 * result.shrink_nominal);
+    if (result.missing) print_missing(*result.missing);
   }
   for (const NextRun& run : result.next)
     fmt::print("next: record {} for {:g} s; it tells {} apart (predicted log likelihood {:.0f})\n", run.excitation,
@@ -289,7 +342,7 @@ std::function<void()> add(CLI::App& app) {
                   "write the deciding run as CSV, measured and as the three levels have it; - is standard output");
   add_output(app, "--report", options->report, "write the answer as one HTML file that needs nothing else");
   add_output(app, "--adopt", options->adopt,
-             "write a datasheet with the refitted parameters and the named effects to this file");
+             "write a datasheet with the refitted parameters and what was found to this file");
   return [options] { run(*options); };
 }
 

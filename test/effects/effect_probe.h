@@ -36,6 +36,7 @@ inline std::string typical_size(const std::string& effect) {
       {"end_stop", "position=0.02,stiffness=1e5"},
       {"entrained_air", "fraction=0.02"},
       {"flow_exponent", "exponent=0.6,nominal_drop=1e5"},
+      {"free_curve", "of=0,low=-2,high=2,v1=0.02,v3=-0.03,v4=0.05,v5=0.1,v8=0.3"},
       {"free_signal", "value=0.1"},
       {"gain_curve", "curvature=0.3"},
       {"heat_capacity", "capacity=500"},

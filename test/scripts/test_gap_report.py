@@ -1,4 +1,4 @@
-"""What the report of a gap says in its first sentence."""
+"""What the report of a gap says in its first sentence, and of a signal that is missing."""
 
 import pathlib
 import sys
@@ -8,6 +8,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts"))
 sys.dont_write_bytecode = True
 
+import gap_pictures  # noqa: E402
 import gap_report  # noqa: E402
 
 
@@ -52,6 +53,50 @@ class FirstSentence(unittest.TestCase):
         self.assertIn("valve lands", text)
         self.assertIn("position transducer", text)
         self.assertIn("closes 96 %", text)
+
+
+def missing(formula, curve):
+    times = [0.01 * k for k in range(50)]
+    found = {
+        "port": "restriction.valve",
+        "unit": "1",
+        "beside": "refit",
+        "size": 0.12,
+        "formula": formula,
+        "score": 0.87,
+        "curve": curve,
+        "adoptable": curve,
+        "adopted_shrink": 0.75,
+        "points": {"at": [-1.0, 0.5], "value": [0.1, 0.2]},
+        "course": {
+            "run": "a.bag",
+            "time": times,
+            "value": times,
+            "standard_error": [0.1] * 50,
+            "formula": times if formula else [],
+        },
+    }
+    return {"missing": found}
+
+
+CURVE = {"variable": "opening", "unit": "V", "at": [-1, 0, 1], "value": [0.1, 0, 0.3], "standard_error": [0.01] * 3}
+
+
+class Missing(unittest.TestCase):
+    def test_says_what_it_depends_on_and_what_a_curve_closes(self):
+        said = gap_report.missing_text(missing("-0.3 opening", CURVE), Sheet)
+        self.assertEqual((said["formula"], said["score"], said["closes"]), ("−0.3 opening", "0.87", "75 %"))
+        self.assertEqual((said["component"], said["curve"]), ("valve lands", "opening"))
+        self.assertEqual(said["size"], "0.120 of what passes")
+
+    def test_draws_with_a_curve_and_without(self):
+        for answer, axes in ((missing("-0.3 opening", CURVE), 2), (missing("", None), 1)):
+            picture = gap_pictures.missing(answer)
+            self.assertEqual(picture.count('id="missing-axes_'), axes)
+
+    def test_nothing_where_nothing_is_missing(self):
+        self.assertIsNone(gap_report.missing_text({"missing": None}, Sheet))
+        self.assertIsNone(gap_pictures.missing({"missing": None}))
 
 
 if __name__ == "__main__":

@@ -12,18 +12,38 @@ namespace {
 
 class FreeSignal : public Effect {
  public:
-  double signal(double value, double /*time*/) override { return value + parameter(0); }
-  double undo_signal(double value, double /*time*/) const override { return value - parameter(0); }
-  double boundary(double value, double /*flow*/, double /*time*/) const override { return value + parameter(0); }
-  void force(const Motion&, BodyForces& forces) const override { forces.applied += parameter(0); }
-  double flow(const LeakPath&) const override { return parameter(0); }
-  double opening(double opening) const override { return opening * (1 + parameter(0)); }
-  double bulk_modulus(double modulus, double /*absolute_pressure*/) const override {
-    return modulus * (1 + parameter(0));
+  double signal(double value, double /*time*/) override { return note(value), value + parameter(0); }
+  double undo_signal(double value, double /*time*/) const override {
+    note(value - parameter(0));
+    return value - parameter(0);
   }
-  double delivery(double flow, double /*shaft_angle*/) const override { return flow * (1 + parameter(0)); }
+  double boundary(double value, double flow, double /*time*/) const override {
+    note(value, flow);
+    return value + parameter(0);
+  }
+  void force(const Motion& motion, BodyForces& forces) const override {
+    note(motion.position, motion.velocity, motion.load);
+    forces.applied += parameter(0);
+  }
+  double flow(const LeakPath& path) const override {
+    note(path.pressure_drop, path.upstream, path.shaft_speed);
+    return parameter(0);
+  }
+  double opening(double opening) const override { return note(opening), opening * (1 + parameter(0)); }
+  double bulk_modulus(double modulus, double absolute_pressure) const override {
+    return note(absolute_pressure), modulus * (1 + parameter(0));
+  }
+  double delivery(double flow, double shaft_angle) const override {
+    return note(flow, shaft_angle), flow * (1 + parameter(0));
+  }
   void coupling(Coupling& coupling) const override { coupling.factor += parameter(0); }
   void heat(HeatPath& path) const override { path.loss += parameter(0); }
+  Passed passed() const override { return passed_; }
+
+ private:
+  void note(double first, double second = kNoShape, double third = kNoShape) const { passed_ = {first, second, third}; }
+
+  mutable Passed passed_ = nothing_passed();  // an effect serves one simulation, which runs on one thread
 };
 
 }  // namespace

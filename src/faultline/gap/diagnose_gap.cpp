@@ -10,6 +10,7 @@
 #include "faultline/gap/grid_step.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
+#include "faultline/gap/unknown_shape.h"
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
@@ -326,6 +327,13 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     result.shrink_refit = result.closable = 0;
     result.shrink_interval = {};
     if (result.verdict == "unknown") result.places = free_places(sheet, search.before);
+  }
+
+  const std::vector<FreePlace>& free = (answer.names ? search.after : search.before).places;
+  if (result.verdict == "unknown" && !free.empty() && free.front().gain > 0) {
+    work.tell(0.95, "reconstructing what is missing");
+    result.missing =
+        unknown_shape(work, search, answer.names, answer.names ? explained_excess : refit_excess, result.remarks);
   }
 
   // Rounding is in the noise, so it is beside all this: a fact of the recording.

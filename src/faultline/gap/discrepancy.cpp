@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "faultline/numerics/in_parallel.h"
 
@@ -55,8 +56,8 @@ FreePlace best_signal(const StochasticModel& model, const Eigen::VectorXd& q, do
 
 }  // namespace
 
-Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
-                             const std::vector<std::size_t>& runs, int jobs, Places places) {
+FittedProcess fit_process(const ResidualModel& residuals, const ModelChange& change,
+                          const std::vector<std::size_t>& runs, int jobs) {
   StochasticModel model = stochastic_model(residuals, change, runs, jobs);
   const Eigen::Index states = model.size.size();
   Eigen::VectorXd q = Eigen::VectorXd::Constant(states, kLeastVariance);
@@ -75,13 +76,21 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
     }
     if (reference < kReferences) move_reference(residuals, change, course.states, jobs, model);
   }
+  return {std::move(model), std::move(q)};
+}
+
+Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
+                             const std::vector<std::size_t>& runs, int jobs, Places places) {
+  FittedProcess process = fit_process(residuals, change, runs, jobs);
+  StochasticModel& model = process.model;
+  const Eigen::VectorXd& q = process.q;
   Discrepancy result;
   result.losses = block_losses(model, q, {});
   result.loss = total(result.losses);
   for (const StochasticStretch& stretch : model.stretches)
     for (const Eigen::VectorXd& misfit : stretch.misfit)
       result.readings += static_cast<double>((misfit.array() == misfit.array()).count());
-  for (Eigen::Index s = 0; s < states; ++s) result.noise.push_back(model.size[s] * std::sqrt(q[s]));
+  for (Eigen::Index s = 0; s < q.size(); ++s) result.noise.push_back(model.size[s] * std::sqrt(q[s]));
   if (places == Places::none) return result;
   open_ports(residuals, change, jobs, model);
   result.places.resize(model.ports.size());

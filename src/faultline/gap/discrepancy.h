@@ -24,6 +24,15 @@ struct Discrepancy {
   std::vector<FreePlace> places;  // best first
 };
 
+// A stochastic model, and the variances of its process noise per step (in sizes squared) that make the recording
+// likeliest.
+struct FittedProcess {
+  StochasticModel model;
+  Eigen::VectorXd q;
+};
+FittedProcess fit_process(const ResidualModel& residuals, const ModelChange& change,
+                          const std::vector<std::size_t>& runs, int jobs);
+
 enum class Places { none, free };  // whether free signals are tried
 Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
                              const std::vector<std::size_t>& runs, int jobs, Places places);

@@ -13,7 +13,7 @@ constexpr double kLeastBlockVariance = 0.2;  // of the innovations' own: a block
 constexpr double kTrimmed = 0.1;             // of the blocks, the worst ones, that do not speak for the process noise
 
 // State, covariance and what the prediction used, of one row.
-struct Passed {
+struct FilteredRow {
   Eigen::VectorXd before, after;
   Eigen::MatrixXd before_covariance, after_covariance, map;
 };
@@ -45,7 +45,7 @@ class Filter {
     map_ = Eigen::MatrixXd::Identity(n_, n_);
   }
 
-  // Through all rows; visit(row, innovation^2/S, log S) for every reading, done(row) after each row.
+  // Through all rows; visit(row, innovation, S) for every reading, done(row) after each row.
   template <class Visit, class Done>
   void run(Visit&& visit, Done&& done) {
     Eigen::VectorXd row(n_), gain(n_), next(n_);
@@ -60,7 +60,12 @@ class Filter {
         gain.noalias() = p_ * row;
         const double s = row.dot(gain) + 1;
         const double innovation = misfit[o] - row.dot(x_);
-        visit(i, innovation * innovation / s, std::log(s));
+        if (courses_) {
+          response_.noalias() = row.transpose() * known_;
+          if (with_ && shows_ == o) response_ += shown_ * courses_->row(static_cast<Eigen::Index>(i));
+        }
+        visit(i, innovation, s);
+        if (courses_) known_.noalias() -= gain * (response_ / s);
         x_ += gain * (innovation / s);
         p_.noalias() -= gain * (gain.transpose() / s);
       }
@@ -70,6 +75,11 @@ class Filter {
       next.noalias() = map_ * x_;
       x_ = next;
       x_.head(states_) += stretch_.defect[i];
+      if (courses_) {
+        known_ = (map_ * known_).eval();
+        const auto at = static_cast<Eigen::Index>(i);
+        if (drive_) known_.topRows(states_) += drive_->col(at) * courses_->row(at);
+      }
       product.noalias() = map_ * p_;
       p_.noalias() = product * map_.transpose();
       p_.diagonal().head(states_) += q_;
@@ -79,12 +89,18 @@ class Filter {
     }
   }
 
-  void record(std::vector<Passed>& into) { record_ = &into; }
+  void record(std::vector<FilteredRow>& into) { record_ = &into; }
   void start_record() {
     record_->emplace_back();
     record_->back().before = x_;
     record_->back().before_covariance = p_;
   }
+  // Known courses of the signal, rows x courses; response(): what of the reading that is visited each makes.
+  void follow(const Eigen::MatrixXd& courses) {
+    courses_ = &courses;
+    known_ = Eigen::MatrixXd::Zero(n_, courses.cols());
+  }
+  const Eigen::RowVectorXd& response() const { return response_; }
   const Eigen::VectorXd& x() const { return x_; }
   const Eigen::MatrixXd& p() const { return p_; }
   Eigen::Index states() const { return states_; }
@@ -114,7 +130,10 @@ class Filter {
   double keep_ = 1, shown_ = 0;
   Eigen::VectorXd x_;
   Eigen::MatrixXd p_, map_;
-  std::vector<Passed>* record_ = nullptr;
+  std::vector<FilteredRow>* record_ = nullptr;
+  const Eigen::MatrixXd* courses_ = nullptr;
+  Eigen::MatrixXd known_;  // what of x_ each course makes
+  Eigen::RowVectorXd response_;
 };
 
 std::size_t blocks_of(const StochasticModel& model, const StochasticStretch& stretch) {
@@ -140,10 +159,10 @@ std::vector<double> block_losses(const StochasticModel& model, const Eigen::Vect
     std::vector<double> squares(blocks, 0), logs(blocks, 0), count(blocks, 0);
     Filter filter(model, stretch, q, signal);
     filter.run(
-        [&](std::size_t i, double square, double log) {
+        [&](std::size_t i, double innovation, double variance) {
           const std::size_t b = i / model.block;
-          squares[b] += square;
-          logs[b] += log;
+          squares[b] += innovation * innovation / variance;
+          logs[b] += std::log(variance);
           count[b] += 1;
         },
         [](std::size_t) {});
@@ -161,7 +180,7 @@ Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const F
   const Eigen::Index states = model.size.size();
   std::vector<std::vector<double>> squares(static_cast<std::size_t>(states) + 1);  // per block
   for (const StochasticStretch& stretch : model.stretches) {
-    std::vector<Passed> passed;
+    std::vector<FilteredRow> passed;
     passed.reserve(stretch.rows.size());
     Filter filter(model, stretch, q, signal);
     filter.record(passed);
@@ -181,8 +200,8 @@ Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const F
     course.col(rows - 1) = x;
     if (n > states) spread[rows - 1] = std::sqrt(std::max(0.0, p(states, states)));
     for (std::size_t i = passed.size() - 1; i-- > 0;) {
-      const Passed& now = passed[i];
-      const Passed& next = passed[i + 1];
+      const FilteredRow& now = passed[i];
+      const FilteredRow& next = passed[i + 1];
       const Eigen::MatrixXd map = filter.map(i);
       const Eigen::LDLT<Eigen::MatrixXd> predicted(next.before_covariance);
       const Eigen::MatrixXd c = predicted.solve(map * now.after_covariance).transpose();
@@ -215,6 +234,46 @@ Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const F
   if (signal.port >= 0) {
     const double keep = std::exp(-model.step / signal.memory);
     result.level = std::sqrt(trimmed_mean(squares.back()) / std::max(1e-300, 1 - keep * keep));
+  }
+  return result;
+}
+
+std::vector<SignalEquations> signal_equations(const StochasticModel& model, const Eigen::VectorXd& q,
+                                              const FreeSignal& signal, const std::vector<Eigen::MatrixXd>& courses,
+                                              std::size_t parts) {
+  std::vector<SignalEquations> result;
+  const Eigen::Index count = courses.front().cols();
+  for (std::size_t n = 0; n < model.stretches.size(); ++n) {
+    const StochasticStretch& stretch = model.stretches[n];
+    const std::size_t blocks = blocks_of(model, stretch), first = result.size();
+    for (std::size_t p = 0; p < parts; ++p)
+      result.push_back({stretch.run, Eigen::MatrixXd::Zero(count, count), Eigen::VectorXd::Zero(count)});
+    Eigen::MatrixXd a(stretch.misfit.front().size() * static_cast<Eigen::Index>(model.block), count);
+    Eigen::VectorXd r(a.rows());
+    Eigen::Index readings = 0;
+    const auto close = [&](std::size_t block) {
+      if (readings == 0) return;
+      const double variance =
+          std::max(r.head(readings).squaredNorm() / static_cast<double>(readings), kLeastBlockVariance);
+      SignalEquations& part = result[first + block * parts / blocks];
+      if (std::isfinite(variance) && a.topRows(readings).allFinite()) {
+        part.a.selfadjointView<Eigen::Lower>().rankUpdate(a.topRows(readings).transpose(), 1 / variance);
+        part.b.noalias() += a.topRows(readings).transpose() * r.head(readings) / variance;
+      }
+      readings = 0;
+    };
+    Filter filter(model, stretch, q, signal);
+    filter.follow(courses[n]);
+    filter.run(
+        [&](std::size_t, double innovation, double variance) {
+          a.row(readings) = filter.response() / std::sqrt(variance);
+          r[readings++] = innovation / std::sqrt(variance);
+        },
+        [&](std::size_t i) {
+          if ((i + 1) % model.block == 0 || i + 1 == stretch.rows.size()) close(i / model.block);
+        });
+    for (std::size_t p = first; p < result.size(); ++p)
+      result[p].a.triangularView<Eigen::StrictlyUpper>() = result[p].a.transpose();
   }
   return result;
 }

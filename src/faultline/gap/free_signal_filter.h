@@ -34,4 +34,17 @@ struct Smoothing {
 };
 Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal);
 
+// How well known courses of a signal at the port explain the readings beside the free one: sums over `parts` pieces of
+// each stretch of A'A and A'r. r: innovations over their standard deviation, blocks with a noise level of their own;
+// A: what of them one unit of each course is (generalised least squares by filter: de Jong, Annals of Statistics 19,
+// 1991).
+struct SignalEquations {
+  std::size_t run = 0;
+  Eigen::MatrixXd a;
+  Eigen::VectorXd b;
+};
+std::vector<SignalEquations> signal_equations(const StochasticModel& model, const Eigen::VectorXd& q,
+                                              const FreeSignal& signal, const std::vector<Eigen::MatrixXd>& courses,
+                                              std::size_t parts);
+
 }  // namespace faultline

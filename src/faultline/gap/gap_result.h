@@ -3,10 +3,12 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "faultline/gap/discrepancy.h"
+#include "faultline/gap/missing_signal.h"
 
 namespace faultline {
 
@@ -109,6 +111,7 @@ struct GapResult {
   Interval shrink_interval;   // 90 %, of shrink_refit
   double closable = 0;        // of what the effects and the best free signal beside them win, the effects' share
   std::vector<LevelDiscrepancy> discrepancies;
+  std::optional<MissingSignal> missing;  // where the verdict is unknown
   std::vector<NextRun> next;
   std::vector<std::string> remarks;  // what could not be done, or is to be minded, each a sentence
   GapSeries series;

@@ -45,6 +45,7 @@ class GapTrials {
   const ResidualModel& model() const { return *around_.residuals; }
   const GapOptions& options() const { return settings_.options; }
   const std::vector<std::size_t>& learned() const { return learn_; }
+  const std::vector<Fold>& folds() const { return folds_; }
   int jobs() const { return settings_.jobs; }
 
   void tell(double share, const std::string& text) const;

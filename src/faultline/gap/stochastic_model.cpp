@@ -24,6 +24,7 @@ struct Pass {
   Eigen::MatrixXd ended;    // states where the step from the row before ended; row 0: NaN
   Eigen::MatrixXd seen;     // outputs there, as the sensors show them
   Eigen::MatrixXd outputs;  // outputs at the reference before sensors
+  Eigen::MatrixXd passed;   // what passed the port of an extra effect
 };
 
 class Passes {
@@ -42,8 +43,11 @@ class Passes {
     std::vector<double> starts;
     for (const Eigen::VectorXd& x : stretch.reference)
       for (Eigen::Index s = 0; s < states; ++s) starts.push_back(x[s] + offset[s]);
-    Pass pass{Eigen::MatrixXd::Constant(rows, states, std::nan("")), Eigen::MatrixXd::Zero(rows, outputs),
-              Eigen::MatrixXd::Zero(rows, outputs)};
+    Pass pass{Eigen::MatrixXd::Constant(rows, states, std::nan("")),
+              Eigen::MatrixXd::Zero(rows, outputs),
+              Eigen::MatrixXd::Zero(rows, outputs),
+              {}};
+    if (extra) pass.passed.resize(rows, kMostPassing);
     std::vector<double> bare(model.sheet().channels.size());
     Eigen::Index at = 0;
     driven->run(run.recording, stretch.rows.front(), stretch.rows.back() - stretch.rows.front() + 1, stretch.rows,
@@ -58,6 +62,11 @@ class Passes {
                   for (Eigen::Index s = 0; at > 0 && s < states; ++s) {
                     const int shown = model.shown_by()[static_cast<std::size_t>(s)];
                     pass.ended(at, s) = shown < 0 ? driven->ended()[s] : channels[shown];
+                  }
+                  if (extra) {
+                    const Passed passed = driven->passed(extra->port);
+                    for (std::size_t p = 0; p < kMostPassing; ++p)
+                      pass.passed(at, static_cast<Eigen::Index>(p)) = passed[p];
                   }
                   ++at;
                 });
@@ -235,14 +244,15 @@ void drive_ports(const ResidualModel& residuals, const ModelChange& change, int 
 }
 
 // Ports where a free signal adds no states of its own.
-void find_ports(const ResidualModel& residuals, const ModelChange& change, StochasticModel& model) {
+void find_ports(const ResidualModel& residuals, const ModelChange& change, const std::string& only,
+                StochasticModel& model) {
   const SegmentModel& segments = residuals.model();
   const Datasheet& sheet = segments.sheet();
   const SegmentedRun& run = residuals.runs().front();
   const bool before = segments.driven(change, run, residuals.noise())->remembers();
   const EffectType& type = *find_effect_type(kFree);
   for (const Port& port : sheet.ports) {
-    if (!type.fits_kind(port.kind)) continue;
+    if (!type.fits_kind(port.kind) || (!only.empty() && port.name != only)) continue;
     int shows = -1;
     double unit = 1;
     if (!port.channel.empty()) {
@@ -333,10 +343,21 @@ void move_reference(const ResidualModel& residuals, const ModelChange& change,
   linearise(residuals, change, jobs, model);
 }
 
-void open_ports(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model) {
-  find_ports(residuals, change, model);
+void open_ports(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model,
+                const std::string& only) {
+  find_ports(residuals, change, only, model);
   find_units(residuals, change, jobs, model);
   drive_ports(residuals, change, jobs, model);
+}
+
+std::vector<Eigen::MatrixXd> passing_along(const ResidualModel& residuals, const ModelChange& change,
+                                           const StochasticModel& model, std::size_t port) {
+  const Passes passes(residuals, change);
+  const EffectSpec signal = free_signal(model.ports[port], kPortFraction * model.unit[port]);
+  std::vector<Eigen::MatrixXd> result;
+  for (const StochasticStretch& stretch : model.stretches)
+    result.push_back(passes.run(stretch, Eigen::VectorXd::Zero(model.size.size()), &signal).passed);
+  return result;
 }
 
 }  // namespace faultline

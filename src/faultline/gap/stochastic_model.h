@@ -50,7 +50,11 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
 // The same model around another course, given as shifts e of the reference, per stretch: states x rows.
 void move_reference(const ResidualModel& residuals, const ModelChange& change,
                     const std::vector<Eigen::MatrixXd>& shifts, int jobs, StochasticModel& model);
-// Adds the ports.
-void open_ports(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model);
+// Adds the ports; with a name, that one only.
+void open_ports(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model,
+                const std::string& only = "");
+// What passes a port along the reference, as passing() lists it: rows x kMostPassing per stretch. NaN: nothing.
+std::vector<Eigen::MatrixXd> passing_along(const ResidualModel& residuals, const ModelChange& change,
+                                           const StochasticModel& model, std::size_t port);
 
 }  // namespace faultline

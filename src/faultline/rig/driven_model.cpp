@@ -80,6 +80,7 @@ const double* DrivenModel::predicted() const { return parts_->plant.seen().data(
 const double* DrivenModel::state() const { return parts_->plant.state(); }
 const double* DrivenModel::ended() const { return parts_->ended.data(); }
 void DrivenModel::outputs(double* channels) const { parts_->plant.outputs(parts_->last, channels); }
+Passed DrivenModel::passed(const std::string& port) const { return parts_->plant.passed(port); }
 std::size_t DrivenModel::state_count() const { return parts_->sheet->states.size(); }
 
 }  // namespace faultline

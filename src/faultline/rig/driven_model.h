@@ -6,6 +6,7 @@
 
 #include <functional>
 #include <memory>
+#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -62,6 +63,8 @@ class DrivenModel {
   // Output channels at state() before sensors, written into `channels`.
   void outputs(double* channels) const;
   std::size_t state_count() const;
+  // What passed a port before the last row, where the last effect there takes note (Effect::passed).
+  Passed passed(const std::string& port) const;
 
  private:
   void begin(const Recording& recording, std::size_t row, const double* state);

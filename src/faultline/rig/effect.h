@@ -22,7 +22,7 @@
 
 namespace faultline {
 
-constexpr int kMaximumEffectParameters = 4;
+constexpr int kMaximumEffectParameters = 12;
 
 struct EffectParameter {
   std::string name;
@@ -90,6 +90,8 @@ class Effect {
   virtual void coupling(Coupling&) const {}
   virtual void line(Line&) const {}
   virtual void heat(HeatPath&) const {}
+  // What passed last, as passing() of the port's kind lists it, where an effect takes note (free_signal); else NaN.
+  virtual Passed passed() const { return nothing_passed(); }
 
  protected:
   double parameter(int index) const { return now_[static_cast<std::size_t>(index)]; }

@@ -109,7 +109,7 @@ void check_effect(const Datasheet& sheet, const EffectSpec& spec) {
     throw InputError(fmt::format("effect '{}@{}': {} has no port '{}'; it has {}", spec.effect, spec.port, sheet.rig,
                                  spec.port, names));
   }
-  // A free signal is no effect of a rig: it fits wherever its kind does.
+  // What is free is no effect that a rig is said to have: it fits wherever its kind does.
   const bool listed = type->family == "free" ||
                       std::any_of(port->effects.begin(), port->effects.end(),
                                   [&](const FittingEffect& fitting) { return fitting.effect == spec.effect; });

@@ -19,6 +19,7 @@ class EffectChain {
  public:
   void add(Effect* effect) { effects_.push_back(effect); }
   bool empty() const { return effects_.empty(); }
+  Passed passed() const { return effects_.empty() ? nothing_passed() : effects_.back()->passed(); }  // the last one
 
   double signal(double value, double time) const {
     for (Effect* e : effects_) value = e->signal(value, time);

@@ -37,4 +37,27 @@ PortKind port_kind(const std::string& port_name) {
                    "restriction, compliance, source, transmission, line, heat");
 }
 
+std::vector<PassingQuantity> passing(PortKind kind) {
+  switch (kind) {
+    case PortKind::command:
+    case PortKind::sensor:
+      return {{"signal", "port"}};
+    case PortKind::force:
+      return {{"position", "m or rad"}, {"velocity", "m/s or rad/s"}, {"load", "Pa"}};
+    case PortKind::flow:
+      return {{"pressure_drop", "Pa"}, {"upstream", "Pa"}, {"shaft_speed", "rad/s"}};
+    case PortKind::restriction:
+      return {{"opening", "port"}};
+    case PortKind::compliance:
+      return {{"absolute_pressure", "Pa"}};
+    case PortKind::source:
+      return {{"value", "port"}, {"flow", "m^3/s"}};
+    case PortKind::transmission:
+    case PortKind::line:
+    case PortKind::heat:
+      return {};
+  }
+  return {};
+}
+
 }  // namespace faultline

@@ -12,6 +12,8 @@
 //   heat.VOLUME           HeatPath
 #pragma once
 
+#include <array>
+#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -90,5 +92,18 @@ struct HeatPath {
 struct Viscosity {
   double factor = 1;  // viscous friction times factor, laminar leakage divided by it
 };
+
+// What an effect at a port sees of what passes: quantities on which it may depend. `unit` as in EffectParameter.
+struct PassingQuantity {
+  std::string name;
+  std::string unit;
+};
+constexpr std::size_t kMostPassing = 3;
+using Passed = std::array<double, kMostPassing>;      // NaN: nothing
+std::vector<PassingQuantity> passing(PortKind kind);  // at most kMostPassing
+constexpr Passed nothing_passed() {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  return {kNone, kNone, kNone};
+}
 
 }  // namespace faultline

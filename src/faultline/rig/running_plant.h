@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -50,6 +51,7 @@ class RunningPlant {
   bool remembers() const {
     return effects_.remembers() || static_cast<std::size_t>(rig_->states()) > sheet_.states.size();
   }
+  Passed passed(const std::string& port) const { return effects_.at(port).passed(); }
   double period() const { return period_; }
 
  private:
