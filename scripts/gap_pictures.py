@@ -201,7 +201,7 @@ def missing(answer, label="missing"):
         right.plot(course["time"], course["formula"], color="#6b4fa3", linewidth=1.1, label="formula")
     right.set_xlim(course["time"][0], course["time"][-1])
     right.set_xlabel("time from the start of the run [s]")
-    right.set_title("Over time, where it is largest", loc="left", pad=5)
+    right.set_title("Over time", loc="left", pad=5)
     right.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=2, handlelength=1.4, borderaxespad=0.1)
     return base._svg(figure, label)
 

@@ -95,12 +95,13 @@ ports:
     effects: {offset: {value: [-0.2, 0.2]}, scale: {factor: [0.9, 1.1]}}
 )";
 
-inline Datasheet sliding_mass() {
+// `more`: further keys of the datasheet.
+inline Datasheet sliding_mass(const std::string& more = "") {
   const std::filesystem::path folder =
       std::filesystem::temp_directory_path() / ("faultline_sliding_mass_" + std::to_string(::getpid()));
   std::filesystem::create_directory(folder);
   const std::string file = (folder / "rig.yaml").string();
-  std::ofstream(file) << kSlidingMass;
+  std::ofstream(file) << kSlidingMass << more;
   const Datasheet read = read_datasheet(file);
   std::filesystem::remove_all(folder);
   return read;

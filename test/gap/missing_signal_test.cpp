@@ -43,6 +43,18 @@ double excess(const Datasheet& sheet, const Law& law, std::uint64_t seed) {
   return squares / count - 1;
 }
 
+// As --adopt writes it and --config reads it.
+TEST(MissingSignal, CurvesAreReadFromADatasheet) {
+  SignalCurve curve;
+  curve.passes = 1;
+  curve.at = CurveGrid(-2, 3).nodes();
+  curve.value.fill(1.5);
+  const std::string text = to_string(curve_effect("force.mass", curve));
+  const Datasheet read = sliding_mass("nominal_effects: [\"" + text + "\"]\n");
+  EXPECT_EQ(read.nominal_effects, std::vector<std::string>{text});
+  EXPECT_EQ(parse_effect(text).parameters.back(), 1.5);
+}
+
 Datasheet adopted(Datasheet sheet, const MissingSignal& missing) {
   for (std::size_t p = 0; p < sheet.parameters.size(); ++p) sheet.parameters[p].nominal = missing.parameters[p];
   sheet.nominal_effects.push_back(to_string(curve_effect(missing.port, *missing.adoptable)));

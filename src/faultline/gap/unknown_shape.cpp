@@ -30,6 +30,7 @@ Candidate moving(const std::string& port, const SignalCurve& curve) {
 // What was fitted from one start.
 struct Adopted {
   SignalCurve curve;
+  SignalPoints points;
   std::vector<double> parameters;
   double shrink = 0;
 };
@@ -45,7 +46,7 @@ std::optional<Adopted> adopt_curve(GapTrials& work, const ModelChange& start, co
   with.push_back(moving(place.port, *found.adoptable));
   const FitResult fit = work.refit(start, with);
   const std::vector<double>& fitted = fit.effects.back().effect.parameters;
-  Adopted result{*found.adoptable, fit.model.parameters, 0};
+  Adopted result{*found.adoptable, found.points, fit.model.parameters, 0};
   std::copy(fitted.end() - kCurveNodes, fitted.end(), result.curve.value.begin());
   result.shrink = 1 - mean_excess(work.held_out(fit.model), work.held_out_values()) / std::max(excess, 1e-9);
   return result;
@@ -77,6 +78,10 @@ MissingSignal unknown_shape(GapTrials& work, const EffectSearch& search, bool na
   result.adoptable.reset();
   if (!adopted) return result;
   result.adoptable = adopted->curve;
+  if (!result.curve) {  // nothing explained as much once more
+    result.curve = adopted->curve;
+    result.points = adopted->points;
+  }
   result.parameters = adopted->parameters;
   result.adopted_shrink = adopted->shrink;
   return result;

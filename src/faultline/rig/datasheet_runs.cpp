@@ -44,7 +44,10 @@ std::string read_effect(const YamlValue& value, const Datasheet& sheet, Sizes si
     known.push_back(candidate.effect);
     if (candidate.effect == effect) fitting = &candidate;
   }
-  if (!fitting)
+  // What is free fits wherever its kind does, at any size (check_effect).
+  const EffectType* known_type = find_effect_type(effect);
+  const bool free = known_type && known_type->family == "free";
+  if (!fitting && !free)
     value.fail(fmt::format("names effect '{}', which is not listed at {}; there are {}{}", effect, port_name,
                            joined(known), did_you_mean(effect, known)));
   EffectSpec spec;
@@ -53,7 +56,8 @@ std::string read_effect(const YamlValue& value, const Datasheet& sheet, Sizes si
   } catch (const InputError& error) {
     value.fail(fmt::format("is not allowed: {}", error.what()));
   }
-  const EffectType& type = *find_effect_type(effect);
+  if (free) return text;
+  const EffectType& type = *known_type;
   for (std::size_t i = 0; i < type.parameters.size(); ++i) {
     const EffectParameter& parameter = type.parameters[i];
     const double size = spec.parameters[i];
