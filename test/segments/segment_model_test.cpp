@@ -74,13 +74,22 @@ TEST(SegmentModel, LeavesNoiseWithAnyEffectAtASensor) {
 // Every effect that fits a sensor, of a size that the sensor plainly shows, on a state that is measured; the start
 // states come back through it. Against the same run without it.
 TEST(SegmentModel, StartsBehindAnyEffectAtASensor) {
-  std::map<std::string, std::string> sizes = {{"deadband", "width=0.005"},     {"delay", "time=0.0123"},
-                                              {"drift", "rate=0.01"},          {"free_signal", "value=0.02"},
-                                              {"gain_curve", "curvature=0.3"}, {"hysteresis", "width=0.01"},
-                                              {"lag", "time_constant=0.02"},   {"noise", "std=0.001"},
-                                              {"offset", "value=0.02"},        {"quantisation", "step=0.0005"},
-                                              {"rate_limit", "rate=0.3"},      {"saturation", "limit=0.05"},
-                                              {"scale", "factor=1.1"},         {"stuck", "from=1.5"}};
+  std::map<std::string, std::string> sizes = {{"deadband", "width=0.005"},
+                                              {"delay", "time=0.0123"},
+                                              {"drift", "rate=0.01"},
+                                              {"free_curve", "of=0,low=-0.1,high=0.1,v0=0.01,v8=-0.02"},
+                                              {"free_signal", "value=0.02"},
+                                              {"gain_curve", "curvature=0.3"},
+                                              {"hysteresis", "width=0.01"},
+                                              {"lag", "time_constant=0.02"},
+                                              {"noise", "std=0.001"},
+                                              {"offset", "value=0.02"},
+                                              {"quantisation", "step=0.0005"},
+                                              {"rate_limit", "rate=0.3"},
+                                              {"saturation", "limit=0.05"},
+                                              {"scale", "factor=1.1"},
+                                              {"second_order_lag", "natural_frequency=80,damping=0.7"},
+                                              {"stuck", "from=1.5"}};
   const auto rms = [](const EffectSpec* effect, bool one_sample) {
     Datasheet sheet = servo();
     SimulationSetup setup = servo_setup("multisine");
@@ -139,6 +148,36 @@ TEST(SegmentModel, AMemoryOfASensorThatDrivesTheModelIsTurnedBack) {
     const double with = model.residuals({drive().nominal(), setup.effects}, run, noise).squaredNorm();
     EXPECT_LT(with, 0.2 * without) << effect;
   }
+}
+
+// Segments that are left out change nothing in the others; a piece's first row counts, since nothing ends there.
+TEST(SegmentModel, SomeSegmentsAreAsInTheWholeRun) {
+  const Prepared whole(simulate(servo(), servo_setup("multisine"), 3), 0.25);
+  const std::vector<std::size_t> which = {2, 3, 7};
+  const SegmentedRun part = some_segments(whole.run, which);
+  ASSERT_EQ(part.segments(), which.size());
+  const Eigen::MatrixXf all = whole.model.residuals(nominal(), whole.run, whole.noise);
+  const Eigen::MatrixXf some = whole.model.residuals(nominal(), part, whole.noise);
+  const auto rows = static_cast<Eigen::Index>(whole.run.segment) - 1;
+  for (const std::size_t g : which) {
+    const auto first = static_cast<Eigen::Index>(whole.run.restarts[g]) + 1;
+    EXPECT_TRUE(some.middleRows(first, rows) == all.middleRows(first, rows)) << "segment " << g;
+  }
+  EXPECT_EQ(some.topRows(static_cast<Eigen::Index>(whole.run.restarts[2])).squaredNorm(), 0.0f);
+  const auto between = static_cast<Eigen::Index>(whole.run.restarts[4]);
+  EXPECT_EQ(some.middleRows(between, 3 * (rows + 1)).squaredNorm(), 0.0f);
+}
+
+// Long steps where the motion is even cost a fraction of the noise.
+TEST(SegmentModel, LongStepsAreAsNear) {
+  const Prepared given(simulate(servo(), servo_setup("multisine"), 3), 0.25);
+  SegmentOptions options;
+  options.long_steps = true;
+  const SegmentModel longer(servo(), options);
+  const Eigen::MatrixXf apart =
+      longer.residuals(nominal(), given.run, given.noise) - given.model.residuals(nominal(), given.run, given.noise);
+  EXPECT_GT(apart.squaredNorm(), 0.0f);
+  EXPECT_LT(std::sqrt(apart.squaredNorm() / static_cast<float>(apart.size())), 0.1f);
 }
 
 TEST(SegmentModel, TakesNothingFromReadingsThatAreMissing) {
