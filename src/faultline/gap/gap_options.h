@@ -81,8 +81,8 @@ struct GapOptions {
     std::size_t quick_steps = 8;    // ... of a finalist, at most: few need more than six to converge
     std::size_t refit_rounds = 5;   // linearisations of the refit, at most
     std::size_t refine_rounds = 6;  // ... and of a structure that is followed
-    // Segments of all runs on which causes are sought, in pieces of neighbours; of one run at least; and the part of all
-    // above which all are taken.
+    // Segments of all runs on which causes are sought, in pieces of neighbours; of one run at least; and the fraction
+    // of all above which all are taken.
     std::size_t part_segments = 64, part_piece_segments = 4, part_least_segments = 12;
     double part_worthwhile_fraction = 0.7;
     std::size_t whole_rounds = 2;  // linearisations on all segments of what was followed on a part, at most
