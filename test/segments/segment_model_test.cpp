@@ -88,7 +88,7 @@ TEST(SegmentModel, StartsBehindAnyEffectAtASensor) {
                                               {"rate_limit", "rate=0.3"},
                                               {"saturation", "limit=0.05"},
                                               {"scale", "factor=1.1"},
-                                              {"second_order_lag", "natural_frequency=80,damping=0.7"},
+                                              {"second_order_lag", "natural_frequency=200,damping=0.7"},
                                               {"stuck", "from=1.5"}};
   const auto rms = [](const EffectSpec* effect, bool one_sample) {
     Datasheet sheet = servo();
