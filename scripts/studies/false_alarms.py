@@ -9,17 +9,19 @@ its profile says where that is a table in time. What is done stays in FOLDER: st
 --print tells what is there. The bound on the rate is Poisson's, one-sided, 95 %.
 
 The picture shows what fewer false alarms cost: over the threshold of the stage that ranks causes, as a multiple of its
-own, the false alarms in 100 h, and, from the runs that random_faults.py left in --faults, the share of faults found and
-the median delay. It changes nothing else, so the other alarms of a rig are not in it.
+own, the false alarms in 100 h, and, from the runs that random_faults.py left in --faults, the share of faults found, the
+median delay, and the median size that would just reach the threshold, as a share of the datasheet's range (evidence
+grows with the square of the size). It changes nothing else, so the other alarms of a rig are not in it.
 """
 
 import argparse
 import collections
+import itertools
 import pathlib
 import tempfile
 
 import numpy as np
-from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, named_alarms, record
+from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, named_alarms, on_all_cores, record
 from scipy.stats import chi2
 
 RUN = 600  # s
@@ -34,21 +36,28 @@ def run(rig, profile, seconds, seed):
 
 def runs_of(rig, hours, first, results, only_print):
     profiles = datasheet(rig)["profiles"]
-    done, seed = 0.0, first
-    while done < 3600 * hours:
+    tasks, planned = [], 0.0
+    for seed in itertools.count(first):
+        if planned >= 3600 * hours:
+            break
         profile = profiles[seed % len(profiles)]
         seconds = profile["duration"] if profile.get("shape") == "table" else RUN
-        name = f"{seed}_{profile['name']}"
-        if only_print and name not in results.all:
-            break
-        yield results.once(name, lambda: run(rig, profile["name"], seconds, seed))
-        done += seconds
-        seed += 1
+        planned += seconds
+        tasks.append((f"{seed}_{profile['name']}", profile["name"], seconds, seed))
+    if only_print:
+        return [results.all[name] for name, *_ in tasks if name in results.all]
+    return list(on_all_cores(lambda name, *task: results.once(name, lambda: run(rig, *task)), tasks))
 
 
 def told(alarm):
     place = f"{alarm['effect']}@{alarm['port']}" if alarm["effect"] else alarm["text"].split(";")[0]
     return f"{alarm['kind']}: {place}"
+
+
+def just_seen(fault):
+    """The size, as a share of its range, at which its evidence would be the threshold."""
+    most = max((e / t for _, time, e, t in fault["evidence"] if time > fault["onset"]), default=0)
+    return fault["share"] / np.sqrt(most) if fault["share"] and most > 0 else None
 
 
 def draw(file, healthy, faults):
@@ -58,7 +67,7 @@ def draw(file, healthy, faults):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 3, figsize=(11, 3.6), constrained_layout=True)
+    figure, axes = plt.subplots(1, 4, figsize=(14, 3.6), constrained_layout=True)
     for rig, runs in healthy.items():
         evidence = [max((e / t for _, _, e, t in r["evidence"]), default=0) for r in runs]
         hours = sum(r["duration"] for r in runs) / 3600
@@ -67,6 +76,7 @@ def draw(file, healthy, faults):
         line = axes[0].step(MULTIPLES, [100 / hours * sum(e > m for e in evidence) for m in MULTIPLES], label=rig)
         colour = line[0].get_color()
         found, delay = [], []
+        just = [s for s in map(just_seen, faults.get(rig, [])) if s is not None]
         for m in MULTIPLES:
             first = [
                 next((time - r["onset"] for _, time, e, t in r["evidence"] if time > r["onset"] and e > m * t), None)
@@ -78,7 +88,10 @@ def draw(file, healthy, faults):
         if faults.get(rig):
             axes[1].plot(MULTIPLES, found, color=colour)
             axes[2].plot(MULTIPLES, delay, color=colour)
-    for axis, title in zip(axes, ("false alarms in 100 h", "faults found [%]", "median delay [s]")):
+        if just:
+            axes[3].plot(MULTIPLES, 100 * np.median(just) * np.sqrt(MULTIPLES), color=colour)
+    titles = ("false alarms in 100 h", "faults found [%]", "median delay [s]", "smallest size [% of range]")
+    for axis, title in zip(axes, titles):
         axis.set(xscale="log", xlabel="threshold, in multiples of the rig's", title=title, ylim=(0, None))
         axis.grid(alpha=0.3)
     axes[0].legend(fontsize=8)
@@ -99,7 +112,7 @@ def main():
     print("| rig | runs | hours | false alarms | what they said |\n|---|---|---|---|---|")
     for rig in options.rigs:
         results = Results(pathlib.Path(options.work) / f"{rig}.jsonl")
-        healthy[rig] = list(runs_of(rig, options.hours, options.first, results, options.print))
+        healthy[rig] = runs_of(rig, options.hours, options.first, results, options.print)
         hours = sum(r["duration"] for r in healthy[rig]) / 3600
         alarms = collections.Counter(told(a) for r in healthy[rig] for a in r["alarms"])
         words = "; ".join(f"{n} x {what}" if n > 1 else what for what, n in alarms.most_common())

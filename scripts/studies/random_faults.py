@@ -20,7 +20,7 @@ import pathlib
 import random
 import tempfile
 
-from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, faultline, named_alarms, record
+from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, faultline, named_alarms, on_all_cores, record
 
 GRADES = ("right", "alike", "place", "wrong", "unnamed", "missed", "before")
 RUN = 90  # s, at most; a table in time has its own length
@@ -40,8 +40,17 @@ def drawn_size(parameter, generator):
     return generator.uniform(low, high)
 
 
+def share_of_range(parameter, size):
+    """How much of the way from no effect to the datasheet's limit; None for a shape."""
+    none = parameter["none"]
+    if none is None:
+        return None
+    end = float(parameter["maximum"] if size > none else parameter["minimum"])
+    return (size - none) / (end - none) if math.isfinite(end) else None
+
+
 def draw(ports, profiles, seed):
-    """(profile, seconds, onset, effect@port, as simulate takes it)"""
+    """(profile, seconds, onset, effect@port, as simulate takes it, size as a share of its range or None)"""
     generator = random.Random(seed)
     profile = generator.choice(profiles)
     seconds = profile["duration"] if profile.get("shape") == "table" else min(profile["duration"], RUN)
@@ -50,19 +59,21 @@ def draw(ports, profiles, seed):
     effect = generator.choice(port["effects"])
     name = f"{effect['effect']}@{port['name']}"
     if effect["effect"] == "stuck":
-        return profile["name"], seconds, onset, name, f"{name}:from={onset}"
+        return profile["name"], seconds, onset, name, f"{name}:from={onset}", None
     sizes = {p["name"]: drawn_size(p, generator) for p in effect["parameters"]}
     words = ",".join(f"{key}={value:.4g}" for key, value in sizes.items())
-    return profile["name"], seconds, onset, name, f"{name}:{words},from={onset}"
+    shares = [share_of_range(p, sizes[p["name"]]) for p in effect["parameters"]]
+    share = next((s for s in shares if s is not None), None)
+    return profile["name"], seconds, onset, name, f"{name}:{words},from={onset}", share
 
 
 def run(rig, ports, profiles, seed):
-    profile, seconds, onset, name, effect = draw(ports, profiles, seed)
+    profile, seconds, onset, name, effect, share = draw(ports, profiles, seed)
     with tempfile.TemporaryDirectory() as folder:
         more = ["--profile", profile, "--duration", seconds, "--off-nominal", "--nuisance", "--seed", seed]
         bag = record(rig, pathlib.Path(folder) / "run.bag", *more, "--effect", effect)
         report = diagnose(bag)
-    entry = {"profile": profile, "onset": onset, "effect": effect, **named_alarms(report)}
+    entry = {"profile": profile, "onset": onset, "effect": effect, "share": share, **named_alarms(report)}
     return {**entry, "grade": grade(name, onset, entry)}
 
 
@@ -101,10 +112,14 @@ def main():
         profiles = datasheet(rig)["profiles"]
         results = Results(pathlib.Path(options.work) / f"{rig}.jsonl")
         grades = collections.Counter()
-        for seed in range(options.first, options.first + options.faults):
-            if options.print and str(seed) not in results.all:
-                continue
-            entry = results.once(str(seed), lambda: run(rig, described["ports"], profiles, seed))
+        seeds = range(options.first, options.first + options.faults)
+        if options.print:
+            seeds = [seed for seed in seeds if str(seed) in results.all]
+
+        def once(seed):
+            return results.once(str(seed), lambda: run(rig, described["ports"], profiles, seed))
+
+        for seed, entry in zip(seeds, on_all_cores(once, [(seed,) for seed in seeds])):
             grades[entry["grade"]] += 1
             listed.append((rig, seed, entry))
         total += grades

@@ -1,11 +1,13 @@
 """Runs of the program `faultline` for scripts that measure it: rigs off their datasheet, recordings as arrays, courses
 of a diagnosis."""
 
+import concurrent.futures
 import json
 import os
 import pathlib
 import random
 import subprocess
+import threading
 
 import numpy as np
 import yaml
@@ -108,6 +110,7 @@ class Results:
         self.file.parent.mkdir(parents=True, exist_ok=True)
         lines = self.file.read_text().splitlines() if self.file.exists() else []
         self.all = {}
+        self.lock = threading.Lock()
         for line in lines:
             try:
                 entry = json.loads(line)
@@ -118,10 +121,21 @@ class Results:
     def once(self, name, measure):
         """What measure() gives, or gave when it was done before."""
         if name not in self.all:
-            self.all[name] = {"name": name, **measure()}
-            with open(self.file, "a") as file:
-                file.write(json.dumps(self.all[name]) + "\n")
+            entry = {"name": name, **measure()}
+            with self.lock, open(self.file, "a") as file:
+                file.write(json.dumps(entry) + "\n")
+            self.all[name] = entry
         return self.all[name]
+
+
+def on_all_cores(function, tasks):
+    """What function(*task) gives, in the order of the tasks; Ctrl-C leaves those that run their end."""
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        try:
+            yield from pool.map(lambda task: function(*task), tasks)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def named_alarms(report):

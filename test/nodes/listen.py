@@ -1,5 +1,5 @@
-"""Run in the built environment: writes what comes on a rig's topics as JSON lines, until SIGINT or nothing comes for
-QUIET s.
+"""Run in the built environment: writes what comes on a rig's topics as JSON lines, until nothing comes for QUIET s, or
+until SIGINT and what was under way then is written.
 
 listen.py RIG QUIET FILE TOPIC..."""
 
@@ -177,6 +177,10 @@ for topic in topics:
     else:
         rospy.Subscriber(f"/{rig}/{topic}", kinds[topic][0], kinds[topic][1], queue_size=20000, tcp_nodelay=True)
 while not stopped and time.monotonic() < last[0] + quiet:
+    time.sleep(0.02)
+# A busy machine leaves messages in the queues when the nodes have ended; a live rig never falls silent.
+interrupted = last[0] = time.monotonic()
+while stopped and time.monotonic() < min(last[0] + 0.5, interrupted + 8):
     time.sleep(0.02)
 with lock:
     file.flush()

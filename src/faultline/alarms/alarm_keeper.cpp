@@ -99,6 +99,8 @@ void AlarmKeeper::process(const Assessment& a) {
 }
 
 void AlarmKeeper::take(Detecting& d, const DetectorResult& result, double time) {
+  const bool nothing = result.reason == Reason::absent && result.takes_over < 0 && !result.detection.blind;
+  if (nothing && d.withheld.reason == Reason::absent && d.alarm < 0 && d.unobserved < 0) return;  // the usual case
   if (result.detection.blind || d.unobserved >= 0) watch_blindness(d, result, time);
   d.withheld.reason = result.reason;
   if (result.takes_over >= 0) {

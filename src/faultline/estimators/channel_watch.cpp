@@ -36,9 +36,8 @@ ChannelWatch::ChannelWatch(const Channel& channel)
 }
 
 void ChannelWatch::reset() {
-  last_ = {};
   spikes_ = {};
-  readings_ = in_block_ = same_ = longest_ = equal_ = ends_ = block_ = 0;
+  count_read_ = same_ = longest_ = equal_ = ends_ = block_ = 0;
   noisy_ = quiet_ = 0;
   status_ = ChannelStatus::good;
 }
@@ -46,25 +45,26 @@ void ChannelWatch::reset() {
 ChannelStatus ChannelWatch::add(double value) {
   if (!watched_) return ChannelStatus::good;
   const bool end = value <= low_ || value >= high_;
-  same_ = readings_ > 0 && value == last_.back() && !end ? same_ + 1 : 1;
+  same_ = count_read_ > 0 && value == readings_[count_read_ - 1] && !end ? same_ + 1 : 1;
   longest_ = std::max(longest_, same_);
   equal_ += same_ > 1;
   ends_ += end;
-  std::copy(last_.begin() + 1, last_.end(), last_.begin());
-  last_.back() = value;
-  if (++readings_ < last_.size()) return status_;
-
-  const auto& x = last_;
-  sixth_[in_block_++] = std::abs(x[0] + x[6] - 6 * (x[1] + x[5]) + 15 * (x[2] + x[4]) - 20 * x[3]);
-  const double least = std::min(std::min(x[1], x[2]), std::min(x[4], x[5]));
-  const double most = std::max(std::max(x[1], x[2]), std::max(x[4], x[5]));
-  const double beyond = std::max(x[3] - most, least - x[3]);
-  spikes_[block_] += beyond > kSpike * sigma_ + 3 * (most - least);
-  if (in_block_ == kBlock) status_ = judge();
+  readings_[count_read_++] = value;
+  if (count_read_ == readings_.size()) status_ = judge();
   return status_;
 }
 
 ChannelStatus ChannelWatch::judge() {
+  int spikes = 0;
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    const double* x = &readings_[i];
+    sixth_[i] = std::abs(x[0] + x[6] - 6 * (x[1] + x[5]) + 15 * (x[2] + x[4]) - 20 * x[3]);
+    const double least = std::min(std::min(x[1], x[2]), std::min(x[4], x[5]));
+    const double most = std::max(std::max(x[1], x[2]), std::max(x[4], x[5]));
+    const double beyond = std::max(x[3] - most, least - x[3]);
+    spikes += beyond > kSpike * sigma_ + 3 * (most - least);
+  }
+  spikes_[block_] = spikes;
   auto* middle = sixth_.data() + kBlock / 2;
   std::nth_element(sixth_.begin(), middle, sixth_.end());
   const double noise = *middle / (kSixthWeight * kMedianOfNormal * sigma_);
@@ -76,8 +76,8 @@ ChannelStatus ChannelWatch::judge() {
   quiet_ = tells && !frozen && noise * kQuiet < 1 ? quiet_ + 1 : 0;
   const bool spiky = std::accumulate(spikes_.begin(), spikes_.end(), 0) >= kSpikes;
   block_ = (block_ + 1) % kBlocks;
-  spikes_[block_] = 0;
-  in_block_ = 0;
+  std::copy(readings_.end() - kAround, readings_.end(), readings_.begin());
+  count_read_ = kAround;
   longest_ = same_;
   equal_ = ends_ = 0;
   if (frozen) return ChannelStatus::frozen;

@@ -31,16 +31,16 @@ class ChannelWatch {
   void reset();
 
  private:
-  static constexpr std::size_t kBlock = 64, kBlocks = 8;
+  static constexpr std::size_t kBlock = 64, kBlocks = 8, kAround = 6;
   ChannelStatus judge();
 
   double low_, high_, sigma_ = 0, equal_share_ = 0;
   bool watched_, rounded_ = false;
-  std::size_t count_ = 0;  // equal readings that are frozen
-  std::array<double, 7> last_{};
+  std::size_t count_ = 0;                            // equal readings that are frozen
+  std::array<double, kAround + kBlock> readings_{};  // of a block, after the last ones of the block before
   std::array<double, kBlock> sixth_{};
   std::array<int, kBlocks> spikes_{};
-  std::size_t readings_ = 0, in_block_ = 0, same_ = 0, longest_ = 0, equal_ = 0, ends_ = 0, block_ = 0;
+  std::size_t count_read_ = 0, same_ = 0, longest_ = 0, equal_ = 0, ends_ = 0, block_ = 0;
   int noisy_ = 0, quiet_ = 0;  // blocks on end
   ChannelStatus status_ = ChannelStatus::good;
 };

@@ -445,7 +445,7 @@ void FaultResponses::find_healthy_or_fault() {
   ModelPoint found = point_;
   for (const EffectSpec& effect : found_effects()) found.effects.push_back(effect);
   // What one stretch has shown stays: the next may not move enough.
-  if (doubt_text_.empty()) doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found);
+  if (doubt_text_.empty()) doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found, !window_.change);
   if (!event_) {
     since_ = recent_[recent_.size() - window_.stretches]->begin;
     event_ = true;

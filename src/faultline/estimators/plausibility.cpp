@@ -12,6 +12,8 @@ namespace faultline {
 namespace {
 
 constexpr double kGain = 2.3, kLead = 1.2;  // logarithms: mean squares of one output by a factor of 10, of 3
+constexpr double kFarthest = 3;             // times the datasheet's value, or a third of it
+constexpr int kFactors = 4, kHalvings = 4;  // factors tried on either side; how often what lies between is halved
 
 // L per segment; the first only fills memories.
 double misfit(const StretchModel& model, const Stretch& stretch, const ModelPoint& point) {
@@ -37,10 +39,39 @@ bool in_range(const Recording& recording, std::size_t c) {
   return true;
 }
 
+// The factor on a parameter that fits best, and L with it.
+std::pair<double, double> best_factor(const StretchModel& model, const Stretch& stretch, std::size_t parameter) {
+  const auto tried = [&](double logarithm) {
+    ModelPoint point = model.nominal();
+    point.parameters[parameter] *= std::exp(logarithm);
+    try {
+      return misfit(model, stretch, point);
+    } catch (const InputError&) {  // no such rig
+      return kInfinity;
+    }
+  };
+  double step = std::log(kFarthest) / kFactors, at = 0, least = kInfinity;
+  const auto consider = [&](double logarithm) {
+    const double found = tried(logarithm);
+    if (!(found < least)) return;
+    least = found;
+    at = logarithm;
+  };
+  for (int i = -kFactors; i <= kFactors; ++i)
+    if (i != 0) consider(i * step);
+  for (int i = 0; i < kHalvings; ++i) {
+    step /= 2;
+    const double middle = at;
+    consider(middle - step);
+    consider(middle + step);
+  }
+  return {std::exp(at), least};
+}
+
 }  // namespace
 
 std::string better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
-                           const ModelPoint& fault) {
+                           const ModelPoint& fault, bool always) {
   if (stretch.run.restarts.size() < 2) return "";
   const ModelPoint nominal = model.nominal();
   double least = std::min(misfit(model, stretch, nominal) - kGain, misfit(model, stretch, fault) - kLead);
@@ -82,6 +113,16 @@ std::string better_reading(const Datasheet& sheet, const StretchModel& model, co
                fmt::format("{} and {} are exchanged; the other way round the model fits", channel.name, second.name));
       exchange();
     }
+  }
+  for (std::size_t i = 0; always && i < sheet.parameters.size(); ++i) {
+    const Parameter& parameter = sheet.parameters[i];
+    if (!(parameter.tolerance > 0) || parameter.nominal == 0) continue;
+    const auto [factor, found] = best_factor(model, stretch, i);
+    if (!(found < least) || std::abs(factor - 1) <= model.settings().farthest_tolerances * parameter.tolerance) continue;
+    least = found;
+    best =
+        fmt::format("{}: {:.2g} times the datasheet's value fits; is this another build, or another rig's datasheet?",
+                    parameter.name, factor);
   }
   return best;
 }

@@ -1,12 +1,14 @@
-// Are the channels of a recording what they are called? Before a fault is named, every reading of it that a person at
-// the bench gets wrong is tried: one channel with its sign turned, and two of one unit exchanged.
+// Are the channels of a recording what they are called, and is the datasheet this rig's? Before a fault is named, every
+// reading of it that a person at the bench gets wrong is tried: one channel with its sign turned, two of one unit
+// exchanged; and, of what was there from the beginning, one parameter far off its tolerance, as on another build.
 //
 //   L(reading) = sum over outputs and segments of ln(1 + mean square residual in noise variances)
 //
 // of the rig's model driven by that reading of a stretch, from the states that it shows. Logarithms, so that no channel
 // hides the others. A reading is better where L per segment falls by `kGain` against the recording as it is and by
 // `kLead` against the best fault: tolerances and faults leave L far above noise, but a wrong reading more so. A reading
-// out of range is none; what stands still tells nothing.
+// out of range is none; what stands still tells nothing. A fault that does what a parameter does fits as well, and keeps
+// its name.
 #pragma once
 
 #include <string>
@@ -15,8 +17,9 @@
 
 namespace faultline {
 
-// One line that says which reading of the stretch fits better than `fault`; empty: none.
+// One line that says which reading of the stretch fits better than `fault`; empty: none. `always`: the fault is as old
+// as the run.
 std::string better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
-                           const ModelPoint& fault);
+                           const ModelPoint& fault, bool always);
 
 }  // namespace faultline

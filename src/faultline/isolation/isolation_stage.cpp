@@ -57,6 +57,7 @@ IsolationStage::IsolationStage(const Datasheet& sheet)
     w.meaning = meaning_of(spec);
     w.named = named(w.meaning.effect, w.meaning.port);
     w.stage = stage_of(sheet_, spec);
+    w.of_transducer = w.meaning.kind == AlarmKind::sensor || w.meaning.kind == AlarmKind::data;
     w.withholds = w.meaning.kind == AlarmKind::unknown && yes_or_no(spec, "withholds_faults", true);
     if (w.meaning.kind == AlarmKind::sensor)
       for (const Port& port : sheet_.ports)
@@ -184,16 +185,18 @@ void IsolationStage::detect(const Estimate* estimates) {
   const auto doubt = [this](const Watched& w) {
     for (const std::size_t channel : w.doubts) doubted_[channel] = true;
   };
+  const double age = assessment_.time - begin_;
   for (std::size_t k = 0; k < watched_.size(); ++k) {
     Watched& w = watched_[k];
     DetectorResult& result = assessment_.detectors[k];
     w.detector->process(estimates[w.stage], result.detection);
     const Criterion criterion = w.detector->criterion();
     result.evidence = criterion.value / criterion.threshold;
-    const bool of_transducer = w.meaning.kind == AlarmKind::sensor || w.meaning.kind == AlarmKind::data;
-    const double age = assessment_.time - begin_;
-    if (!of_transducer && age > 0 && (std::isfinite(criterion.value) || age >= kLongEnough)) assessment_.judged = true;
-    if (!result.detection.active) continue;
+    if (!assessment_.judged && !w.of_transducer && age > 0 && (std::isfinite(criterion.value) || age >= kLongEnough))
+      assessment_.judged = true;
+    w.stands = false;
+    w.claim.holds = result.detection.active;
+    if (!w.claim.holds) continue;    // most of them, at every sample
     if (result.size_name.empty()) {  // some know the unit from the first estimate on
       result.size_name = w.detector->size_name();
       result.size_unit = w.detector->size_unit();
@@ -202,12 +205,11 @@ void IsolationStage::detect(const Estimate* estimates) {
     if (w.meaning.kind == AlarmKind::sensor) doubt(w);
   }
   for (Watched& w : watched_) {
+    if (!w.claim.holds) continue;
     w.claim = Claim();
     w.claim.kind = w.meaning.kind;
-    w.claim.holds = detection(w).active;
+    w.claim.holds = true;
     w.claim.raised = w.raised;
-    w.stands = false;
-    if (!w.claim.holds) continue;  // most of them, at every sample
     w.claim.in_doubt = std::any_of(w.doubts.begin(), w.doubts.end(), [this](std::size_t c) { return doubted_[c]; });
     w.stands = reason_of(w.claim) == Reason::told;
   }

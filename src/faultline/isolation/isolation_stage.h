@@ -40,17 +40,18 @@ class IsolationStage {
   void restore(const References& references);
 
  private:
-  struct Watched {
+  struct Watched {  // what every sample asks comes first
     std::unique_ptr<Detector> detector;
     std::size_t stage = 0;  // whose estimates it reads
-    Finding meaning;
-    std::string named;  // effect@port
-    bool withholds = true;
-    std::vector<std::size_t> doubts;  // channels that isolators leave out while it stands
     Claim claim;
-    bool stands = false;   // as far as is known without the isolators
-    bool raised = false;   // its alarm was told at the last sample
+    bool of_transducer = false;  // and not of the rig
+    bool stands = false;         // as far as is known without the isolators
+    bool raised = false;         // its alarm was told at the last sample
+    bool withholds = true;
     double raised_at = 0;  // s
+    Finding meaning;
+    std::string named;                // effect@port
+    std::vector<std::size_t> doubts;  // channels that isolators leave out while it stands
   };
   struct Isolated {
     std::unique_ptr<Isolator> isolator;
