@@ -278,6 +278,16 @@ TEST(AlarmStage, FaultsAreWithheldWhileTheModelDoesNotFit) {
   EXPECT_EQ(withheld.reason, Reason::model_does_not_fit);
 }
 
+// The leak filter sees every change of the valve as a leak.
+TEST(AlarmStage, WhereAllCausesWereWeighedAndTheNearestIsAtItsBoundNoOtherIsNamed) {
+  SimulationSetup setup = off_nominal("random", 1);
+  setup.effects.push_back(parse_effect("deadband@restriction.valve:width=1.5,from=12"));
+  const AlarmReport report = diagnosed(simulate(servo(), setup, 30));
+  ASSERT_EQ(report.alarms.size(), 1u) << told(report);
+  EXPECT_EQ(report.alarms[0].kind, AlarmKind::unknown) << told(report);
+  EXPECT_NE(report.alarms[0].text.find("deadband@restriction.valve"), std::string::npos) << told(report);
+}
+
 TEST(AlarmStage, ALeakThatTheIsolatorNamesStandsUnderOneAlarm) {
   SimulationSetup setup = off_nominal("square", 2);
   open_bypass(setup, 8, 5);

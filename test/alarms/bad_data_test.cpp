@@ -21,8 +21,8 @@ struct Told {
   AlarmReport report;
 };
 
-Told diagnosed(const Change& change, double seconds = 20) {
-  Recording r = simulate(servo(), off_nominal("steps", 3), seconds);
+Told diagnosed(const Change& change, double seconds = 20, const SimulationSetup& setup = off_nominal("steps", 3)) {
+  Recording r = simulate(servo(), setup, seconds);
   for (std::size_t k = 0; k < r.rows(); ++k) change(r, k);
   Diagnosis diagnosis(servo());
   for (std::size_t k = 0; k < r.rows(); ++k) diagnosis.process(r.sample(k));
@@ -67,6 +67,20 @@ TEST(BadData, ExchangedChannelsAreNamedAndATurnedSignIsNoFault) {
   EXPECT_NE(exchanged.verdict.sentence.find("chamber_a_pressure and chamber_b_pressure are exchanged"),
             std::string::npos)
       << exchanged.verdict.sentence;
+}
+
+TEST(BadData, AnotherBuildIsTheParameterAndAFaultFromTheBeginningIsNot) {
+  const auto nothing = [](Recording&, std::size_t) {};
+  SimulationSetup setup = off_nominal("steps", 3);
+  setup.parameters[static_cast<std::size_t>(servo().parameter("ram_area"))] *= 1.5;
+  const Told other = diagnosed(nothing, 20, setup);
+  EXPECT_EQ(other.verdict.kind, VerdictKind::data) << other.verdict.sentence;
+  EXPECT_EQ(other.verdict.sentence.find("ram_area: 1."), 0u) << other.verdict.sentence;
+  expect_no_fault(other.report);
+  SimulationSetup faulty = off_nominal("steps", 3);
+  faulty.effects.push_back(parse_effect("clogging@restriction.valve:fraction=0.3"));
+  const Told fault = diagnosed(nothing, 20, faulty);
+  EXPECT_EQ(fault.verdict.kind, VerdictKind::fault) << fault.verdict.sentence;
 }
 
 TEST(BadData, SamplesThatAreHeldAreOneAlarm) {

@@ -118,10 +118,11 @@ std::string better_reading(const Datasheet& sheet, const StretchModel& model, co
     const Parameter& parameter = sheet.parameters[i];
     if (!(parameter.tolerance > 0) || parameter.nominal == 0) continue;
     const auto [factor, found] = best_factor(model, stretch, i);
-    if (!(found < least) || std::abs(factor - 1) <= model.settings().farthest_tolerances * parameter.tolerance) continue;
+    if (!(found < least) || std::abs(factor - 1) <= model.settings().farthest_tolerances * parameter.tolerance)
+      continue;
     least = found;
     best =
-        fmt::format("{}: {:.2g} times the datasheet's value fits; is this another build, or another rig's datasheet?",
+        fmt::format("{}: {:.2g} times the datasheet's value fits, as on another build or with another rig's datasheet",
                     parameter.name, factor);
   }
   return best;

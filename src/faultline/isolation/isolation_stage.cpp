@@ -300,7 +300,10 @@ bool IsolationStage::explained(const Watched& w) const {
     return true;
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     const Finding& f = finding(i);
-    if (!names_the_cause(i) || f.kind == AlarmKind::unknown) return false;
+    if (!names_the_cause(i)) return false;
+    // No single cause, yet all were weighed: what is not among the nearest is none.
+    if (f.kind == AlarmKind::unknown)
+      return w.meaning.kind == AlarmKind::fault && !f.equivalent.empty() && !among(f.equivalent, w.named);
     switch (w.meaning.kind) {
       case AlarmKind::unknown:
         return true;
