@@ -10,7 +10,8 @@ table a rig, as Markdown, and a summary. What is done stays in FOLDER; --before 
 answers stand beside (FAULTLINE_PROGRAM says which build is measured).
 
 named: what was done is said, with its channel. warned: an alarm that is no false name, or "not observable".
-false name: a fault, or another transducer. healthy: nothing is said."""
+false name: a fault, or another transducer. hidden: nothing is said, and the readings have moved by less than their noise.
+healthy: nothing is said, though they have moved by more."""
 
 import argparse
 import collections
@@ -24,7 +25,7 @@ LATE = 0.05  # s
 HELD = 10  # samples
 UNITS = {"bar": 1e5, "kPa": 1e3, "psi": 6894.757293168361}
 SIZES = ("m^2", "m^3/rad")  # of a parameter that another build has half as large again
-KINDS = ("named", "warned", "false name", "healthy")
+KINDS = ("named", "warned", "false name", "hidden", "healthy")
 # What names it: words that the headline's effect, port or text has, or the effects of the library that it is.
 WORDS = {
     "frozen": ("stuck", "same value", "repeat"),
@@ -189,8 +190,22 @@ def verdict_on(way, channels, report):
     return "false name"
 
 
+def moved(table, before, sheet):
+    """Root mean square change of the readings, in sigmas of their channel; the largest of all channels."""
+    sigmas = {c["name"]: np.hypot(c["noise_std"], c.get("resolution", 0) / np.sqrt(12)) for c in measured(sheet)}
+    most = 0.0
+    for name, sigma in sigmas.items():
+        if name not in table or len(table[name]) != len(before[name]):
+            continue
+        change = table[name] - before[name]
+        if np.any(change):
+            most = max(most, float(np.sqrt(np.mean(change[change != 0] ** 2)) / sigma / np.sqrt(2)))
+    return most
+
+
 def answer(way, channels, change, rig, sheet, options):
     profile = options.profiles.get(rig, sheet["profiles"][0]["name"])
+    sigmas = None
     with tempfile.TemporaryDirectory() as folder:
         file = pathlib.Path(folder) / "run.csv"
         more = ["--profile", profile, "--duration", options.seconds, "--seed", options.seed]
@@ -207,7 +222,9 @@ def answer(way, channels, change, rig, sheet, options):
             with open(file) as text:
                 header = text.readline().strip()
             table = read_table(file)
+            before = {name: column.copy() for name, column in table.items()}
             change(table, np.random.default_rng(options.seed))
+            sigmas = moved(table, before, sheet)
             rows = np.column_stack(list(table.values()))
             np.savetxt(file, rows, delimiter=",", header=header, comments="", fmt="%.10g")
         try:
@@ -216,7 +233,12 @@ def answer(way, channels, change, rig, sheet, options):
             line = str(refused).splitlines()[-1]
             return {"class": "named", "answer": "refused: " + line[-120:], "channels": channels}
     kind = verdict_on(way, [] if way == "another build" else channels, report)
-    return {"class": kind, "answer": f"{report['verdict']}: {report['sentence']}", "channels": channels}
+    text = f"{report['verdict']}: {report['sentence']}"
+    if kind == "healthy" and sigmas:
+        text += f" The readings have moved by {sigmas:.2g} sigma."
+        if sigmas < 1.5:  # a shifted channel has other noise
+            kind = "hidden"
+    return {"class": kind, "answer": text, "channels": channels}
 
 
 def main():
