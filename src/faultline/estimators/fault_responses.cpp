@@ -444,14 +444,17 @@ void FaultResponses::find_healthy_or_fault() {
   if (!second_.empty()) know_fault(now);
   ModelPoint found = point_;
   for (const EffectSpec& effect : found_effects()) found.effects.push_back(effect);
-  // What one stretch has shown stays: the next may not move enough.
-  if (doubt_text_.empty()) doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found, !window_.change);
   if (!event_) {
-    since_ = recent_[recent_.size() - window_.stretches]->begin;
+    const std::size_t healthy = recent_.size() - window_.stretches;
+    since_ = recent_[healthy]->begin;
+    before_ = window_.change && healthy > 0 ? recent_[healthy - 1]->run.recording : Recording();
     event_ = true;
     age_ = 1;
     confirming_ = 0;
   }
+  // What one stretch has shown stays: the next may not move enough.
+  if (doubt_text_.empty())
+    doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found, before_, !window_.change);
   confirm(0);
 }
 

@@ -135,6 +135,7 @@ class FaultResponses {
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
   KnownModel known_;
   std::string doubt_text_;
+  Recording before_;        // the last stretch without the fault, where there is one
   unsigned age_ = 0;        // of the event, in stretches
   unsigned stretches_ = 0;  // since the beginning
 };

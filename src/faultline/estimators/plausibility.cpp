@@ -31,12 +31,55 @@ double misfit(const StretchModel& model, const Stretch& stretch, const ModelPoin
   return sum / static_cast<double>(restarts.size() - 1);
 }
 
+// Two channels exchanged, or one with its sign turned.
+struct Reading {
+  std::size_t one = 0, other = 0;
+};
+
+std::string text_of(const Reading& r, const std::vector<Channel>& channels) {
+  const std::string& name = channels[r.one].name;
+  if (r.one == r.other) return name + ": its sign is turned; with the other sign the model fits";
+  return fmt::format("{} and {} are exchanged; the other way round the model fits", name, channels[r.other].name);
+}
+
+std::vector<Reading> readings_of(const std::vector<Channel>& channels) {
+  const auto usable = [](const Channel& c) { return c.role != Role::setpoint && !c.ground_truth; };
+  std::vector<Reading> readings;
+  for (std::size_t c = 0; c < channels.size(); ++c) {
+    if (!usable(channels[c])) continue;
+    readings.push_back({c, c});
+    for (std::size_t d = c + 1; d < channels.size(); ++d)
+      if (usable(channels[d]) && channels[d].unit == channels[c].unit &&
+          (channels[d].role == Role::command) == (channels[c].role == Role::command))
+        readings.push_back({c, d});
+  }
+  return readings;
+}
+
 bool in_range(const Recording& recording, std::size_t c) {
   for (std::size_t row = 0; row < recording.rows(); ++row) {
     const double value = recording.at(row, c);
     if (value < recording.channels[c].minimum || value > recording.channels[c].maximum) return false;
   }
   return true;
+}
+
+// L of the recording read so; infinite where it cannot be.
+double misfit_read_as(const StretchModel& model, Recording recording, const Reading& r) {
+  const std::size_t columns = recording.columns();
+  for (std::size_t row = 0; row < recording.rows(); ++row) {
+    double* values = &recording.values[row * columns];
+    if (r.one == r.other)
+      values[r.one] *= -1;
+    else
+      std::swap(values[r.one], values[r.other]);
+  }
+  if (!in_range(recording, r.one) || !in_range(recording, r.other)) return kInfinity;
+  try {
+    return misfit(model, *model.prepare(recording), model.nominal());
+  } catch (const InputError&) {  // such a reading leaves nothing to run
+    return kInfinity;
+  }
 }
 
 // The factor on a parameter that fits best, and L with it.
@@ -71,48 +114,18 @@ std::pair<double, double> best_factor(const StretchModel& model, const Stretch& 
 }  // namespace
 
 std::string better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
-                           const ModelPoint& fault, bool always) {
+                           const ModelPoint& fault, const Recording& before, bool always) {
   if (stretch.run.restarts.size() < 2) return "";
-  const ModelPoint nominal = model.nominal();
-  double least = std::min(misfit(model, stretch, nominal) - kGain, misfit(model, stretch, fault) - kLead);
+  double least = std::min(misfit(model, stretch, model.nominal()) - kGain, misfit(model, stretch, fault) - kLead);
   std::string best;
   if (least <= 0) return best;  // nothing can be that much better
-  Recording tried = stretch.run.recording;
-  const std::size_t columns = tried.columns();
-  const auto consider = [&](std::size_t one, std::size_t other, const std::string& text) {
-    if (!in_range(tried, one) || !in_range(tried, other)) return;
-    try {
-      const double found = misfit(model, *model.prepare(tried), nominal);
-      if (found >= least) return;
-      least = found;
-      best = text;
-    } catch (const InputError&) {  // such a reading leaves nothing to run
-    }
-  };
-  for (std::size_t c = 0; c < columns; ++c) {
-    const Channel& channel = sheet.channels[c];
-    if (channel.role == Role::setpoint || channel.ground_truth) continue;
-    const auto turn = [&] {
-      for (std::size_t row = 0; row < tried.rows(); ++row) tried.values[row * columns + c] *= -1;
-    };
-    turn();
-    consider(c, c, fmt::format("{}: its sign is turned; with the other sign the model fits", channel.name));
-    turn();
-    for (std::size_t d = c + 1; d < columns; ++d) {
-      const Channel& second = sheet.channels[d];
-      const bool alike = second.unit == channel.unit && !second.ground_truth &&
-                         (second.role == Role::command) == (channel.role == Role::command) &&
-                         second.role != Role::setpoint;
-      if (!alike) continue;
-      const auto exchange = [&] {
-        for (std::size_t row = 0; row < tried.rows(); ++row)
-          std::swap(tried.values[row * columns + c], tried.values[row * columns + d]);
-      };
-      exchange();
-      consider(c, d,
-               fmt::format("{} and {} are exchanged; the other way round the model fits", channel.name, second.name));
-      exchange();
-    }
+  const double as_it_was =
+      before.rows() > 0 ? misfit(model, *model.prepare(before), model.nominal()) + kLead : kInfinity;
+  for (const Reading& reading : readings_of(sheet.channels)) {
+    const double found = misfit_read_as(model, stretch.run.recording, reading);
+    if (!(found < least) || (before.rows() > 0 && misfit_read_as(model, before, reading) > as_it_was)) continue;
+    least = found;
+    best = text_of(reading, sheet.channels);
   }
   for (std::size_t i = 0; always && i < sheet.parameters.size(); ++i) {
     const Parameter& parameter = sheet.parameters[i];
