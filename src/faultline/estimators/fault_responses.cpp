@@ -35,6 +35,7 @@ void FaultResponses::reset() {
   first_.clear();
   second_.clear();
   doubt_text_.clear();
+  before_ = {};
   candidates_.clear();
   evidence_ = 0;
   known_.forget_starts();
@@ -237,6 +238,7 @@ void FaultResponses::forget_oldest() {
     doubt_ = kept * doubt_ + (recent_.front()->weighed ? 0 : unexplained(*recent_.front()));
     reference_ = kept * reference_ + recent_.front()->sums;
   }
+  if (!event_) before_ = std::move(recent_.front()->run.recording);
   recent_.erase(recent_.begin());
 }
 
@@ -371,8 +373,10 @@ void FaultResponses::judge(const Recording& recording) {
       return;
     }
     // What was not looked at so far said nothing either.
-    recent_.erase(std::remove_if(recent_.begin(), recent_.end() - 1, [](const auto& s) { return !s->responded; }),
-                  recent_.end() - 1);
+    const auto unseen = [](const auto& stretch) { return !stretch->responded; };
+    for (auto stretch = recent_.begin(); stretch != recent_.end() - 1; ++stretch)
+      if (unseen(*stretch)) before_ = (*stretch)->run.recording;
+    recent_.erase(std::remove_if(recent_.begin(), recent_.end() - 1, unseen), recent_.end() - 1);
   }
   if (recent_.size() > settings_.recent_stretches && !recent_.front()->responded) forget_oldest();
   respond_all();
@@ -447,14 +451,14 @@ void FaultResponses::find_healthy_or_fault() {
   if (!event_) {
     const std::size_t healthy = recent_.size() - window_.stretches;
     since_ = recent_[healthy]->begin;
-    before_ = window_.change && healthy > 0 ? recent_[healthy - 1]->run.recording : Recording();
+    if (window_.change && healthy > 0) before_ = recent_[healthy - 1]->run.recording;
     event_ = true;
     age_ = 1;
     confirming_ = 0;
   }
   // What one stretch has shown stays: the next may not move enough.
   if (doubt_text_.empty())
-    doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found, before_, !window_.change);
+    doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found, window_.change, before_);
   confirm(0);
 }
 

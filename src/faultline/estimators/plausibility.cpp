@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <utility>
 
 #include <fmt/format.h>
@@ -82,20 +83,21 @@ double misfit_read_as(const StretchModel& model, Recording recording, const Read
   }
 }
 
+double misfit_with(const StretchModel& model, const Stretch& stretch, std::size_t parameter, double factor) {
+  ModelPoint point = model.nominal();
+  point.parameters[parameter] *= factor;
+  try {
+    return misfit(model, stretch, point);
+  } catch (const InputError&) {  // no such rig
+    return kInfinity;
+  }
+}
+
 // The factor on a parameter that fits best, and L with it.
 std::pair<double, double> best_factor(const StretchModel& model, const Stretch& stretch, std::size_t parameter) {
-  const auto tried = [&](double logarithm) {
-    ModelPoint point = model.nominal();
-    point.parameters[parameter] *= std::exp(logarithm);
-    try {
-      return misfit(model, stretch, point);
-    } catch (const InputError&) {  // no such rig
-      return kInfinity;
-    }
-  };
   double step = std::log(kFarthest) / kFactors, at = 0, least = kInfinity;
   const auto consider = [&](double logarithm) {
-    const double found = tried(logarithm);
+    const double found = misfit_with(model, stretch, parameter, std::exp(logarithm));
     if (!(found < least)) return;
     least = found;
     at = logarithm;
@@ -114,24 +116,25 @@ std::pair<double, double> best_factor(const StretchModel& model, const Stretch& 
 }  // namespace
 
 std::string better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
-                           const ModelPoint& fault, const Recording& before, bool always) {
+                           const ModelPoint& fault, bool change, const Recording& before) {
   if (stretch.run.restarts.size() < 2) return "";
   double least = std::min(misfit(model, stretch, model.nominal()) - kGain, misfit(model, stretch, fault) - kLead);
   std::string best;
   if (least <= 0) return best;  // nothing can be that much better
-  const double as_it_was =
-      before.rows() > 0 ? misfit(model, *model.prepare(before), model.nominal()) + kLead : kInfinity;
+  const std::unique_ptr<Stretch> earlier = before.rows() > 0 ? model.prepare(before) : nullptr;
+  const double as_it_was = earlier ? misfit(model, *earlier, model.nominal()) + kLead : kInfinity;
   for (const Reading& reading : readings_of(sheet.channels)) {
     const double found = misfit_read_as(model, stretch.run.recording, reading);
-    if (!(found < least) || (before.rows() > 0 && misfit_read_as(model, before, reading) > as_it_was)) continue;
+    if (!(found < least) || (earlier && misfit_read_as(model, before, reading) > as_it_was)) continue;
     least = found;
     best = text_of(reading, sheet.channels);
   }
-  for (std::size_t i = 0; always && i < sheet.parameters.size(); ++i) {
+  for (std::size_t i = 0; !change && i < sheet.parameters.size(); ++i) {
     const Parameter& parameter = sheet.parameters[i];
     if (!(parameter.tolerance > 0) || parameter.nominal == 0) continue;
     const auto [factor, found] = best_factor(model, stretch, i);
-    if (!(found < least) || std::abs(factor - 1) <= model.settings().farthest_tolerances * parameter.tolerance)
+    if (!(found < least) || std::abs(factor - 1) <= model.settings().farthest_tolerances * parameter.tolerance ||
+        (earlier && misfit_with(model, *earlier, i, factor) > as_it_was))
       continue;
     least = found;
     best =

@@ -7,9 +7,9 @@
 // of the rig's model driven by that reading of a stretch, from the states that it shows. Logarithms, so that no channel
 // hides the others. A reading is better where L per segment falls by `kGain` against the recording as it is and by
 // `kLead` against the best fault: tolerances and faults leave L far above noise, but a wrong reading more so. It must
-// not be worse by as much on what was recorded before the fault came: cables change places between runs. A reading out
-// of range is none; what stands still tells nothing. A fault that does what a parameter does fits as well, and keeps
-// its name.
+// not be worse by as much on what was recorded before the fault was seen: cables change places between runs. A reading
+// out of range is none; what stands still tells nothing. A fault that does what a parameter does fits as well, and
+// keeps its name.
 #pragma once
 
 #include <string>
@@ -18,9 +18,9 @@
 
 namespace faultline {
 
-// One line that says which reading of the stretch fits better than `fault`; empty: none. `before`: a stretch without the
-// fault; without rows where there is none. `always`: the fault is as old as the run.
+// One line that says which reading of the stretch fits better than `fault`; empty: none. `change`: the fault came in
+// the run. `before`: a stretch in which it was not seen; without rows where there is none.
 std::string better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
-                           const ModelPoint& fault, const Recording& before, bool always);
+                           const ModelPoint& fault, bool change, const Recording& before);
 
 }  // namespace faultline

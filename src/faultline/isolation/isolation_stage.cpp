@@ -211,6 +211,8 @@ void IsolationStage::detect(const Estimate* estimates) {
     w.claim.holds = true;
     w.claim.raised = w.raised;
     w.claim.in_doubt = std::any_of(w.doubts.begin(), w.doubts.end(), [this](std::size_t c) { return doubted_[c]; });
+    const bool of_one_channel = w.of_transducer && !w.meaning.effect.empty();
+    w.claim.on_bad_data = !of_one_channel && channels_.held() && raised_on_bad_data(w);
     w.stands = reason_of(w.claim) == Reason::told;
   }
   for (const Watched& w : watched_)
@@ -223,7 +225,8 @@ void IsolationStage::isolate(const Estimate* estimates) {
     i.isolator->process(estimates[i.stage], doubted_, assessment_.isolators[k].finding);
     const double until = i.isolator->judged_until();
     if (std::isfinite(until) && until > begin_) assessment_.judged = true;
-    i.on_bad_data = i.isolator->rests_on_all_channels() && channels_.any_bad() && raised_on_bad_data(i);
+    const bool bad = channels_.held() || (i.isolator->rests_on_all_channels() && channels_.any_bad());
+    i.on_bad_data = bad && raised_on_bad_data(i);
   }
   // The model is then known well enough: the cause explains what it did not.
   if (std::any_of(isolated_.begin(), isolated_.end(), [this](const Isolated& i) { return names_the_cause(i); }))
@@ -307,8 +310,8 @@ bool IsolationStage::explained(const Watched& w) const {
     switch (w.meaning.kind) {
       case AlarmKind::unknown:
         return true;
-      case AlarmKind::sensor:
-        return w.meaning.effect.empty() && (f.kind == AlarmKind::sensor || f.kind == AlarmKind::data);
+      case AlarmKind::sensor:  // a channel that is not what it is called has not that channel's noise either
+        return f.kind == AlarmKind::data || (w.meaning.effect.empty() && f.kind == AlarmKind::sensor);
       case AlarmKind::fault:
         return !is_named(w.named, f.effect, f.port) && !among(f.equivalent, w.named);
       case AlarmKind::model:
