@@ -111,6 +111,25 @@ TEST_F(ResponseIsolation, TooManyRivalsAreUnknown) {
   EXPECT_EQ(f.equivalent.front(), std::string("effect_0@") + kSeal);
 }
 
+TEST_F(ResponseIsolation, WhatRigsInGoodOrderHaveIsNotToldAndExplainsTheRest) {
+  // least_share: of 5e-8, so 1e-8.
+  const std::map<std::string, double> numbers = {
+      {"rival", 0.02}, {"rival_least", 3}, {"most_rivals", 6}, {"model_error", 0.04}, {"least_share", 0.2}};
+  isolator_ = make_isolator(servo(), {"fault", "response", Settings("test", numbers, {}, {})});
+  RankedHypothesis leak = cause("orifice_leakage", kSeal, 3, 100);
+  const auto heard = [&](double size) {
+    leak.amplitude = size / leak.full;
+    leak.evidence += 1;
+    return hear({leak}).active;
+  };
+  EXPECT_FALSE(heard(0.9e-8));
+  EXPECT_TRUE(isolator_->finds_all_explained());
+  EXPECT_TRUE(heard(1.1e-8));
+  EXPECT_FALSE(isolator_->finds_all_explained());
+  EXPECT_TRUE(heard(0.6e-8));  // what is told stays down to half of that
+  EXPECT_FALSE(heard(0.4e-8));
+}
+
 TEST_F(ResponseIsolation, ASizeAtItsBoundIsUnknown) {
   RankedHypothesis largest = cause("orifice_leakage", kSeal, 3, 100);
   largest.amplitude = 2.5;  // 5e-8, where the datasheet ends

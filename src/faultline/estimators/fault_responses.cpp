@@ -302,8 +302,14 @@ double FaultResponses::speaks_for() const {
          model_.loss(before, last, point_, {hypotheses()[first.hypothesis].at(first.amplitude)});
 }
 
-void FaultResponses::confirm(double evidence) {
-  confirming_ += evidence;
+// What the model always gets a little wrong adds up without end, so what speaks for the fault must come in about the time
+// in which one is looked for.
+void FaultResponses::hear(double evidence) {
+  confirming_ += evidence - confirming_ / static_cast<double>(settings_.recent_stretches);
+  confirm();
+}
+
+void FaultResponses::confirm() {
   confirmed_ = confirmed_ || confirming_ >= settings_.confirmed_fraction * settings_.threshold_evidence ||
                evidence_ >= settings_.sure_ratio * settings_.threshold_evidence;
 }
@@ -362,7 +368,7 @@ void FaultResponses::judge(const Recording& recording) {
       pass_over();
       if (event_ && !confirmed_) {
         respond_all();
-        confirm(speaks_for());
+        hear(speaks_for());
       }
       if (!event_ || !due) return;
       respond_all();
@@ -390,7 +396,7 @@ void FaultResponses::judge(const Recording& recording) {
     age_ = 0;
   }
   if (event_) {
-    confirm(confirmed_ ? 0 : speaks_for());
+    if (!confirmed_) hear(speaks_for());
     ++age_;
     window_.stretches = std::min(window_.stretches + 1, recent_.size());
     // While a fault lasts, all causes are weighed ever more rarely, unless it grows.
@@ -459,7 +465,7 @@ void FaultResponses::find_healthy_or_fault() {
   // What one stretch has shown stays: the next may not move enough.
   if (doubt_text_.empty())
     doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found, window_.change, before_);
-  confirm(0);
+  confirm();
 }
 
 // ---- what could be seen

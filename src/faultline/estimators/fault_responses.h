@@ -10,8 +10,8 @@
 // effect in it, and a second fault is searched for beside the first (fault_search.h).
 //
 // What was found is told once stretches that had no part in finding it confirm it: with the fault as it was found, the
-// model must explain them better, by as much evidence as finding takes. Of what is not there the next stretch says the
-// opposite, as strongly as it would confirm it.
+// model must explain them better, by as much evidence as finding takes, in about as many stretches as are looked at for
+// a fault. Of what is not there the next stretch says the opposite, as strongly as it would confirm it.
 //
 // Most stretches say what those before them said. One whose misfit with all that is known (known_model.h) is the usual
 // one cannot win evidence for any other cause, so it costs one run of the model and is not looked at further, while
@@ -91,7 +91,8 @@ class FaultResponses {
   void forget_oldest();
   double speaks_for() const;  // evidence of the latest stretch alone for the fault, as it was found
   bool over() const { return speaks_for() < -settings_.over_evidence; }  // it no longer shows it
-  void confirm(double evidence);
+  void hear(double evidence);                                            // of a stretch after it was found
+  void confirm();
   Eigen::MatrixXd prior(const Window& window) const;  // [r T]'[r T] of what is known of theta
   std::vector<RankedFault> screen(const Window& window) const;
   std::vector<RankedFault> find_window();  // sets window_; what it screened there
@@ -130,7 +131,7 @@ class FaultResponses {
   const std::vector<RankedFault> none_;
   bool confirmed_ = false;
   bool explained_ = false;                    // the latest stretches looked at closely, by the rig without faults
-  double confirming_ = 0;                     // evidence of stretches since it was found
+  double confirming_ = 0;                     // evidence of stretches since it was found, the older the less
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
   KnownModel known_;

@@ -2,8 +2,8 @@
 // found last is told until the next judgement. That comes `latency` s after a stretch ended, whenever it is ready: a
 // thread of its own works it out, so that samples are not held up, and live and offline say the same at the same
 // sample. Its estimates hold a ranking only.
-// Settings: segment [s], segments, every [s], recent, memory, inflation, threshold, confirmed (response_settings.h);
-// latency [s, half of every].
+// Settings: segment [s], segments, every [s], recent, memory, inflation, threshold, confirmed, explained
+// (response_settings.h); latency [s, half of every].
 #include "faultline/estimators/response_core.h"
 
 #include <future>

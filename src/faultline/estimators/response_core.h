@@ -6,8 +6,8 @@
 
 namespace faultline {
 
-// Settings: segment, segments, every, recent, memory, inflation, threshold, confirmed; those of ResponseSettings where
-// there is none given.
+// Settings: segment, segments, every, recent, memory, inflation, threshold, confirmed, explained; those of
+// ResponseSettings where there is none given.
 ResponseSettings response_settings(const Datasheet& sheet, const StageSpec& spec);
 
 // Of the datasheet's first stage of the family response; without one those of ResponseSettings.

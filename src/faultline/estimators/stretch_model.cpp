@@ -42,6 +42,7 @@ ResponseSettings read_response_settings(const Settings& settings, const Datashee
   s.inflation_variances = settings.number_or("inflation", s.inflation_variances, 1, 1e6);
   s.threshold_evidence = settings.number_or("threshold", s.threshold_evidence, 1e-6, 1e9);
   s.confirmed_fraction = settings.number_or("confirmed", s.confirmed_fraction, 0, 1e3);
+  s.explained_ratio = settings.number_or("explained", s.explained_ratio, 0, 1e3);
   return s;
 }
 

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kExplained = 0.6;  // of the threshold: ResponseSettings::weighed_fraction
 constexpr double kAtBound = 0.005;  // of the way from no effect to the bound
+constexpr double kKeptShare = 0.5;  // of the least size that is told, down to which it stays told
 
 RankingOptions read_options(const Settings& s) {
   RankingOptions o;
@@ -22,6 +23,7 @@ RankingOptions read_options(const Settings& s) {
   o.most_rivals = static_cast<std::size_t>(s.number("most_rivals", 0, 100));
   o.model_error_fraction = s.number("model_error", 0, 10);
   o.std_ratio = s.number_or("std_factor", 1, 0.01, 10);
+  o.least_fraction = s.number_or("least_share", 0, 0, 1);
   return o;
 }
 
@@ -46,6 +48,7 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
   heard_ = ranking;
   judged_ = heard_->judged_until;
   const std::vector<RankedHypothesis>& ranked = options_.second ? heard_->second : heard_->first;
+  too_small_ = false;
   if (ranked.empty() || (options_.second && !heard_->doubt.empty())) {
     finding.active = held_ = false;
     told_ = named_ = -1;
@@ -57,8 +60,14 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
     finding.since = heard_->since;
   }
   if (++judgements_ < options_.confirm_judgements) return;
-  finding.active = true;
   const RankedHypothesis& best = ranked.front();
+  const double least = (finding.active ? kKeptShare : 1) * options_.least_fraction;
+  too_small_ = heard_->doubt.empty() && too_small(best, least);
+  finding.active = !too_small_;
+  if (too_small_) {
+    told_ = named_ = -1;
+    return;
+  }
   if (best.order == told_ && best.evidence == told_evidence_) return;
   told_ = best.order;
   told_evidence_ = best.evidence;
@@ -66,7 +75,8 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
 }
 
 bool RankingFinding::all_explained() const {
-  return heard_ && heard_->first.empty() && heard_->doubt.empty() && heard_->evidence < kExplained * heard_->threshold;
+  if (!heard_ || !heard_->doubt.empty()) return false;
+  return too_small_ || (heard_->first.empty() && heard_->evidence < kExplained * heard_->threshold);
 }
 
 void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding& finding) {
@@ -135,20 +145,29 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
   finding.high = sizes.high;
 }
 
-bool RankingFinding::at_bound(const RankedHypothesis& h) const {
+const Bounds* RankingFinding::bounds_of(const RankedHypothesis& h) const {
   const auto port = ports_.find(h.port);
-  if (port == ports_.end()) return false;
+  if (port == ports_.end()) return nullptr;
   for (const FittingEffect& effect : port->second.effects) {
     const auto found = effect.effect == h.effect ? effect.bounds.find(h.size_name) : effect.bounds.end();
-    if (found == effect.bounds.end()) continue;
-    const Bounds& b = found->second;
-    if (std::isinf(h.none)) return h.size() <= (1 + kAtBound) * b.minimum;
-    const auto reaches = [&](double bound) {
-      return std::abs(h.size() - bound) <= kAtBound * std::abs(bound - h.none);
-    };
-    return (b.maximum > h.none && reaches(b.maximum)) || (b.minimum < h.none && reaches(b.minimum));
+    if (found != effect.bounds.end()) return &found->second;
   }
-  return false;
+  return nullptr;
+}
+
+bool RankingFinding::at_bound(const RankedHypothesis& h) const {
+  const Bounds* b = bounds_of(h);
+  if (b == nullptr) return false;
+  if (std::isinf(h.none)) return h.size() <= (1 + kAtBound) * b->minimum;
+  const auto reaches = [&](double bound) { return std::abs(h.size() - bound) <= kAtBound * std::abs(bound - h.none); };
+  return (b->maximum > h.none && reaches(b->maximum)) || (b->minimum < h.none && reaches(b->minimum));
+}
+
+bool RankingFinding::too_small(const RankedHypothesis& h, double least_fraction) const {
+  const Bounds* b = bounds_of(h);
+  if (b == nullptr || std::isinf(h.none)) return false;
+  const double way = h.size() - h.none, whole = (way > 0 ? b->maximum : b->minimum) - h.none;
+  return std::abs(way) < least_fraction * std::abs(whole);
 }
 
 std::string RankingFinding::text(const RankedHypothesis& h) const {

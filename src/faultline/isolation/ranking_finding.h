@@ -5,13 +5,14 @@
 // explains within `rival` of that evidence (a fraction, and never less than `rival_least`) cannot be told from it
 // and is listed as equivalent; if more than `most_rivals` are, the fault is unknown and all of them are candidates. So
 // it is where the size lies at the largest that the datasheet allows: what goes beyond is something else, or more than
-// one thing. Where the ranking doubts a channel, that is told instead, as trouble of the data.
+// one thing. Where the ranking doubts a channel, that is told instead, as trouble of the data. A size below
+// `least_share` of its range is not told, for rigs in good order have as much; what is told stays down to half of that.
 // Confidence: that the trouble is at that port, by the evidence of all; never more than one over the ports among what
 // cannot be told apart. Size with 90 % bounds from the ranking's standard deviation and `model_error` (relative: what
 // tolerances leave). The evidence's variances are inflated to decide with care; `std_factor` takes that back for the
 // bounds.
 // Settings: place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals,
-// model_error, std_factor [1].
+// model_error, std_factor [1], least_share [0].
 #pragma once
 
 #include <cstdint>
@@ -35,6 +36,7 @@ struct RankingOptions {
   std::size_t most_rivals = 0;         // beyond which naming the best would say nothing
   double model_error_fraction = 0;     // model_error: of an amplitude, from the tolerances
   double std_ratio = 1;                // std_factor: of the bounds' standard deviation to the inflated one
+  double least_fraction = 0;           // least_share: of the way from no effect to the datasheet's bound
 };
 
 class RankingFinding {
@@ -46,19 +48,21 @@ class RankingFinding {
   void tell(const std::shared_ptr<const Ranking>& ranking, bool restarted, Finding& finding);
   bool second() const { return options_.second; }
   double judged_until() const { return judged_; }
-  // Nothing is wrong, and no cause could win as much evidence as makes them worth weighing.
+  // Nothing is wrong, or less than is told, and no cause could win as much evidence as makes them worth weighing.
   bool all_explained() const;
 
  private:
   void write(const std::vector<RankedHypothesis>& ranked, Finding& finding);
   std::string text(const RankedHypothesis& h) const;
+  const Bounds* bounds_of(const RankedHypothesis& h) const;  // of its size, in the datasheet; nullptr: none
   bool at_bound(const RankedHypothesis& h) const;
+  bool too_small(const RankedHypothesis& h, double least_fraction) const;
 
   std::map<std::string, Port> ports_;
   RankingOptions options_;
   std::shared_ptr<const Ranking> heard_;  // the last
   double judged_ = -std::numeric_limits<double>::infinity();
-  bool held_ = false;
+  bool held_ = false, too_small_ = false;
   std::size_t judgements_ = 0;
   double told_evidence_ = 0;
   std::int64_t told_ = -1, named_ = -1;  // RankedHypothesis::order; -1: none
