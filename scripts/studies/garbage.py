@@ -10,8 +10,8 @@ table a rig, as Markdown, and a summary. What is done stays in FOLDER; --before 
 answers stand beside (FAULTLINE_PROGRAM says which build is measured).
 
 named: what was done is said, with its channel. warned: an alarm that is no false name, or "not observable".
-false name: a fault, or another transducer. hidden: nothing is said, and the readings have moved by less than their noise.
-healthy: nothing is said, though they have moved by more."""
+false name: a fault, or another transducer. hidden: nothing is said, and the readings have moved by less than their
+noise. healthy: nothing is said, though they have moved by more."""
 
 import argparse
 import collections

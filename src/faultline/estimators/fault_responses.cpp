@@ -302,8 +302,8 @@ double FaultResponses::speaks_for() const {
          model_.loss(before, last, point_, {hypotheses()[first.hypothesis].at(first.amplitude)});
 }
 
-// What the model always gets a little wrong adds up without end, so what speaks for the fault must come in about the time
-// in which one is looked for.
+// What the model always gets a little wrong adds up without end, so what speaks for the fault must come in about the
+// time in which one is looked for.
 void FaultResponses::hear(double evidence) {
   confirming_ += evidence - confirming_ / static_cast<double>(settings_.recent_stretches);
   confirm();
