@@ -233,9 +233,10 @@ def channel_rows(answer):
             levels.append(
                 (
                     show(scale.span(rms)),
-                    "{} × noise, fit {}".format(
+                    "{} × noise, fit {}, run freely {}".format(
                         show(scale.span(rms) / max(noise, 1e-300), 2),
                         "–" if fit is None else "{:.1f} %".format(max(fit, -999)).replace("-", "−"),
+                        show(scale.span(entry["rms"]["free"])),
                     ),
                 )
             )

@@ -219,11 +219,14 @@ void print_missing(const MissingSignal& missing) {
 
 void print_result(const GapResult& result) {
   fmt::print("{}: {}\n{}\n", result.rig, result.verdict, result.sentence);
-  fmt::print("\n{:<22} {:>12} {:>12} {:>12} {:>12}\n", "rms over a segment", "noise", "nominal", "refit", "explained");
+  fmt::print("\n{:<22} {:>12} {:>12} {:>12} {:>12} {:>12}\n", "rms over a segment", "noise", "nominal", "refit",
+             "explained", "free run");
   for (std::size_t c = 0; c < result.gap.front().channels.size(); ++c) {
     const ChannelGap& gap = result.gap[0].channels[c];
-    fmt::print("{:<22} {:>12.4g} {:>12.4g} {:>12.4g} {:>12.4g} {}\n", gap.channel, gap.noise_std, gap.rms.at("segment"),
-               result.gap[1].channels[c].rms.at("segment"), result.gap[2].channels[c].rms.at("segment"), gap.unit);
+    const ChannelGap& explained = result.gap[2].channels[c];
+    fmt::print("{:<22} {:>12.4g} {:>12.4g} {:>12.4g} {:>12.4g} {:>12.4g} {}\n", gap.channel, gap.noise_std,
+               gap.rms.at("segment"), result.gap[1].channels[c].rms.at("segment"), explained.rms.at("segment"),
+               explained.rms.at("free"), gap.unit);
   }
   if (result.verdict == "named" || result.verdict == "unknown") {
     fmt::print("\nwhere: {} ({})", result.places.front().port, result.places.front().component);

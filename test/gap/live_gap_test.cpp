@@ -1,5 +1,6 @@
 // The gap while the rig runs: normal on a healthy rig, left when an effect comes, the place, breaks and jumps of time.
 #include "faultline/gap/live_gap.h"
+#include "faultline/gap/normal_gap.h"
 
 #include <gtest/gtest.h>
 
@@ -135,6 +136,23 @@ TEST(LiveGap, SaysThatNothingIsNormalWhereTheDatasheetIsSilent) {
   EXPECT_TRUE(std::isnan(last.channels.front().normal));
   EXPECT_GT(last.channels.front().smoothed, 100);
   EXPECT_NE(last.text.find("does not say"), std::string::npos);
+}
+
+TEST(NormalGap, IsMadeOfTolerancesAndHoldsOnAnotherRig) {
+  Datasheet sheet = servo();
+  sheet.normal_gap = simulated_normal_gap(sheet, {}, 2);
+  EXPECT_EQ(sheet.normal_gap.size(), servo().normal_gap.size());
+  for (const auto& [channel, most] : sheet.normal_gap) {
+    EXPECT_GE(most, 1) << channel;
+    EXPECT_LT(most, 5 * servo().normal_gap.at(channel)) << channel;  // 90 longer simulations said that
+  }
+  for (const char* profile : {"random", "steps"}) {
+    LiveGap gap(sheet, {});
+    for (const LiveGapState& state : play(gap, simulate(servo(), off_nominal(profile, 202), 16)))
+      EXPECT_FALSE(state.left) << profile << " at " << state.time << " s: " << state.text;
+  }
+  LiveGap gap(sheet, {});
+  EXPECT_TRUE(play(gap, with_effect("deadband@restriction.valve:width=0.6", 12)).back().left);
 }
 
 TEST(LiveGap, RefusesSettingsThatMakeNoSense) {

@@ -2,9 +2,13 @@
 // or at least its place.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "faultline/alarms/diagnosis.h"
 #include "faultline/estimators/process_model.h"
+#include "faultline/gap/normal_gap.h"
 #include "faultline/rig/simulator.h"
+#include "faultline/segments/segment_length.h"
 #include "own_rigs.h"
 
 namespace faultline {
@@ -56,6 +60,28 @@ TEST(OwnRigDiagnosis, ARigOfManyStatesIsWatchedWithoutAFilter) {
   const AlarmReport report = diagnosed(sheet, run);
   ASSERT_FALSE(report.alarms.empty());
   EXPECT_EQ(report.alarms.front().text, "end_voltage: this transducer is stuck");
+}
+
+// What is normal comes from the datasheet's tolerances, where it does not say so itself.
+TEST(OwnRigDiagnosis, TheLiveGapOfTanksLeavesNormalAtAFaultOnly) {
+  Datasheet sheet = own_rig("two_tanks");
+  ASSERT_TRUE(sheet.normal_gap.empty());
+  sheet.normal_gap = simulated_normal_gap(sheet, {}, 2);
+  ASSERT_EQ(sheet.normal_gap.size(), 1u);
+  const auto leaves = [&](const std::string& effect) {
+    SimulationSetup setup;
+    setup.seed = 5;
+    setup.parameters = draw_parameters(sheet, 5);
+    if (!effect.empty()) setup.effects.push_back(parse_effect(effect));
+    LiveGap gap(sheet, {});
+    const Recording run = simulate(sheet, setup, 24 * segment_length(sheet));
+    for (std::size_t row = 0; row < run.rows(); ++row) gap.process(run.sample(row));
+    EXPECT_TRUE(gap.state().judged) << gap.counts().segments;
+    EXPECT_FALSE(std::isnan(gap.state().channels.front().normal));
+    return gap.state().left;
+  };
+  EXPECT_FALSE(leaves(""));
+  EXPECT_TRUE(leaves("clogging@restriction.lower_outlet:fraction=0.4"));
 }
 
 struct Case {

@@ -128,6 +128,19 @@ TEST(ParameterFit, KnowsTanksWhoseUpperLevelIsNotMeasured) {
   EXPECT_LT(fit.channels[0].after, 1.3 * fit.channels[0].noise);
 }
 
+TEST(Fit, OfRunsOfDifferentPeriodsDoesNotHangOnTheirOrder) {
+  const Recording fast = tank_run({tanks().nominal(), {}}, 512, 7, 0.2).recording,
+                  slow = tank_run({tanks().nominal(), {}}, 256, 8, 0.1, 8).recording;
+  const ParameterFit one = fit_parameters(tanks(), {{"fast", fast}, {"slow", slow}}, 2);
+  const ParameterFit other = fit_parameters(tanks(), {{"slow", slow}, {"fast", fast}}, 2);
+  ASSERT_EQ(one.parameters.size(), other.parameters.size());
+  for (std::size_t i = 0; i < one.parameters.size(); ++i) {
+    const FittedParameter &a = one.parameters[i], &b = other.parameters[i];
+    EXPECT_NEAR(a.estimate, b.estimate, 1e-3 * a.estimate) << a.name;
+    EXPECT_NEAR(a.high - a.low, b.high - b.low, 0.05 * (a.high - a.low)) << a.name;
+  }
+}
+
 // Two runs of different sample periods. (A clogged outlet could as well be a pump and a transducer that are off:
 // without the upper level nobody can tell.)
 TEST(Gap, OfTanksNamesThePumpThatStartsLate) {

@@ -33,10 +33,15 @@ std::vector<std::size_t> marked_parameters(const Datasheet& sheet) {
   return marked;
 }
 
-// Scatter and parameters in turn. Returns the largest move of the last round, in tolerances.
-double settle(SegmentSolver& solver, std::vector<double>& values, const std::vector<std::size_t>& free, bool correlated,
-              const FitOptions& options) {
-  double moved = 0;
+struct Settled {
+  double moved = 0;     // the largest move of the last round, in tolerances
+  bool solved = false;  // the last round's search ended at a minimum
+};
+
+// Scatter and parameters in turn.
+Settled settle(SegmentSolver& solver, std::vector<double>& values, const std::vector<std::size_t>& free,
+               bool correlated, const FitOptions& options) {
+  Settled last;
   for (std::size_t round = 0; round < options.rounds; ++round) {
     const std::vector<double> before = values;
     solver.set_scatter(values);
@@ -44,13 +49,13 @@ double settle(SegmentSolver& solver, std::vector<double>& values, const std::vec
       solver.set_correlation(values);
       solver.set_weights(values, free);
     }
-    const bool solved = solver.solve(values, free, round == 0 ? options.first_iterations : options.next_iterations);
-    moved = 0;
+    last.solved = solver.solve(values, free, round == 0 ? options.first_iterations : options.next_iterations);
+    last.moved = 0;
     for (const std::size_t i : free)
-      moved = std::max(moved, std::abs(solver.coordinate(i, values[i]) - solver.coordinate(i, before[i])));
-    if (solved && moved < options.settled_tolerances) break;
+      last.moved = std::max(last.moved, std::abs(solver.coordinate(i, values[i]) - solver.coordinate(i, before[i])));
+    if (last.solved && last.moved < options.settled_tolerances) break;
   }
-  return moved;
+  return last;
 }
 
 // Other starts, drawn around the datasheet's values; `values` becomes the best. Returns how many ended lower.
@@ -148,8 +153,8 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   settle(solver, result.values, free, false, options);
   tell(fmt::format("{} other starts", options.other_starts));
   const std::size_t better = try_other_starts(solver, result.values, free, options);
-  const double moved = settle(solver, result.values, free, true, options);
-  result.converged = moved < options.settled_tolerances;
+  const Settled last = settle(solver, result.values, free, true, options);
+  result.converged = last.solved && last.moved < options.settled_tolerances;
   tell("errors");
   const FitErrors errors = fit_errors(solver, sheet, result.values, free);
   for (std::size_t at = 0; at < free.size(); ++at) {
@@ -169,7 +174,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
     result.remarks.push_back(
         fmt::format("not converged: after {} rounds a parameter still moves by {:.2g} tolerances in a round; give more "
                     "or longer runs, or mark fewer parameters",
-                    options.rounds, moved));
+                    options.rounds, last.moved));
   if (better > 0)
     result.remarks.push_back(
         fmt::format("{} of {} other starts ended at a better minimum than the datasheet's values did; check the "

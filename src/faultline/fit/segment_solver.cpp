@@ -120,7 +120,7 @@ double SegmentSolver::cost(const std::vector<double>& values, const std::vector<
 
 void SegmentSolver::set_correlation(const std::vector<double>& values) {
   const auto outputs = static_cast<Eigen::Index>(noise_.size());
-  const auto lags = static_cast<Eigen::Index>(runs_.front().segment / 2 + 1);
+  const auto lags = static_cast<Eigen::Index>(fewest_rows(runs_) / 2 + 1);
   // Products over lags of each output, sums over segments.
   Eigen::MatrixXd products = Eigen::MatrixXd::Zero(lags, outputs);
   for (std::size_t r = 0; r < runs_.size(); ++r) {
@@ -161,7 +161,7 @@ void SegmentSolver::set_weights(const std::vector<double>& values, const std::ve
 }
 
 double SegmentSolver::segment_values() const {
-  return static_cast<double>(runs_.front().segment * model_.outputs().size());
+  return static_cast<double>(fewest_rows(runs_) * model_.outputs().size());
 }
 
 double SegmentSolver::weight(double square) const {

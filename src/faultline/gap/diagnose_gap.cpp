@@ -71,6 +71,17 @@ std::string kind_of(const Datasheet& sheet, const std::string& port) {
   return sheet.port(port).kind == PortKind::sensor ? "sensor" : "process";
 }
 
+std::vector<std::string> parameters_at_bounds(const Datasheet& sheet, const ModelChange& model,
+                                              const GapOptions& options) {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
+    const Parameter& p = sheet.parameters[i];
+    const double bound = options.linearisation.parameter_bound_tolerances * std::abs(p.nominal * p.tolerance);
+    if (bound > 0 && std::abs(model.parameters[i] - p.nominal) > 0.999 * bound) names.push_back(p.name);
+  }
+  return names;
+}
+
 std::vector<SegmentedRun> cut_in_two(const Datasheet& sheet, const SegmentedRun& run, const SegmentOptions& options) {
   std::vector<SegmentedRun> parts;
   const std::size_t rows = run.recording.rows();
@@ -290,6 +301,11 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   work.tell(0.02, "refitting parameters");
   const EffectSearch search = search_effects(work, settings.most_effects, quiet);
   if (std::string text = work.runs_disagree(search.base); !text.empty()) result.remarks.push_back(std::move(text));
+  for (const std::string& name : parameters_at_bounds(sheet, search.base.model, options))
+    result.remarks.push_back(
+        fmt::format("{} is as far from the datasheet as it may go, {:g} tolerances: correct the "
+                    "datasheet, or give the parameter the tolerance that it has",
+                    name, options.linearisation.parameter_bound_tolerances));
   ModelChange nominal;
   nominal.parameters = sheet.nominal();
   const double nominal_excess = mean_excess(search.nominal, values);
@@ -321,13 +337,14 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   result.verdict = answer.verdict;
   result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (answer.doubt - 1)));
   if (evidence.effects > 0) result.closable = evidence.effects / (evidence.effects + evidence.free_after);
-  if (!answer.names) {
+  // Under "unknown" the effects that were accepted stay as a part of the cause, however little they close.
+  if (!answer.names && result.verdict != "unknown") {
     result.effects.clear();
     result.equivalent.clear();
     result.shrink_refit = result.closable = 0;
     result.shrink_interval = {};
-    if (result.verdict == "unknown") result.places = free_places(sheet, search.before);
   }
+  if (!answer.names && result.verdict == "unknown") result.places = free_places(sheet, search.before);
 
   const std::vector<FreePlace>& free = (answer.names ? search.after : search.before).places;
   if (result.verdict == "unknown" && !free.empty() && free.front().gain > 0) {

@@ -91,7 +91,7 @@ std::vector<double> GapTrials::robust(const std::vector<double>& losses) const {
 double GapTrials::standard_error(const std::vector<double>& differences) const {
   double size = 0;
   for (const double d : differences) size += std::abs(d);
-  const double correlated = options().trials.correlated_fraction * static_cast<double>(model().runs().front().segment);
+  const double correlated = options().trials.correlated_fraction * static_cast<double>(fewest_rows(model().runs()));
   return std::sqrt(2 * std::max(1.0, correlated) * size);
 }
 

@@ -35,7 +35,7 @@ struct LiveGapSettings {
   std::size_t locate_every_segments = 20;  // bounds the effort
   double jump_segments = 1;                // of missing time, forwards, from which all begins anew; backwards any
   double return_ratio = 0.7;           // to the normal limit, below which a channel is back: hysteresis against flicker
-  double period_error_fraction = 0.2;  // of a sample period, that a stamp may be off
+  double period_error_fraction = 0.45;  // of a sample period, that a stamp may be off
   double notable_ratio = 1.25;         // enrichment from which a region is told
   double standstill_fraction = 0.02;   // of a channel's largest magnitude in the window: near zero ...
   double standstill_sigma = 3;         // ... and within this many standard deviations of its noise

@@ -11,6 +11,7 @@
 namespace faultline {
 namespace {
 
+constexpr double kSamePeriod = 0.01;
 constexpr std::size_t kWhole = std::numeric_limits<std::size_t>::max() / 2;  // rows: no restart but at breaks
 
 ChannelGap channel_gap(const ResidualModel& model, std::size_t output) {
@@ -27,12 +28,15 @@ double deviation(const ResidualModel& model, std::size_t output) {
   for (const SegmentedRun& run : model.runs())
     for (std::size_t k = 0; k < run.recording.rows(); ++k) {
       const double v = run.recording.at(k, static_cast<std::size_t>(model.outputs()[output]));
+      if (!std::isfinite(v)) continue;
       s += v;
       s2 += v * v;
       n += 1;
     }
-  return std::sqrt(std::max(s2 / n - s / n * s / n, 0.0));
+  return n > 0 ? std::sqrt(std::max(s2 / n - s / n * s / n, 0.0)) : 0;
 }
+
+std::string percent(double share) { return share < 0.005 ? "less than 1 %" : fmt::format("{:.0f} %", 100 * share); }
 
 GapLevel level(const ResidualModel& model, const std::string& name, const ModelChange& at) {
   GapLevel result;
@@ -107,7 +111,8 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
     std::vector<double> sorted;
     for (const SegmentedRun& run : model.runs())
       for (std::size_t k = 0; k < run.recording.rows(); k += options.quantile_stride)
-        sorted.push_back(run.recording.at(k, c));
+        if (std::isfinite(run.recording.at(k, c))) sorted.push_back(run.recording.at(k, c));
+    if (sorted.empty()) continue;
     std::sort(sorted.begin(), sorted.end());
     const double low = sorted[sorted.size() / 10], high = sorted[sorted.size() - 1 - sorted.size() / 10];
     const double span =
@@ -147,13 +152,23 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
                    [](const Region& a, const Region& b) { return a.enrichment > b.enrichment; });
   if (result.regions.size() > options.most) result.regions.resize(options.most);
 
-  // Bands by block means: their energy, against what white noise of the same power has there.
-  const double values = rows * outputs;
+  // Bands by block means: their energy, against what white noise of the same power has there. In blocks of samples, so
+  // of the runs that have the first one's period.
+  std::vector<Eigen::MatrixXf> alike, alike_explained;
+  double values = 0, power = 0;
+  for (std::size_t r = 0; r < residuals.size(); ++r) {
+    if (std::abs(model.runs()[r].period / model.runs().front().period - 1) > kSamePeriod) continue;
+    alike.push_back(residuals[r]);
+    alike_explained.push_back(explained[r]);
+    values += static_cast<double>(residuals[r].size());
+    power += static_cast<double>(residuals[r].squaredNorm());
+  }
   for (Eigen::Index b = 1; b <= 64; b *= 4) {
     const double rate = 1 / model.runs().front().period, width = static_cast<double>(b);
-    const double energy = band_energy(residuals, b), fraction = energy / std::max(total, 1e-300);
+    const double energy = band_energy(alike, b), fraction = energy / std::max(power, 1e-300);
     result.bands.push_back({fmt::format("{:.3g} to {:.3g} Hz", rate / (8 * width), rate / (2 * width)),
-                            fraction / (0.75 / width), fraction, energy / values, band_energy(explained, b) / values});
+                            fraction / (0.75 / width), fraction, energy / values,
+                            band_energy(alike_explained, b) / values});
   }
 }
 
@@ -215,9 +230,8 @@ void describe(const Datasheet& sheet, GapResult& result) {
     result.sentence = fmt::format("Something the library does not know{}; ",
                                   result.places.empty() ? "" : " at or near " + result.places.front().port);
     if (!found.empty())
-      result.sentence +=
-          fmt::format("the nearest, {}, {} {:.0f} % of what the refit leaves.", found,
-                      result.effects.size() > 1 ? "close" : "closes", 100 * std::max(0.0, result.shrink_refit));
+      result.sentence += fmt::format("the nearest, {}, {} {} of what the refit leaves.", found,
+                                     result.effects.size() > 1 ? "close" : "closes", percent(result.shrink_refit));
     else if (result.ranked.empty())
       result.sentence += "no effect of the library could be tried.";
     else

@@ -34,8 +34,8 @@ class ResidualModel {
   const std::vector<SegmentedRun>& runs() const { return runs_; }
   const std::vector<int>& outputs() const { return model_.outputs(); }  // channels that count
   const std::vector<double>& noise() const { return noise_; }           // per output, channel's unit
-  // Readings that a whole segment has; where runs have different periods, in the first of them.
-  double segment_values() const { return static_cast<double>(runs_.front().segment * outputs().size()); }
+  // Readings that a whole segment counts for.
+  double segment_values() const { return static_cast<double>(fewest_rows(runs_) * outputs().size()); }
   const GapOptions& options() const { return options_; }  // of all that works with these residuals
 
   // Normalised residuals of one run, rows x outputs.

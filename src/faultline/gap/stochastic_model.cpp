@@ -310,12 +310,15 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
                                  const std::vector<std::size_t>& runs, int jobs) {
   StochasticModel model;
   const SegmentModel& segments = residuals.model();
-  const SegmentedRun& first = residuals.runs()[runs.front()];
-  const std::size_t stride = std::max<std::size_t>(1, first.segment / kStepsPerSegment);
-  model.step = static_cast<double>(stride) * first.period;
-  model.block = std::max<std::size_t>(2, first.segment / stride);
+  const SegmentedRun* slowest = &residuals.runs()[runs.front()];
+  for (const std::size_t r : runs)
+    if (residuals.runs()[r].period > slowest->period) slowest = &residuals.runs()[r];
+  const std::size_t strides = std::max<std::size_t>(1, slowest->segment / kStepsPerSegment);
+  model.step = static_cast<double>(strides) * slowest->period;
+  model.block = std::max<std::size_t>(2, slowest->segment / strides);
   for (const std::size_t r : runs) {
     const SegmentedRun& run = residuals.runs()[r];
+    const auto stride = static_cast<std::size_t>(std::max(1.0, std::round(model.step / run.period)));
     for (const Stretched& piece : pieces_of(run, std::max(kPieceSegments, kMostSegments / runs.size()))) {
       StochasticStretch stretch;
       stretch.run = r;

@@ -108,11 +108,14 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
   if (!invert(sum.information, covariance)) return step;
   const Eigen::VectorXd theta = covariance * sum.weighted;
   const Eigen::VectorXd scale = reference.theta.cwiseInverse();
-  step.change = (theta.array() * scale.array()).max(kLeastRatio).log();
+  const Eigen::ArrayXd ratio = (theta.array() * scale.array()).max(kLeastRatio);
+  step.change = ratio.log();
+  const Eigen::VectorXd own = scale.array() / ratio.min(1);
   step.age = static_cast<double>(blocks) * options_.block_s;
   step.scatter = sum.square - sum.weighted.dot(theta);
   const auto known = [&](double spread) {
-    Eigen::MatrixXd v = scale.asDiagonal() * (spread * covariance + reference.covariance) * scale.asDiagonal();
+    Eigen::MatrixXd v = own.asDiagonal() * (spread * covariance) * own.asDiagonal();
+    v += scale.asDiagonal() * reference.covariance * scale.asDiagonal();
     for (int i = 0; i < n_; ++i) {
       v(i, i) += std::pow(options_.floor[static_cast<std::size_t>(i)], 2);
       const double relative = std::sqrt(reference.covariance(i, i)) * std::abs(scale[i]);

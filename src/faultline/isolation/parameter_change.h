@@ -5,8 +5,9 @@
 // Estimates theta_k with covariance P_k, each of about the last `memory` s (least squares with forgetting), carry the
 // information (T/memory) P_k^-1 a sample of T s. It is summed in blocks of `block` s, of which the last `window` s are
 // kept. For a step before block j, the blocks since give
-//   theta_j = J_j^-1 b_j,   change_i = ln(theta_ji/theta_0i),   V_j = D (J_j^-1 + P_0) D + diag(floor_i^2),
-//   D = diag(1/theta_0i),   chi2_j = change' V_j^-1 change,   told: the j of the greatest chi2
+//   theta_j = J_j^-1 b_j,   change_i = ln(theta_ji/theta_0i),   V_j = E J_j^-1 E + D P_0 D + diag(floor_i^2),
+//   chi2_j = change' V_j^-1 change,   told: the j of the greatest chi2
+//   D = diag(1/theta_0i),  E = diag(1/min(theta_0i, theta_ji)): of what has fallen the logarithm is known less well
 // Estimates that still rest on samples from before the step are of neither rig (with two large terms that nearly cancel
 // they fall towards zero). So j is sought only where the blocks since agree with one level, j >= j*:
 //   j* = argmax of  sum over blocks since j of  (scatter n T_block/memory) + (relative_error)^2 d' J_j d - Q_j,

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "faultline/rig/time_scales.h"
+#include "faultline/segments/even_rows.h"
 
 namespace faultline {
 namespace {
@@ -13,21 +14,11 @@ constexpr double kFewestSamples = 20;
 
 }  // namespace
 
-double typical_period(const Datasheet& sheet, const Recording& recording) {
-  std::vector<double> steps;
-  for (std::size_t k = 1; k < recording.rows(); ++k)
-    if (recording.time[k] > recording.time[k - 1]) steps.push_back(recording.time[k] - recording.time[k - 1]);
-  if (steps.empty()) return sheet.sample_period;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
-}
-
 double segment_length(const Datasheet& sheet, const std::vector<const Recording*>& runs) {
   if (sheet.segment > 0) return sheet.segment;
   double duration = 0, period = 0;
   for (const Recording* run : runs) {
-    const double own = typical_period(sheet, *run);
+    const double own = fitted_period(sheet, *run);
     period = std::max(period, own);
     duration += static_cast<double>(run->rows()) * own;
   }

@@ -18,7 +18,5 @@ namespace faultline {
 double segment_length(const Datasheet& sheet, const std::vector<const Recording*>& runs);
 // s, where no run is known yet and they may be as long as they like.
 double segment_length(const Datasheet& sheet);
-// s, between the samples of a recording: the median; the datasheet's period where there are fewer than two.
-double typical_period(const Datasheet& sheet, const Recording& recording);
 
 }  // namespace faultline

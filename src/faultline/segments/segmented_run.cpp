@@ -5,7 +5,8 @@
 
 #include <fmt/format.h>
 
-#include "faultline/segments/segment_length.h"
+#include "faultline/rig/time_scales.h"
+#include "faultline/segments/even_rows.h"
 #include "faultline/segments/smoothing.h"
 #include "faultline/signal/error.h"
 
@@ -14,18 +15,11 @@ namespace {
 
 constexpr double kSmallestNoise = 1e-12;  // of a channel's range: a guard where the noise is 0
 constexpr std::size_t kFewestRows = 4;    // of a segment: a start and what it leads to
+constexpr double kSlower = 1.01;          // than the datasheet's period: a slower one there is its author's word
 
 double smallest_noise(const Channel& channel, const SegmentOptions& options) {
   return std::max({options.least_noise_fraction * channel.noise_std, channel.resolution / std::sqrt(12.0),
                    kSmallestNoise * (channel.maximum - channel.minimum)});
-}
-
-// The datasheet's period where the recording's is the same but for jitter.
-double period_of(const Datasheet& sheet, const Recording& recording, const SegmentOptions& options) {
-  const double own = typical_period(sheet, recording);
-  return std::abs(own - sheet.sample_period) > options.period_error_fraction * sheet.sample_period
-             ? own
-             : sheet.sample_period;
 }
 
 // Why the model cannot be driven over a row; null where it can.
@@ -44,7 +38,7 @@ struct Breaks {
   std::string first;  // the first one, in words
 };
 
-Breaks find_breaks(const Datasheet& sheet, const SegmentedRun& run, const SegmentOptions& options) {
+Breaks find_breaks(const Datasheet& sheet, const SegmentedRun& run, const EvenRows& even) {
   Breaks found;
   const Recording& r = run.recording;
   const auto note = [&](const std::string& text) {
@@ -54,10 +48,11 @@ Breaks find_breaks(const Datasheet& sheet, const SegmentedRun& run, const Segmen
   const auto end = [&](std::size_t last) {
     if (last >= first + run.segment) found.stretches.push_back({first, last});
   };
+  auto next = even.breaks.begin();
   for (std::size_t k = 0; k < r.rows(); ++k) {
-    const double step = k > 0 ? r.time[k] - r.time[k - 1] : run.period;
-    if (std::abs(step - run.period) > options.period_error_fraction * run.period) {
-      note(fmt::format("{:g} s between the samples at {:.3f} s", step, r.time[k] - r.time.front()));
+    if (next != even.breaks.end() && *next == k) {
+      note(even.first_break);
+      ++next;
       end(k);
       first = k;
     }
@@ -110,10 +105,11 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
   }
   SegmentedRun run;
   run.name = name;
-  run.period = period_of(sheet, recording, options);
+  run.period = fitted_period(sheet, recording);
   run.segment = std::max(kFewestRows, static_cast<std::size_t>(std::lround(segment / run.period)));
-  run.recording = std::move(recording);
-  const Breaks breaks = find_breaks(sheet, run, options);
+  EvenRows even = even_rows(sheet, std::move(recording), run.period, options);
+  run.recording = std::move(even.recording);
+  const Breaks breaks = find_breaks(sheet, run, even);
   run.stretches = breaks.stretches;
 
   run.unsmoothed.resize(sheet.channels.size());
@@ -151,17 +147,31 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
   const std::string why = breaks.count > 0 ? "; " + breaks.first : "";
   if (run.restarts.empty())
     throw InputError(
-        fmt::format("{}: no {:g} s without a break are in it ({} samples){}; record longer, or give the "
-                    "datasheet a shorter segment",
+        fmt::format("{}: no {:g} s without a break are in it ({} samples){}; record longer, give the "
+                    "datasheet a shorter segment, or bring the samples to an even rate (import --resample)",
                     name, static_cast<double>(run.segment) * run.period, run.recording.rows(), why));
-  if (breaks.count > 0 || missing > 0 || bounds > 0) {
+  std::string slow;
+  if (run.period > kSlower * sheet.sample_period && run.period > time_scales(sheet).fastest_s)
+    slow = fmt::format(
+        "{}: samples every {:g} s are slower than the rig's fastest motion: what lies between them is "
+        "taken as straight, and answers may be off by more than their intervals",
+        name, run.period);
+  if (breaks.count > 0 || even.filled > 0 || missing > 0 || bounds > 0) {
     run.remark = fmt::format("{}: {} of {} samples lie in {} segments that are used", name, used, run.recording.rows(),
                              run.restarts.size());
     if (breaks.count > 0) run.remark += fmt::format("; {} breaks, the first: {}", breaks.count, breaks.first);
+    if (even.filled > 0) run.remark += fmt::format("; {} rows were put in where single ones are missing", even.filled);
     if (missing > 0) run.remark += fmt::format("; {} readings are missing", missing);
     if (bounds > 0) run.remark += fmt::format("; {} readings at an end of their range count as bounds", bounds);
   }
+  if (!slow.empty()) run.remark += (run.remark.empty() ? "" : "; ") + slow;
   return run;
+}
+
+std::size_t fewest_rows(const std::vector<SegmentedRun>& runs) {
+  std::size_t rows = runs.front().segment;
+  for (const SegmentedRun& run : runs) rows = std::min(rows, run.segment);
+  return rows;
 }
 
 SegmentedRun some_segments(const SegmentedRun& run, const std::vector<std::size_t>& which) {

@@ -1,10 +1,9 @@
 // One recording, cut into segments of equal length: an integrating plant cannot run free for long, so at the head of
 // every segment the model's states are put back.
 //
-// What cannot be used is left out. A distance in time that is not the run's period ends a stretch, as does a command
-// or measured input that is not a number; segments lie within stretches. Readings of outputs that are missing or at an
-// end of their range (smoothing.h) do not count. A run has the period at which its samples come, which need not be the
-// datasheet's. Channels that are ground truth are not used, and commands that are ground truth count as 0.
+// What cannot be used is left out. A break in time (even_rows.h) ends a stretch, as does a command or measured input
+// that is not a number; segments lie within stretches. Readings of outputs that are missing or at an end of their range
+// (smoothing.h) do not count. A run has the period at which its samples come, which need not be the datasheet's. Channels that are ground truth are not used, and commands that are ground truth count as 0.
 #pragma once
 
 #include <string>
@@ -60,6 +59,10 @@ std::vector<int> compared_outputs(const Datasheet& sheet);
 enum class Inputs { smoothed, as_measured };
 SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording recording, double segment,
                      const SegmentOptions& options = {}, Inputs inputs = Inputs::smoothed);
+
+// Rows of a segment in the run whose samples are slowest: where periods differ, a segment of any run counts as if it
+// had so many readings, since those of a faster run hardly know more of the same stretch of motion.
+std::size_t fewest_rows(const std::vector<SegmentedRun>& runs);
 
 // The run with some of its segments (rising), starts and all.
 SegmentedRun some_segments(const SegmentedRun& run, const std::vector<std::size_t>& which);

@@ -1,0 +1,36 @@
+// A recording's rows on the even grid that a model is driven over.
+//
+//   T       sum of steps / sum of round(step/T~), of steps up to 4 T~    T~: the median step
+//   e_k     expected time of row k: e_(k-1) + n T + 0.1 d_(k-1), d_k = t_k - e_k, n = round((t_k - e_(k-1)) / T)
+//
+// Stamps that jitter about the grid by less than `period_error_fraction` of a period are taken as lying on it: the time
+// at which a stamp was written is less even than that at which its sample was taken. Up to 3 rows that are missing are
+// put in: commands and inputs between their neighbours, everything else not a number, so that it does not count. What
+// is farther off is a break.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "faultline/rig/datasheet.h"
+#include "faultline/segments/segment_options.h"
+#include "faultline/signal/sample.h"
+
+namespace faultline {
+
+// T [s] of a recording. The datasheet's, where it is the same within what a DAQ's clock is off, or where there are
+// fewer than two rows.
+double fitted_period(const Datasheet& sheet, const Recording& recording);
+
+struct EvenRows {
+  Recording recording;              // with the rows that were missing
+  std::vector<std::size_t> breaks;  // rows before which there is a break, rising
+  std::size_t filled = 0;           // rows that were put in
+  std::string first_break;          // in words; empty: none
+};
+
+// `period`: T. Channels of the recording in the datasheet's order.
+EvenRows even_rows(const Datasheet& sheet, Recording recording, double period, const SegmentOptions& options);
+
+}  // namespace faultline
