@@ -10,6 +10,7 @@ from graph import Graph  # packages makes it known
 
 RIG = "cascaded_tanks"
 LISTEN = str(ROOT / "test/nodes/listen.py")
+ARGUMENTS = ["rate:=100", "duration:=5600", "fault:=lower_outlet_clogged"]
 
 
 class Nodes(OutsideTest):
@@ -43,10 +44,10 @@ class Nodes(OutsideTest):
     def test_the_packages_launch_file_diagnoses(self):
         """Live says what offline says of the same samples, though a recorder listens before the estimators do."""
         heard = self.folder / "heard"
-        listener = self.graph.start(["python3", LISTEN, RIG, "60", str(heard), "alarms", "sample"])
+        listener = self.graph.start(["python3", LISTEN, RIG, "60", str(heard), "alarms", "sample", "gap"])
         code, said = self.graph.wait(
             self.graph.start(
-                ["roslaunch", RIG, f"{RIG}.launch", "rate:=100", "duration:=5600", "fault:=lower_outlet_clogged"]
+                ["roslaunch", RIG, f"{RIG}.launch", "gap:=true", *ARGUMENTS]
             ),
             180,
         )
@@ -55,6 +56,12 @@ class Nodes(OutsideTest):
         entries = [json.loads(line) for line in heard.read_text().splitlines()]
         samples = [entry for entry in entries if entry["topic"] == "sample"]
         self.assertEqual([sample["sequence"] for sample in samples], list(range(1401)))
+        # The datasheet does not say which gap is normal; the node finds it from the tolerances.
+        gaps = [entry for entry in entries if entry["topic"] == "gap"]
+        self.assertTrue(gaps)
+        for entry in gaps:
+            self.assertEqual(entry["channels"], ["lower_level"])
+            self.assertGreaterEqual(entry["normal"][0], 1)
         alarms = [entry for entry in entries if entry["topic"] == "alarms"][-1]["alarms"]
         # By which name the clogging is told, the default stages' own tests judge.
         self.assertTrue({"fault", "sensor"} & {alarm["kind"] for alarm in alarms}, alarms)

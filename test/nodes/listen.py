@@ -110,6 +110,7 @@ def gap(message):
             "time": message.header.stamp.to_nsec(),
             "channels": list(message.channels),
             "smoothed": list(message.smoothed),
+            "normal": list(message.normal),
             "judged": message.judged,
             "left_normal": message.left_normal,
             "since": message.since.to_nsec(),

@@ -74,7 +74,7 @@ TEST(OwnRigDiagnosis, TheLiveGapOfTanksLeavesNormalAtAFaultOnly) {
     setup.parameters = draw_parameters(sheet, 5);
     if (!effect.empty()) setup.effects.push_back(parse_effect(effect));
     LiveGap gap(sheet, {});
-    const Recording run = simulate(sheet, setup, 24 * segment_length(sheet));
+    const Recording run = simulate(sheet, setup, 24 * live_segment_length(sheet));
     for (std::size_t row = 0; row < run.rows(); ++row) gap.process(run.sample(row));
     EXPECT_TRUE(gap.state().judged) << gap.counts().segments;
     EXPECT_FALSE(std::isnan(gap.state().channels.front().normal));

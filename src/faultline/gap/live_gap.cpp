@@ -25,7 +25,7 @@ bool shows_regions(const Channel& channel) {
 }  // namespace
 
 LiveGap::LiveGap(const Datasheet& sheet, const LiveGapSettings& settings)
-    : sheet_(sheet), settings_(settings), gap_segment_(segment_length(sheet)) {
+    : sheet_(sheet), settings_(settings), gap_segment_(live_segment_length(sheet)) {
   segment_rows_ = static_cast<std::size_t>(std::lround(settings.segment_ratio * gap_segment_ / sheet.sample_period));
   if (segment_rows_ < 4 || settings.smoothing_segments < 2 || settings.least_segments < 1 ||
       settings.least_segments > settings.smoothing_segments || settings.locate_after_segments < 2 ||

@@ -23,7 +23,7 @@ std::map<std::string, double> simulated_normal_gap(const Datasheet& given, const
   sheet.normal_gap.clear();  // nothing leaves normal here, so that no place is sought
   // The first segment only gives the second its past.
   const double duration =
-      static_cast<double>(settings.smoothing_segments + 2) * settings.segment_ratio * segment_length(sheet);
+      static_cast<double>(settings.smoothing_segments + 2) * settings.segment_ratio * live_segment_length(sheet);
   const std::size_t profiles = std::min(kProfiles, sheet.profiles.size());
   if (profiles == 0) throw InputError(sheet.rig + ": the datasheet has no profile to simulate");
   std::vector<std::map<std::string, double>> seen(kRigs * profiles);

@@ -9,6 +9,7 @@ namespace faultline {
 namespace {
 
 constexpr double kSlowestScales = 10;
+constexpr double kLiveScales = 2;
 constexpr double kFewestSegments = 16;
 constexpr double kFewestSamples = 20;
 
@@ -29,6 +30,11 @@ double segment_length(const Datasheet& sheet, const std::vector<const Recording*
 double segment_length(const Datasheet& sheet) {
   if (sheet.segment > 0) return sheet.segment;
   return std::max(kFewestSamples * sheet.sample_period, kSlowestScales * time_scales(sheet).slowest_s);
+}
+
+double live_segment_length(const Datasheet& sheet) {
+  if (sheet.segment > 0) return sheet.segment;
+  return std::max(kFewestSamples * sheet.sample_period, kLiveScales * time_scales(sheet).slowest_s);
 }
 
 }  // namespace faultline

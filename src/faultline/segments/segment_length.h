@@ -18,5 +18,7 @@ namespace faultline {
 double segment_length(const Datasheet& sheet, const std::vector<const Recording*>& runs);
 // s, where no run is known yet and they may be as long as they like.
 double segment_length(const Datasheet& sheet);
+// s, while the rig runs: shorter, 2 tau, since what is wrong must show soon.
+double live_segment_length(const Datasheet& sheet);
 
 }  // namespace faultline
