@@ -183,6 +183,7 @@ TEST(ParameterChange, WhatTheHealthyMotionDidNotShowIsLeftOut) {
   options.window_s = 4;
   options.relative_error = 0.03;
   options.inflation = {1, 1};
+  options.shown = {1e3, 1e3};
   options.floor = {0.001, 0.001};
   const auto chi2 = [&](double reference_std, double second) {
     ParameterChange change(2, options);
@@ -224,6 +225,7 @@ class TableIsolation : public ::testing::Test {
                                                                                 {"place", place}})
       s.settings.set(key, value);
     s.settings.set("inflation", std::vector<double>{1, 1, 1});
+    s.settings.set("shown", std::vector<double>{1e3, 1e3, 1e3});
     s.settings.set("floor", std::vector<double>{0.001, 0.001, 0.001});
     return s;
   }

@@ -194,28 +194,35 @@ bool FaultResponses::relinearise() {
   return true;
 }
 
+// What is known of the parameters with the point moved: by the tolerances, and by stretches before.
+Eigen::MatrixXd FaultResponses::known_from(const Eigen::VectorXd& step) const {
+  Eigen::MatrixXd before = known_part(reference_);
+  before.topRows(1) += step.transpose() * before.bottomRows(step.size());
+  before.leftCols(1) += before.rightCols(step.size()) * step;
+  return known_to_tolerance(point_.shift + step) + before;
+}
+
 // One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model. The
-// first reach tells whether they do, since what the linear model foresees changes no loss.
+// first two reaches, one to each side, tell whether they do, since what the linear model foresees changes no loss.
 bool FaultResponses::search_parameters() {
   const Stretches all = latest(recent_.size());
-  const double now = model_.loss(known_to_tolerance(point_.shift), all);
+  const double now = model_.loss(known_from(Eigen::VectorXd::Zero(point_.shift.size())), all);
   const double bent = settings_.bent_fraction * settings_.worthwhile_evidence;
   double least = now - settings_.worthwhile_evidence;
   Eigen::VectorXd best = Eigen::VectorXd::Zero(point_.shift.size());
-  for (std::size_t i = 0; i < model_.free_parameters(); ++i)
-    for (const double reach : settings_.reach_tolerances) {
+  for (std::size_t i = 0; i < model_.free_parameters(); ++i) {
+    bool bends = false;
+    for (std::size_t k = 0; k < settings_.reach_tolerances.size() && (k < 2 || bends); ++k) {
       Eigen::VectorXd step = Eigen::VectorXd::Zero(point_.shift.size());
-      step[static_cast<Eigen::Index>(i)] = reach;
+      step[static_cast<Eigen::Index>(i)] = settings_.reach_tolerances[k];
       const ModelPoint tried = model_.at(point_.shift + step);
-      const bool first = reach == settings_.reach_tolerances.front();
-      const double found = model_.loss(known_to_tolerance(tried.shift), all, tried, {}, first ? now + bent : least);
-      if (found < least) {
-        least = found;
-        best = step;
-      } else if (first && std::abs(found - now) <= bent) {
-        break;
-      }
+      const double found = model_.loss(known_from(step), all, tried, {}, k < 2 ? now + bent : least);
+      bends = bends || std::abs(found - now) > bent;
+      if (found >= least) continue;
+      least = found;
+      best = step;
     }
+  }
   if (best.isZero()) return false;
   move(best);
   return true;
@@ -415,12 +422,12 @@ void FaultResponses::judge(const Recording& recording) {
 
 void FaultResponses::find_healthy_or_fault() {
   std::vector<RankedFault> screened = find_window();
-  // Before anything is blamed on the first stretches: are the parameters further off than the linear model can tell?
-  const double suspicion = settings_.suspicion_fraction * settings_.threshold_evidence;
+  // Before anything is blamed: are the parameters further off than the linear model can tell?
+  const double doubtful =
+      (stretches_ <= settings_.early_stretches ? settings_.suspicion_fraction : 1.0) * settings_.threshold_evidence;
   const auto loss = [&] { return model_.loss(known_to_tolerance(point_.shift), latest(recent_.size())); };
-  for (std::size_t i = 0; i < settings_.parameter_moves && stretches_ <= settings_.early_stretches && !event_ &&
-                          !screened.empty() && screened.front().evidence > suspicion;
-       ++i) {
+  for (std::size_t i = 0;
+       i < settings_.parameter_moves && !event_ && !screened.empty() && screened.front().evidence > doubtful; ++i) {
     const double before = loss();
     if (!search_parameters()) break;
     relinearise();

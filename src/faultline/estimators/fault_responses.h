@@ -87,6 +87,7 @@ class FaultResponses {
   void learn_parameters();  // around what they seem to be, the model is made linear anew
   bool relinearise();       // whether anything moved
   bool search_parameters();
+  Eigen::MatrixXd known_from(const Eigen::VectorXd& step) const;
   void move(const Eigen::VectorXd& step);
   void forget_oldest();
   double speaks_for() const;  // evidence of the latest stretch alone for the fault, as it was found

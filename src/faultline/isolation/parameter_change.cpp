@@ -115,6 +115,7 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
   step.scatter = sum.square - sum.weighted.dot(theta);
   const auto known = [&](double spread) {
     Eigen::MatrixXd v = own.asDiagonal() * (spread * covariance) * own.asDiagonal();
+    for (int i = 0; i < n_; ++i) v(i, i) += std::pow(v(i, i) / options_.shown[static_cast<std::size_t>(i)], 2);
     v += scale.asDiagonal() * reference.covariance * scale.asDiagonal();
     for (int i = 0; i < n_; ++i) {
       v(i, i) += std::pow(options_.floor[static_cast<std::size_t>(i)], 2);

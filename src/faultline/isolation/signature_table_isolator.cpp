@@ -12,7 +12,7 @@
 // neither one nor two signatures fit. A fault that moves no parameter of the stage is none of the table's: what an
 // observer of the other part says stands then.
 // Settings: stage, parameters (states of the stage, with commas), learn, memory, block, window, least (shortest time
-// since a step), inflation, scatter, floor, threshold, hold; those of signature_table.h and ranking_finding.h.
+// since a step), inflation, shown, scatter, floor, threshold, hold; those of signature_table.h and ranking_finding.h.
 #include <algorithm>
 #include <cmath>
 
@@ -39,6 +39,7 @@ ParameterChangeOptions change_options(const Datasheet& sheet, const Settings& s,
   o.window_s = s.number("window", o.block_s, 1e6);
   o.least_s = s.number("least", 0, o.window_s);
   o.inflation = s.list("inflation", parameters, 1e-3, 1e6);
+  o.shown = s.list("shown", parameters, 1e-6, 1e6);
   o.scatter = s.number("scatter", 1, 1e6);
   o.relative_error = s.number("relative_error", 0, 1);
   o.floor = s.list("floor", parameters, 0, 10);

@@ -174,7 +174,7 @@ TEST(DriveSignatures, FaultsOutsideTheShaftAreTheLines) {
       {"clogging@restriction.valve", "fraction=-0.1", -0.1, 0.01},
       {"compliance_factor@compliance.motor_line", "factor=0.9090909", 0.9090909, 0.02},
       {"compliance_factor@compliance.motor_line", "factor=1.1", 1.1, 0.02},
-      {"laminar_leakage@flow.motor_in_motor_out", "coefficient=1.5e-13", 1.5e-13, 8e-14}};
+      {"laminar_leakage@flow.motor_in_motor_out", "coefficient=3e-13", 3e-13, 1.6e-13}};
   for (const auto& [name, size, value, error] : faults) {
     const AlarmReport report = diagnosed({name + ":" + size + ",from=25"}, 32);
     ASSERT_FALSE(report.alarms.empty()) << name;
