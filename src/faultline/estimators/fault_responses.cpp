@@ -422,12 +422,12 @@ void FaultResponses::judge(const Recording& recording) {
 
 void FaultResponses::find_healthy_or_fault() {
   std::vector<RankedFault> screened = find_window();
-  // Before anything is blamed: are the parameters further off than the linear model can tell?
-  const double doubtful =
-      (stretches_ <= settings_.early_stretches ? settings_.suspicion_fraction : 1.0) * settings_.threshold_evidence;
+  // Before anything is blamed on the first stretches: are the parameters further off than the linear model can tell?
+  const double suspicion = settings_.suspicion_fraction * settings_.threshold_evidence;
   const auto loss = [&] { return model_.loss(known_to_tolerance(point_.shift), latest(recent_.size())); };
-  for (std::size_t i = 0;
-       i < settings_.parameter_moves && !event_ && !screened.empty() && screened.front().evidence > doubtful; ++i) {
+  for (std::size_t i = 0; i < settings_.parameter_moves && stretches_ <= settings_.early_stretches && !event_ &&
+                          !screened.empty() && screened.front().evidence > suspicion;
+       ++i) {
     const double before = loss();
     if (!search_parameters()) break;
     relinearise();
