@@ -9,9 +9,9 @@ its profile says where that is a table in time. What is done stays in FOLDER: st
 --print tells what is there. The bound on the rate is Poisson's, one-sided, 95 %.
 
 The picture shows what fewer false alarms cost: over the threshold of the stage that ranks causes, as a multiple of
-its own, the false alarms in 100 h, and, from the runs that random_faults.py left in --faults, the share of faults found, the
-median delay, and the median size that would just reach the threshold, as a share of the datasheet's range (evidence
-grows with the square of the size). It changes nothing else, so the other alarms of a rig are not in it.
+its own, the false alarms in 100 h, and, from the runs that random_faults.py left in --faults, the share of faults
+found, the median delay, and the median size that would just reach the threshold, as a share of the datasheet's range
+(evidence grows with the square of the size). It changes nothing else, so the other alarms of a rig are not in it.
 """
 
 import argparse

@@ -36,6 +36,7 @@ void FaultResponses::reset() {
   second_.clear();
   doubt_text_.clear();
   before_ = {};
+  past_.clear();
   candidates_.clear();
   evidence_ = 0;
   known_.forget_starts();
@@ -204,8 +205,7 @@ Eigen::MatrixXd FaultResponses::known_from(const Eigen::VectorXd& step) const {
 
 // One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model. The
 // first two reaches, one to each side, tell whether they do, since what the linear model foresees changes no loss.
-bool FaultResponses::search_parameters() {
-  const Stretches all = latest(recent_.size());
+bool FaultResponses::search_parameters(const Stretches& all) {
   const double now = model_.loss(known_from(Eigen::VectorXd::Zero(point_.shift.size())), all);
   const double bent = settings_.bent_fraction * settings_.worthwhile_evidence;
   double least = now - settings_.worthwhile_evidence;
@@ -238,6 +238,12 @@ void FaultResponses::move(const Eigen::VectorXd& step) {
   for (auto& stretch : recent_) model_.follow(*stretch, point_);
 }
 
+void FaultResponses::keep_healthy(const Recording& recording) {
+  before_ = recording;
+  past_.push_back(recording);
+  if (past_.size() > settings_.past_stretches) past_.pop_front();
+}
+
 void FaultResponses::forget_oldest() {
   if (recent_.size() <= settings_.recent_stretches) return;
   if (!event_ && recent_.front()->responded) {
@@ -245,7 +251,7 @@ void FaultResponses::forget_oldest() {
     doubt_ = kept * doubt_ + (recent_.front()->weighed ? 0 : unexplained(*recent_.front()));
     reference_ = kept * reference_ + recent_.front()->sums;
   }
-  if (!event_) before_ = std::move(recent_.front()->run.recording);
+  if (!event_) keep_healthy(recent_.front()->run.recording);
   recent_.erase(recent_.begin());
 }
 
@@ -388,7 +394,7 @@ void FaultResponses::judge(const Recording& recording) {
     // What was not looked at so far said nothing either.
     const auto unseen = [](const auto& stretch) { return !stretch->responded; };
     for (auto stretch = recent_.begin(); stretch != recent_.end() - 1; ++stretch)
-      if (unseen(*stretch)) before_ = (*stretch)->run.recording;
+      if (unseen(*stretch)) keep_healthy((*stretch)->run.recording);
     recent_.erase(std::remove_if(recent_.begin(), recent_.end() - 1, unseen), recent_.end() - 1);
   }
   if (recent_.size() > settings_.recent_stretches && !recent_.front()->responded) forget_oldest();
@@ -422,15 +428,29 @@ void FaultResponses::judge(const Recording& recording) {
 
 void FaultResponses::find_healthy_or_fault() {
   std::vector<RankedFault> screened = find_window();
-  // Before anything is blamed on the first stretches: are the parameters further off than the linear model can tell?
-  const double suspicion = settings_.suspicion_fraction * settings_.threshold_evidence;
-  const auto loss = [&] { return model_.loss(known_to_tolerance(point_.shift), latest(recent_.size())); };
-  for (std::size_t i = 0; i < settings_.parameter_moves && stretches_ <= settings_.early_stretches && !event_ &&
-                          !screened.empty() && screened.front().evidence > suspicion;
+  // Before anything is blamed: are the parameters further off than the linear model can tell? Later on healthy stretches
+  // of before must be explained as well, or a fault that moves a parameter would pass for one that was learnt badly.
+  const bool early = stretches_ <= settings_.early_stretches;
+  const double doubtful = (early ? settings_.suspicion_fraction : 1.0) * settings_.threshold_evidence;
+  std::vector<std::unique_ptr<Stretch>> past;
+  if (!event_ && !early && !screened.empty() && screened.front().evidence > doubtful)
+    for (const Recording& recording : past_) {
+      past.push_back(model_.prepare(recording));
+      model_.respond(*past.back(), point_);
+    }
+  const auto all = [&] {
+    Stretches stretches = latest(recent_.size());
+    for (const auto& stretch : past) stretches.push_back(stretch.get());
+    return stretches;
+  };
+  const auto loss = [&] { return model_.loss(known_to_tolerance(point_.shift), all()); };
+  for (std::size_t i = 0; i < settings_.parameter_moves && !event_ && (early || !past.empty()) && !screened.empty() &&
+                          screened.front().evidence > doubtful;
        ++i) {
     const double before = loss();
-    if (!search_parameters()) break;
-    relinearise();
+    if (!search_parameters(all())) break;
+    if (early) relinearise();
+    for (auto& stretch : past) model_.follow(*stretch, point_);
     weigh_all();
     screened = find_window();
     if (loss() > before - settings_.worthwhile_evidence) break;  // the linear model took it back

@@ -23,6 +23,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <vector>
@@ -86,7 +87,8 @@ class FaultResponses {
   void weigh_all();
   void learn_parameters();  // around what they seem to be, the model is made linear anew
   bool relinearise();       // whether anything moved
-  bool search_parameters();
+  bool search_parameters(const Stretches& all);
+  void keep_healthy(const Recording& recording);
   Eigen::MatrixXd known_from(const Eigen::VectorXd& step) const;
   void move(const Eigen::VectorXd& step);
   void forget_oldest();
@@ -137,9 +139,10 @@ class FaultResponses {
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
   KnownModel known_;
   std::string doubt_text_;
-  Recording before_;        // the last stretch without the fault, where there is one
-  unsigned age_ = 0;        // of the event, in stretches
-  unsigned stretches_ = 0;  // since the beginning
+  Recording before_;            // the last stretch without the fault, where there is one
+  std::deque<Recording> past_;  // healthy ones before the recent, newest last
+  unsigned age_ = 0;            // of the event, in stretches
+  unsigned stretches_ = 0;      // since the beginning
 };
 
 }  // namespace faultline

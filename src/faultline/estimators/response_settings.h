@@ -54,7 +54,8 @@ struct ResponseSettings {
   double worthwhile_evidence = 3;                                     // that such a move must win
   double bent_fraction = 0.25;  // of that, changed by the first reach, from which a response bends enough to try others
   double suspicion_fraction =
-      0.3;  // of the threshold, from which the linear model is doubted before anything is blamed
+      0.3;                         // of the threshold, from which the linear model is doubted before anything is blamed
+  std::size_t past_stretches = 4;  // healthy ones kept, that must agree before parameters are moved instead
   std::size_t early_stretches = 4;  // after which what is done again is done ever more rarely
 
   // ---- the fault
@@ -127,6 +128,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(worthwhile_evidence);
   FAULTLINE_OPTION(bent_fraction);
   FAULTLINE_OPTION(suspicion_fraction);
+  FAULTLINE_OPTION(past_stretches);
   FAULTLINE_OPTION(early_stretches);
   FAULTLINE_OPTION(threshold_evidence);
   FAULTLINE_OPTION(release_fraction);

@@ -34,15 +34,15 @@ struct LiveGapSettings {
   std::size_t locate_after_segments = 5;   // after leaving normal, so that the window shows the trouble
   std::size_t locate_every_segments = 20;  // bounds the effort
   double jump_segments = 1;                // of missing time, forwards, from which all begins anew; backwards any
-  double return_ratio = 0.7;           // to the normal limit, below which a channel is back: hysteresis against flicker
-  double period_error_fraction = 0.45;  // of a sample period, that a stamp may be off
-  double notable_ratio = 1.25;         // enrichment from which a region is told
-  double standstill_fraction = 0.02;   // of a channel's largest magnitude in the window: near zero ...
-  double standstill_sigma = 3;         // ... and within this many standard deviations of its noise
-  double large_fraction = 0.5;         // of the same, from which a value is large
-  double least_fraction = 0.01;        // of the samples, below which a region says nothing
-  std::size_t most_regions = 4;        // told
-  std::size_t fitted_candidates = 8;   // effects that are fitted after screening: bounds the effort
+  double return_ratio = 0.7;  // to the normal limit, below which a channel is back: hysteresis against flicker
+  double period_error_fraction = 0.45;      // of a sample period, that a stamp may be off
+  double notable_ratio = 1.25;              // enrichment from which a region is told
+  double standstill_fraction = 0.02;        // of a channel's largest magnitude in the window: near zero ...
+  double standstill_sigma = 3;              // ... and within this many standard deviations of its noise
+  double large_fraction = 0.5;              // of the same, from which a value is large
+  double least_fraction = 0.01;             // of the samples, below which a region says nothing
+  std::size_t most_regions = 4;             // told
+  std::size_t fitted_candidates = 8;        // effects that are fitted after screening: bounds the effort
   double inseparable_gain_fraction = 0.85;  // of the best gain, from which two places are not told apart
   double least_explained_fraction = 0.05;   // of the residual, that a place must explain to be named
   GapOptions gap;                           // of the model beside the rig and of the search for the place

@@ -3,7 +3,8 @@
 //
 // What cannot be used is left out. A break in time (even_rows.h) ends a stretch, as does a command or measured input
 // that is not a number; segments lie within stretches. Readings of outputs that are missing or at an end of their range
-// (smoothing.h) do not count. A run has the period at which its samples come, which need not be the datasheet's. Channels that are ground truth are not used, and commands that are ground truth count as 0.
+// (smoothing.h) do not count. A run has the period at which its samples come, which need not be the datasheet's.
+// Channels that are ground truth are not used, and commands that are ground truth count as 0.
 #pragma once
 
 #include <string>
