@@ -428,8 +428,9 @@ void FaultResponses::judge(const Recording& recording) {
 
 void FaultResponses::find_healthy_or_fault() {
   std::vector<RankedFault> screened = find_window();
-  // Before anything is blamed: are the parameters further off than the linear model can tell? Later on healthy stretches
-  // of before must be explained as well, or a fault that moves a parameter would pass for one that was learnt badly.
+  // Before anything is blamed: are the parameters further off than the linear model can tell? Later on healthy
+  // stretches of before must be explained as well, or a fault that moves a parameter would pass for one that was
+  // learnt badly.
   const bool early = stretches_ <= settings_.early_stretches;
   const double doubtful = (early ? settings_.suspicion_fraction : 1.0) * settings_.threshold_evidence;
   std::vector<std::unique_ptr<Stretch>> past;

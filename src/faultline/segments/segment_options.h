@@ -37,8 +37,8 @@ struct SegmentOptions {
   double largest_residual_sigma = 1e4;
   // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit.
   double least_noise_fraction = 0.3;
-  // Deviation of a stamp from the grid of the run's period, as a fraction of it, up to which it is jitter: beyond a half
-  // it would be nearer to the next place.
+  // Deviation of a stamp from the grid of the run's period, as a fraction of it, up to which it is jitter: beyond a
+  // half it would be nearer to the next place.
   double period_error_fraction = 0.45;
   // Readings of a segment that count, as a fraction of all: fewer are not taken to speak for all of them.
   double least_counted_fraction = 0.25;
