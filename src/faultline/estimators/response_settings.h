@@ -52,7 +52,8 @@ struct ResponseSettings {
   std::size_t parameter_moves = 5;      // at once, at most
   std::array<double, 4> reach_tolerances = {0.75, -0.75, 1.5, -1.5};  // tried where the linear model is doubted
   double worthwhile_evidence = 3;                                     // that such a move must win
-  double bent_fraction = 0.25;  // of that, changed by the first reach, from which a response bends enough to try others
+  // of that, changed by one of the first two reaches, from which a response bends enough to try others
+  double bent_fraction = 0.25;
   double suspicion_fraction =
       0.3;                         // of the threshold, from which the linear model is doubted before anything is blamed
   std::size_t past_stretches = 4;  // healthy ones kept, that must agree before parameters are moved instead
