@@ -28,7 +28,8 @@ inline Estimate quiet(double time) {
                          {"shifting", "1", white(time), 0},
                          {"dying", "1", white(time), 0},
                          {"roughening", "1", white(time), 0},
-                         {"swinging", "1", white(time), 0}};
+                         {"swinging", "1", white(time), 0},
+                         {"piston_flow", "m^3/s", 0, 0}};
   return estimate;
 }
 

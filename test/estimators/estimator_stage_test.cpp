@@ -41,7 +41,7 @@ TEST_F(Stage, FirstSampleStartsIt) {
   EXPECT_EQ(estimate_.state.size(), 6u);
   EXPECT_EQ(estimate_.covariance.size(), 36u);
   EXPECT_EQ(estimate_.innovation.size(), 4u);
-  EXPECT_EQ(estimate_.quantities.size(), 6u);
+  EXPECT_EQ(estimate_.quantities.size(), 7u);
   ASSERT_TRUE(take(1));
   EXPECT_FALSE(estimate_.restarted);
   EXPECT_EQ(estimate_.observed, 4);

@@ -3,10 +3,12 @@
 //   mean' = w (C - mean)/average;  w = s0^2/(s0^2 + s^2) where the drive sqrt(dp) exceeds minimum_drive, else 0
 // The weight is small where the filter is uncertain (s), and zero where there is hardly a pressure difference: nothing
 // flows then whatever the coefficient, so the estimate only drifts.
-//   condition: mean > threshold, after `average` s of evidence
+//   condition: mean > threshold + motion_error mean(flow/sqrt(dp)), after `average` s of evidence
+// `motion` is the volume flow that the motion itself takes: of it, motion_error (a share: what tolerances of the flow
+// coefficient and the area leave) looks like a leak.
 // Size: the mean coefficient times the mean of the drive sqrt(dp), as a volume flow in l/s, with 90 % bounds from the
-// scatter of the estimate and the datasheet's tolerance of what the estimate rests on (model_error, relative, and
-// model_floor, absolute).
+// scatter of the estimate and the datasheet's tolerance of what the estimate rests on (model_error, relative,
+// model_floor, absolute, and motion_error).
 #include <algorithm>
 #include <cmath>
 
@@ -24,6 +26,7 @@ class Leak : public Detector {
   explicit Leak(const Settings& s)
       : coefficient_(s.word("coefficient")),
         drive_(s.word("drive")),
+        motion_(s.word("motion")),
         minimum_drive_(s.number("minimum_drive", 0, 1e6)),
         threshold_(s.number("threshold", 0, 1)),
         release_threshold_(s.number("release_threshold", 0, threshold_)),
@@ -33,6 +36,7 @@ class Leak : public Detector {
         known_std_(s.number("known_std", 1e-30, 1)),
         model_error_(s.number("model_error", 0, 10)),
         model_floor_(s.number("model_floor", 0, 1)),
+        motion_error_(s.number("motion_error", 0, 1)),
         persistence_(s.number("minimum_time", 0, kLongest), s.number("release_time", 0, kLongest)) {}
 
   void reset() override {
@@ -44,9 +48,10 @@ class Leak : public Detector {
     if (!started_ || estimate.restarted) {
       coefficient_at_ = find_quantity(estimate, coefficient_);
       drive_at_ = find_quantity(estimate, drive_);
+      motion_at_ = find_quantity(estimate, motion_);
       started_ = true;
       begin_ = last_ = estimate.time;
-      mean_ = scatter_ = drive_mean_ = seen_ = drive_peak_ = 0;
+      mean_ = scatter_ = moved_ = drive_mean_ = seen_ = drive_peak_ = 0;
       persistence_.reset();
     }
     const Quantity& c = estimate.quantities[coefficient_at_];
@@ -65,14 +70,16 @@ class Leak : public Detector {
       const double off = c.value - mean_;
       mean_ += gain * off;
       scatter_ += gain * (off * off - scatter_);
+      if (gain > 0) moved_ += gain * (std::abs(estimate.quantities[motion_at_].value) / drive - moved_);
       drive_mean_ +=
           std::min(1.0, dt / std::max(std::min(estimate.time - begin_ - settle_ + dt, drive_average_), 1e-9)) *
           (drive - drive_mean_);
     }
+    const double of_motion = motion_error_ * moved_;
     const double std = std::sqrt(std::pow(model_error_ * mean_, 2) + model_floor_ * model_floor_ +
-                                 scatter_ * std::min(1.0, 1.0 / std::max(average_, 1e-9)));
+                                 of_motion * of_motion + scatter_ * std::min(1.0, 1.0 / std::max(average_, 1e-9)));
     const double level = persistence_.active() ? release_threshold_ : threshold_;
-    const bool holds = seen_ >= average_ && mean_ > level;
+    const bool holds = seen_ >= average_ && mean_ > level + of_motion;
     detection.active = persistence_.update(estimate.time, holds);
     detection.since = persistence_.since();
     // While a leak that was there fades, its size stays what it was last.
@@ -84,23 +91,23 @@ class Leak : public Detector {
     detection.size = std::max(0.0, mean_) * to_flow;
     detection.low = std::max(0.0, mean_ - kNinetyPercentSigmas * std) * to_flow;
     detection.high = std::max(0.0, mean_ + kNinetyPercentSigmas * std) * to_flow;
-    detection.confidence = 0.5 * std::erfc(-(mean_ - 0.5 * threshold_) / (std * std::sqrt(2.0)));
+    detection.confidence = 0.5 * std::erfc(-(mean_ - 0.5 * (threshold_ + of_motion)) / (std * std::sqrt(2.0)));
   }
 
   Criterion criterion() const override {
-    return {started_ && seen_ >= average_ ? mean_ : std::nan(""), threshold_, "threshold", 0};
+    return {started_ && seen_ >= average_ ? mean_ - motion_error_ * moved_ : std::nan(""), threshold_, "threshold", 0};
   }
   std::string size_name() const override { return "leak_flow"; }
   std::string size_unit() const override { return "l/s"; }
 
  private:
-  std::string coefficient_, drive_;
+  std::string coefficient_, drive_, motion_;
   double minimum_drive_, threshold_, release_threshold_, average_, drive_average_, settle_, known_std_, model_error_,
-      model_floor_;
+      model_floor_, motion_error_;
   Persistence persistence_;
   bool started_ = false;
-  std::size_t coefficient_at_ = 0, drive_at_ = 0;
-  double begin_ = 0, last_ = 0, mean_ = 0, scatter_ = 0, drive_mean_ = 0, seen_ = 0, drive_peak_ = 0;
+  std::size_t coefficient_at_ = 0, drive_at_ = 0, motion_at_ = 0;
+  double begin_ = 0, last_ = 0, mean_ = 0, scatter_ = 0, moved_ = 0, drive_mean_ = 0, seen_ = 0, drive_peak_ = 0;
 };
 
 FAULTLINE_DETECTOR(leak, {"leak", make_detector_of<Leak>});

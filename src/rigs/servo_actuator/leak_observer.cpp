@@ -136,7 +136,8 @@ class ServoLeakModel : public ProcessModel {
                 {"friction_force", "N", 0, 0},
                 {"pressure_parity", "Pa", 0, 0},
                 {"pressure_sum", "Pa", 0, 0},
-                {"leak_drive", "sqrt(Pa)", 0, 0}};
+                {"leak_drive", "sqrt(Pa)", 0, 0},
+                {"piston_flow", "m^3/s", 0, 0}};
     const double to_coefficient = flow_coefficient_ * scale_spool_;
     const double std_leak = std::sqrt(std::max(0.0, covariance[kLeak * kStates + kLeak]));
     const double drive = std::sqrt(std::abs(x[kPressure]) * scale_pressure_);
@@ -150,6 +151,7 @@ class ServoLeakModel : public ProcessModel {
     result[3].value = channels[measured_[2]] - (a - b);
     result[4].value = a + b - channels[supply_];
     result[5].value = drive;
+    result[6].value = area_ * x[kVelocity];
   }
 
  private:
