@@ -16,6 +16,7 @@
 #include "cli/sample_writer.h"
 #include "cli/subcommand.h"
 #include "faultline/signal/csv.h"
+#include "faultline/signal/csv_table.h"
 #include "faultline/signal/error.h"
 #include "faultline/signal/sample_check.h"
 
@@ -66,19 +67,23 @@ void finish(const Options& options, const Recording& recording, std::vector<std:
              recording.time.back() - recording.time.front(), recording.rig, resampled);
 }
 
-// A table whose header names the rig's channels.
-void run_plain(const Options& options, const Datasheet& sheet) {
-  const std::string& input = options.inputs.front();
+void refuse_bag(const std::string& input) {
   if (ends_with(input, ".bag"))
     throw InputError(fmt::format("{}: bags are imported with --mapping, which says where each channel is", input));
+}
+
+// A table whose header names the rig's channels, with the rig's sample period.
+void run_plain(const Options& options, const Datasheet& sheet) {
+  const std::string& input = options.inputs.front();
+  refuse_bag(input);
   if (options.inputs.size() > 1)
-    throw InputError(fmt::format("{}: several files are imported with --mapping only", options.inputs[1]));
-  if (!options.resample.empty()) throw InputError("--resample goes with --mapping");
+    throw InputError(
+        fmt::format("{}: several files are imported with --mapping or --resample only", options.inputs[1]));
   const CsvContent content = read_csv(read_text(input), input, sheet.rig, sheet.channels);
   const SampleFindings findings = check(content.recording, sheet.sample_period);
   if (!period_fits(findings, sheet.sample_period))
     throw InputError(
-        fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; import with --mapping and --resample, or give "
+        fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; import with --resample, or give "
                     "the unit of t as in t[ms]",
                     input, findings.period, sheet.file, sheet.sample_period));
   std::vector<std::string> remarks;
@@ -90,10 +95,19 @@ void run_plain(const Options& options, const Datasheet& sheet) {
   finish(options, content.recording, remarks, findings, sheet.sample_period, "");
 }
 
-void run_mapped(const Options& options, Datasheet sheet) {
+// Without a mapping the columns of the first table are called as the channels are.
+Mapping mapping_of(const Options& options, const Datasheet& sheet) {
   double resample = std::numeric_limits<double>::quiet_NaN();
   if (!options.resample.empty()) resample = options.resample == "rig" ? 0 : std::stod(options.resample);
-  const Mapping mapping = read_mapping(options.mapping, sheet, resample);
+  if (!options.mapping.empty()) return read_mapping(options.mapping, sheet, resample);
+  const std::string& input = options.inputs.front();
+  refuse_bag(input);
+  const std::string text = read_text(input);
+  return mapping_by_names(input, CsvTable(text, input, {}).names(), sheet, resample);
+}
+
+void run_mapped(const Options& options, Datasheet sheet) {
+  const Mapping mapping = mapping_of(options, sheet);
   MappedImport imported = import_mapped(options.inputs, mapping, sheet);
 
   std::string resampled;
@@ -102,9 +116,9 @@ void run_mapped(const Options& options, Datasheet sheet) {
                             imported.filter.empty() ? "none needed" : imported.filter);
     sheet.sample_period = mapping.period;  // what the bag's description says
   }
-  const std::string name = std::filesystem::path(options.mapping).filename().string();
-  write(options, sheet, imported.recording, fmt::format("faultline import --mapping {}{}", name, resampled),
-        imported.remarks);
+  const std::string by =
+      options.mapping.empty() ? "" : " --mapping " + std::filesystem::path(options.mapping).filename().string();
+  write(options, sheet, imported.recording, fmt::format("faultline import{}{}", by, resampled), imported.remarks);
   const SampleFindings findings = check(imported.recording, sheet.sample_period);
   finish(options, imported.recording, std::move(imported.remarks), findings, sheet.sample_period, resampled);
 }
@@ -114,7 +128,7 @@ void run(const Options& options) {
     throw InputError(
         fmt::format("{}: import writes a bag or a table; give a name ending in .bag or .csv", options.output));
   const Datasheet sheet = load_datasheet(options.rig, options.config);
-  if (options.mapping.empty())
+  if (options.mapping.empty() && options.resample.empty())
     run_plain(options, sheet);
   else
     run_mapped(options, sheet);

@@ -8,6 +8,7 @@ import pathlib
 import tempfile
 import unittest
 
+import yaml
 from packages import OutsideTest, ROOT, build, copied, plain_environment, program, run
 
 RIG = "cascaded_tanks"
@@ -120,6 +121,51 @@ class Simulated(Tanks):
         self.assertIn("outlet of the lower tank", text)
 
 
+    def test_simulate_drives_the_model_by_a_run(self):
+        self.faultline("simulate", RIG, "--drive", self.bag("one"), "--no-noise", "-o", "driven.csv")
+        self.faultline("export", self.bag("one"), "-o", "one.csv")
+        driven, run = (
+            list(csv.DictReader((self.folder / name).read_text().splitlines())) for name in ("driven.csv", "one.csv")
+        )
+        self.assertEqual(len(driven), len(run))
+        column = next(name for name in run[0] if name.startswith("pump_voltage"))
+        self.assertEqual([row[column] for row in driven], [row[column] for row in run])
+        level = next(name for name in run[0] if name.startswith("lower_level"))
+        off = [float(a[level]) - float(b[level]) for a, b in zip(driven, run)]
+        self.assertLess(max(map(abs, off)), 3)  # V of 10: the model is off by its tolerances, not elsewhere
+        self.assertGreater(max(map(abs, off)), 0.05)
+
+    def test_explain(self):
+        variables = self.answer("explain", self.bag("one"))["variables"]
+        (level,) = [variable for variable in variables if variable["name"] == "lower_level"]
+        self.assertEqual(level["first"][0]["by"], "pump_voltage")
+        self.assertGreater(level["first"][0]["gain"], level["first"][0]["chance_most"])
+
+    def test_train(self):
+        sheet = yaml.safe_load((path / RIG / "config" / RIG / "rig.yaml").read_text())
+        sheet["estimators"] = [
+            {
+                "name": "level_network",
+                "type": "network",
+                "weights": "level.txt",
+                "inputs": "pump_voltage, lower_level.smooth",
+                "outputs": "lower_level",
+                "cut_off": 0.02,
+                "lags": 1,
+                "hidden": 3,
+                "feedback": "none",
+            }
+        ]
+        sheet.update(detectors=[], isolators=[])
+        (self.folder / "net.yaml").write_text(yaml.safe_dump(sheet, sort_keys=False))
+        told = self.answer(
+            "train", RIG, self.bag("one"), "--config", "net.yaml", "--epochs", "10", "-o", "level.txt"
+        )
+        rms = [epoch["rms"] for epoch in told["epochs"]]
+        self.assertLess(rms[-1], 0.9 * rms[0])
+        self.faultline("diagnose", self.bag("two"), "--config", "net.yaml")
+
+
 if MEASURED.is_file():
 
     class Measured(Tanks):
@@ -142,6 +188,7 @@ if MEASURED.is_file():
                 ("tune", RIG, "estimation.bag", "validation.bag", "--block", "400", "--json", "tune.json"),
                 ("gap", "estimation.bag", "--holdout", "validation.bag", "--json", "gap.json"),
                 ("simulate", RIG, "--drive", "validation.bag", "-o", "driven.csv"),
+                ("explain", "estimation.bag", "--json", "explain.json"),
             ):
                 with self.subTest(subcommand=words[0]):
                     print(" ".join(words), self.faultline(*words).stdout)

@@ -121,6 +121,19 @@ MappedChannel read_channel(const YamlValue& value, const Datasheet& sheet) {
   return mapped;
 }
 
+// Of what the rig needs; empty: nothing.
+std::string what_lacks(const Mapping& mapping, const Datasheet& sheet) {
+  std::vector<std::string> absent;
+  for (const std::string& name : unmapped(mapping, sheet)) {
+    const Channel& channel = sheet.channels[static_cast<std::size_t>(find_channel(sheet.channels, name))];
+    if (!channel.ground_truth && channel.role != Role::setpoint) absent.push_back(name);
+  }
+  if (!absent.empty()) return fmt::format("lacks channels that {} needs: {}", sheet.rig, joined(absent));
+  const auto measured = [&](const MappedChannel& mapped) { return !is_held(sheet.channels[mapped.channel]); };
+  if (std::any_of(mapping.channels.begin(), mapping.channels.end(), measured)) return "";
+  return "names no measured channel; one at least must be there";
+}
+
 }  // namespace
 
 bool is_held(const Channel& channel) { return channel.role == Role::command || channel.role == Role::setpoint; }
@@ -149,7 +162,6 @@ Mapping read_mapping(const std::string& file, const Datasheet& sheet, double res
   }
   const YamlValue channels = root.at("channels");
   std::map<std::string, std::string> taken;
-  std::vector<bool> mapped(sheet.channels.size(), false);
   for (const YamlValue& entry : channels.entries()) {
     mapping.channels.push_back(read_channel(entry, sheet));
     const MappedChannel& last = mapping.channels.back();
@@ -157,17 +169,30 @@ Mapping read_mapping(const std::string& file, const Datasheet& sheet, double res
     if (!is_new)
       entry.fail(fmt::format("comes from '{}', and so does '{}'; each channel has a source of its own", last.from,
                              first->second));
-    mapped[last.channel] = true;
   }
-  std::vector<std::string> absent;
-  bool measured = false;
+  const std::string lacking = what_lacks(mapping, sheet);
+  if (!lacking.empty()) channels.fail(lacking);
+  return mapping;
+}
+
+Mapping mapping_by_names(const std::string& file, const std::vector<std::string>& columns, const Datasheet& sheet,
+                         double resample) {
+  Mapping mapping;
+  mapping.file = file;
+  mapping.resample = true;
+  mapping.period = resample > 0 ? resample : sheet.sample_period;
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
-    const Channel& channel = sheet.channels[c];
-    if (!mapped[c] && !channel.ground_truth && channel.role != Role::setpoint) absent.push_back(channel.name);
-    measured = measured || (mapped[c] && !is_held(channel));
+    const std::string& name = sheet.channels[c].name;
+    const auto means = [&](const std::string& column) { return column.substr(0, column.find('[')) == name; };
+    if (std::none_of(columns.begin(), columns.end(), means)) continue;
+    MappedChannel mapped;
+    mapped.channel = c;
+    mapped.from = name;
+    mapped.place = fmt::format("{}: '{}'", file, name);
+    mapping.channels.push_back(mapped);
   }
-  if (!absent.empty()) channels.fail(fmt::format("lacks channels that {} needs: {}", sheet.rig, joined(absent)));
-  if (!measured) channels.fail("names no measured channel; one at least must be there");
+  const std::string lacking = what_lacks(mapping, sheet);
+  if (!lacking.empty()) throw InputError(fmt::format("{}: {}", file, lacking));
   return mapping;
 }
 

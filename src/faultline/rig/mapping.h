@@ -48,6 +48,11 @@ struct Mapping {
 Mapping read_mapping(const std::string& file, const Datasheet& sheet,
                      double resample = std::numeric_limits<double>::quiet_NaN());
 
+// That of a table whose columns are called as the rig's channels are, with or without a unit in brackets. `file` is for
+// messages; `resample` as above, but given. InputError: the columns lack a measured channel or a command.
+Mapping mapping_by_names(const std::string& file, const std::vector<std::string>& columns, const Datasheet& sheet,
+                         double resample);
+
 // The mapping is of topics, not of columns: else InputError.
 void check_topics(const Mapping& mapping);
 
