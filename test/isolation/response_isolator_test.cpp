@@ -38,7 +38,7 @@ class ResponseIsolation : public ::testing::Test {
     ranking->since = 7;
     ranking->judged_until = 10 + heard_;
     ranking->threshold = 15;
-    ranking->evidence = first.empty() ? 2 : first.front().evidence;
+    ranking->evidence = first.empty() ? left_ : first.front().evidence;
     ranking->first = first;
     ranking->second = second;
     ranking->doubt = doubt_;
@@ -51,7 +51,7 @@ class ResponseIsolation : public ::testing::Test {
     return finding_;
   }
 
-  double heard_ = 0;
+  double heard_ = 0, left_ = 2;
   std::string doubt_;
   Finding finding_;
   std::unique_ptr<Isolator> isolator_ = make_isolator(servo(), servo().isolators[0]);
@@ -128,6 +128,26 @@ TEST_F(ResponseIsolation, WhatRigsInGoodOrderHaveIsNotToldAndExplainsTheRest) {
   EXPECT_FALSE(isolator_->finds_all_explained());
   EXPECT_TRUE(heard(0.6e-8));  // what is told stays down to half of that
   EXPECT_FALSE(heard(0.4e-8));
+}
+
+TEST_F(ResponseIsolation, OneStretchThatLeavesMoreDoesNotMakeAGoodRigABadOne) {
+  left_ = 10;  // of a threshold of 15: more than 0.6 of it
+  hear({});
+  EXPECT_FALSE(isolator_->finds_all_explained());  // not even once
+  left_ = 2;
+  hear({});
+  EXPECT_TRUE(isolator_->finds_all_explained());
+  left_ = 10;
+  for (const bool explained : {true, true, false, false}) {
+    hear({});
+    EXPECT_EQ(isolator_->finds_all_explained(), explained) << heard_;
+  }
+  left_ = 2;
+  hear({});
+  EXPECT_TRUE(isolator_->finds_all_explained());
+  doubt_ = "swapped";
+  hear({});
+  EXPECT_FALSE(isolator_->finds_all_explained());
 }
 
 TEST_F(ResponseIsolation, ASizeAtItsBoundIsUnknown) {

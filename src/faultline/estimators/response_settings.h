@@ -68,7 +68,7 @@ struct ResponseSettings {
   double sure_ratio = 5;
   // Of the threshold, left in the residuals of the recent stretches beyond white noise, up to which the rig without
   // faults explains them: several small errors of the model in different directions are no fault.
-  double explained_ratio = 2;
+  double explained_ratio = 3;
   double over_evidence = 5;       // by which the latest stretch speaks against a fault that was there
   double longer_fraction = 0.05;  // of the evidence, by which one more stretch must speak for a fault to be part of it
   // Of the largest amplitude, tried beside the linear answer: sizes whose answers differ, over ranges of many decades.

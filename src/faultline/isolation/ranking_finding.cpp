@@ -12,6 +12,8 @@ namespace {
 
 constexpr double kExplained = 0.6;  // of the threshold: ResponseSettings::weighed_fraction
 constexpr double kAtBound = 0.005;  // of the way from no effect to the bound
+constexpr std::size_t kUnexplained =
+    3;                              // judgements in a row, that no longer belong to a good one: stretches looked at
 constexpr double kKeptShare = 0.5;  // of the least size that is told, down to which it stays told
 
 RankingOptions read_options(const Settings& s) {
@@ -43,10 +45,18 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
   if (!heard_ || restarted) {
     finding = Finding();
     told_ = named_ = -1;
-    held_ = false;
+    held_ = all_explained_ = false;
   }
   heard_ = ranking;
   judged_ = heard_->judged_until;
+  weigh(finding);
+  const bool no_cause = heard_->first.empty() && heard_->doubt.empty();
+  const bool explained = too_small_ || (no_cause && heard_->evidence < kExplained * heard_->threshold);
+  unexplained_ = explained ? 0 : unexplained_ + 1;
+  all_explained_ = explained || (all_explained_ && no_cause && unexplained_ < kUnexplained);
+}
+
+void RankingFinding::weigh(Finding& finding) {
   const std::vector<RankedHypothesis>& ranked = options_.second ? heard_->second : heard_->first;
   too_small_ = false;
   if (ranked.empty() || (options_.second && !heard_->doubt.empty())) {
@@ -72,11 +82,6 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
   told_ = best.order;
   told_evidence_ = best.evidence;
   write(ranked, finding);
-}
-
-bool RankingFinding::all_explained() const {
-  if (!heard_ || !heard_->doubt.empty()) return false;
-  return too_small_ || (heard_->first.empty() && heard_->evidence < kExplained * heard_->threshold);
 }
 
 void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding& finding) {

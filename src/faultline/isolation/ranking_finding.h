@@ -43,15 +43,20 @@ class RankingFinding {
  public:
   RankingFinding(const Datasheet& sheet, const Settings& settings);
 
-  void reset() { heard_.reset(); }
+  void reset() {
+    heard_.reset();
+    all_explained_ = false;
+  }
   // `restarted`: what was heard before belongs to another course.
   void tell(const std::shared_ptr<const Ranking>& ranking, bool restarted, Finding& finding);
   bool second() const { return options_.second; }
   double judged_until() const { return judged_; }
-  // Nothing is wrong, or less than is told, and no cause could win as much evidence as makes them worth weighing.
-  bool all_explained() const;
+  // Nothing is wrong, or less than is told, and no cause could win as much evidence as makes them worth weighing. While
+  // none is named, one stretch that leaves more does not end it: three judgements in a row do.
+  bool all_explained() const { return all_explained_; }
 
  private:
+  void weigh(Finding& finding);
   void write(const std::vector<RankedHypothesis>& ranked, Finding& finding);
   std::string text(const RankedHypothesis& h) const;
   const Bounds* bounds_of(const RankedHypothesis& h) const;  // of its size, in the datasheet; nullptr: none
@@ -62,8 +67,8 @@ class RankingFinding {
   RankingOptions options_;
   std::shared_ptr<const Ranking> heard_;  // the last
   double judged_ = -std::numeric_limits<double>::infinity();
-  bool held_ = false, too_small_ = false;
-  std::size_t judgements_ = 0;
+  bool held_ = false, too_small_ = false, all_explained_ = false;
+  std::size_t judgements_ = 0, unexplained_ = 0;
   double told_evidence_ = 0;
   std::int64_t told_ = -1, named_ = -1;  // RankedHypothesis::order; -1: none
 };
