@@ -3,9 +3,9 @@
 //   mean' = w (C - mean)/average;  w = s0^2/(s0^2 + s^2) where the drive sqrt(dp) exceeds minimum_drive, else 0
 // The weight is small where the filter is uncertain (s), and zero where there is hardly a pressure difference: nothing
 // flows then whatever the coefficient, so the estimate only drifts.
-//   condition: mean > threshold + motion_error mean(flow/sqrt(dp)), after `average` s of evidence
-// `motion` is the volume flow that the motion itself takes: of it, motion_error (a share: what tolerances of the flow
-// coefficient and the area leave) looks like a leak.
+//   condition: mean > threshold + 2.6 motion_error mean(flow/sqrt(dp)), after `average` s of evidence
+// `motion` is the volume flow that the motion itself takes: of it, motion_error (a share, one sigma: the tolerances of
+// flow coefficient and area) looks like a leak; 2.6 of them in one rig of 200.
 // Size: the mean coefficient times the mean of the drive sqrt(dp), as a volume flow in l/s, with 90 % bounds from the
 // scatter of the estimate and the datasheet's tolerance of what the estimate rests on (model_error, relative,
 // model_floor, absolute, and motion_error).
@@ -19,7 +19,8 @@
 namespace faultline {
 namespace {
 
-constexpr double kLitres = 1e3;  // l per m^3
+constexpr double kLitres = 1e3;        // l per m^3
+constexpr double kMotionSigmas = 2.6;  // of motion_error, that no rig without a leak has: 99.5 %
 
 class Leak : public Detector {
  public:
@@ -79,7 +80,7 @@ class Leak : public Detector {
     const double std = std::sqrt(std::pow(model_error_ * mean_, 2) + model_floor_ * model_floor_ +
                                  of_motion * of_motion + scatter_ * std::min(1.0, 1.0 / std::max(average_, 1e-9)));
     const double level = persistence_.active() ? release_threshold_ : threshold_;
-    const bool holds = seen_ >= average_ && mean_ > level + of_motion;
+    const bool holds = seen_ >= average_ && mean_ > level + kMotionSigmas * of_motion;
     detection.active = persistence_.update(estimate.time, holds);
     detection.since = persistence_.since();
     // While a leak that was there fades, its size stays what it was last.
@@ -91,11 +92,13 @@ class Leak : public Detector {
     detection.size = std::max(0.0, mean_) * to_flow;
     detection.low = std::max(0.0, mean_ - kNinetyPercentSigmas * std) * to_flow;
     detection.high = std::max(0.0, mean_ + kNinetyPercentSigmas * std) * to_flow;
-    detection.confidence = 0.5 * std::erfc(-(mean_ - 0.5 * (threshold_ + of_motion)) / (std * std::sqrt(2.0)));
+    detection.confidence =
+        0.5 * std::erfc(-(mean_ - 0.5 * (threshold_ + kMotionSigmas * of_motion)) / (std * std::sqrt(2.0)));
   }
 
   Criterion criterion() const override {
-    return {started_ && seen_ >= average_ ? mean_ - motion_error_ * moved_ : std::nan(""), threshold_, "threshold", 0};
+    return {started_ && seen_ >= average_ ? mean_ - kMotionSigmas * motion_error_ * moved_ : std::nan(""), threshold_,
+            "threshold", 0};
   }
   std::string size_name() const override { return "leak_flow"; }
   std::string size_unit() const override { return "l/s"; }
