@@ -2,19 +2,25 @@
 // to that end, if it goes on drifting as it does.
 //
 // Each bin of the operating range has an anchor: mean m and limits l < m < h that it had when it was healthy. Towards
-// the high end H the nearest bins are those whose h lies in the highest quarter of all anchors' span; what is left is
-// H - max h. Towards the low end likewise. Samples y of these bins give d = y - m; means of d over blocks are fitted by
-// a line in time, a + b s, by least squares with weights that fall by e over `horizon` (s counts from the last block).
-// The end is reached where the line has climbed by what is left. The interval is Fieller's: all s at which the line's
-// 90 % band, from its covariance and the scatter of the blocks about it, holds that level. Where b is not above nothing
-// by that measure, nothing is in sight (kNever), with the band's upper edge as the earliest time that cannot be
-// excluded.
+// the high end H the near bins are those whose h lies in the upper half of all anchors' span; what is left is
+// H - max h. Towards the low end likewise. Samples y of these bins give d = y - m and z, how far h lies from max h as a
+// share of the span. Means of d and z over blocks are followed by
 //
-// Assumes a drift that goes on in a straight line over the horizon; one that bends scatters the blocks and widens the
-// interval. A drift during the time in which anchors were learnt is not seen. Times in s, values in the variable's
-// unit.
+//   d = a + (b + c z) g,   g = max(0, t - tau)^p,   p = 1, 3/2, 2
+//
+// by least squares: a drift that began at tau, is another at other operating points, and may grow faster with time. The
+// end is reached where a + b g has climbed by what is left. The interval holds, of every tau and p, all g for which that
+// level lies in the 90 % band of the line over g (Fieller's), the band narrowed by what the blocks speak against that
+// tau and p: the profile likelihood of the crossing, the blocks' scatter widened by its correlation from one to the
+// next. What is told lies between, each tau and p counted by its likelihood, a straight line before one that bends
+// (1, 1/4, 1/16). Where no drift beats a constant by what
+// searching tau finds in noise, nothing is in sight (kNever), with the earliest time that cannot be excluded as `low`.
+//
+// Blocks grow as the drift lasts, so that memory is fixed; those older than `horizon` are forgotten. A drift during the
+// time in which anchors were learnt is not seen. Times in s, values in the variable's unit.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -24,18 +30,35 @@ constexpr double kNever = 1e9;  // s; beyond it, and for what is not in sight
 
 struct Crossing {
   double value = kNever, low = kNever, high = kNever;  // s from now; low and high: two-sided 90 %
+
+  Crossing after(double passed) const;
 };
 
-// A line through block means, newest at s = 0.
-class DriftLine {
+class DriftCourse {
  public:
-  void add(double passed, double value, double horizon);  // passed: s since the block before
-  // When it reaches `level` above nothing, from `since` after the last block on.
-  Crossing reaches(double level, double since) const;
-  void clear() { *this = DriftLine(); }
+  // Means over a block: when it was, the drift, and z; blocks of small and of large z each in their order.
+  void add(double time, double drift, double z, double horizon);
+  Crossing reaches(double level, double now) const;
+  void clear() { *this = DriftCourse(); }
 
  private:
-  double n_ = 0, s_ = 0, ss_ = 0, y_ = 0, sy_ = 0, yy_ = 0;  // weighted sums
+  struct Block {
+    double time = 0, drift = 0, z = 0, weight = 0;
+  };
+  struct Track {
+    std::array<Block, 32> blocks;  // oldest first
+    std::size_t count = 0;
+    double full = 1;  // the weight of a block that is not added to
+
+    void halve();
+  };
+  struct Fit;
+
+  Fit fit(double tau, double now, int exponent) const;
+  template <class F>
+  void for_each_block(F f) const;
+
+  Track tracks_[2];
 };
 
 class SaturationWatch {
@@ -55,15 +78,21 @@ class SaturationWatch {
   struct Anchor {
     double mean = 0, low = 0, high = 0;
     bool near[2] = {false, false};  // the low end, the high end
+    double z[2] = {0, 0};
+  };
+  struct Sums {
+    double drift = 0, z = 0, time = 0;
+    int count = 0;
   };
   struct Side {
     double left = 0;  // from the nearest anchor's limit to the end
-    DriftLine line;
-    double sum = 0, since = 0;
-    int count = 0;
+    DriftCourse course;
+    Crossing crossing;  // as of the last block, at `told`
+    double told = 0;
+    Sums sums[2];  // of small and of large z
   };
 
-  double ends_[2], horizon_;
+  double ends_[2], horizon_, now_ = 0;
   int block_;
   bool started_ = false;
   std::vector<Anchor> anchors_;
