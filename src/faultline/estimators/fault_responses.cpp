@@ -5,6 +5,7 @@
 
 #include "faultline/attribution/screening.h"
 #include "faultline/estimators/plausibility.h"
+#include "faultline/segments/even_rows.h"
 
 namespace faultline {
 namespace {
@@ -72,15 +73,21 @@ bool FaultResponses::collect(double time, const double* channels, bool good) {
     collecting_->values.reserve(rows * sheet_.channels.size());
     next_ = time + settings_.every_s;
   }
-  if (!collecting_->time.empty() && std::abs(time - collecting_->time.back() - sheet_.sample_period) >
-                                        settings_.segment.period_error_fraction * sheet_.sample_period) {
+  if (!collecting_->time.empty() &&
+      !goes_on(time - collecting_->time.back(), sheet_.sample_period, settings_.segment.period_error_fraction)) {
     collecting_.reset();
+    next_ = time;
     return false;
   }
   collecting_->time.push_back(time);
   collecting_->sequence.push_back(collecting_->sequence.size());
   collecting_->values.insert(collecting_->values.end(), channels, channels + sheet_.channels.size());
-  return collecting_->rows() >= rows;
+  const double passed = (time - collecting_->time.front()) / sheet_.sample_period;
+  if (static_cast<std::size_t>(std::lround(passed)) + 1 < rows) return false;
+  if (measured_share(sheet_, *collecting_, rows) >= kLeastMeasured) return true;
+  collecting_.reset();
+  next_ = time;
+  return false;
 }
 
 Stretches FaultResponses::latest(std::size_t count) const {

@@ -38,7 +38,8 @@ class FaultResponses {
   FaultResponses(const Datasheet& sheet, const ResponseSettings& settings);
 
   void reset();
-  // One sample; `good`: all channels are fit to be used. True where a stretch ended and everything below was found
+  // One sample; outputs that are not fit to be used are NaN, `good`: commands and inputs are. Single samples may be
+  // missing (segments/even_rows.h). True where a stretch ended and everything below was found
   // anew.
   bool add(double time, const double* channels, bool good);
   // The two halves of add(), for those who cannot wait: collect() says that take() has a stretch for judge(), which

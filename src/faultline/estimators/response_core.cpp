@@ -6,6 +6,7 @@
 // (response_settings.h); latency [s, half of every].
 #include "faultline/estimators/response_core.h"
 
+#include <cmath>
 #include <future>
 #include <memory>
 
@@ -22,8 +23,11 @@ class ResponseEstimator : public Estimator {
   ResponseEstimator(const Datasheet& sheet, const StageSpec& spec)
       : settings_(response_settings(sheet, spec)), responses_(sheet, settings_) {
     latency_ = spec.settings.number_or("latency", 0.5 * settings_.every_s, 0, 1e6);
-    for (const Channel& channel : sheet.channels)
+    for (const Channel& channel : sheet.channels) {
+      drives_.push_back(channel.role == Role::command || channel.role == Role::input);
       needed_.push_back(channel.role != Role::setpoint && !channel.ground_truth);
+    }
+    values_.resize(sheet.channels.size());
   }
 
   std::vector<State> states() const override { return {}; }
@@ -40,12 +44,16 @@ class ResponseEstimator : public Estimator {
     take_over();
   }
 
-  bool advance(const double* channels, const ChannelStatus* status, double dt, int steps) override {
-    bool good = steps == 1;
-    for (std::size_t c = 0; c < needed_.size(); ++c) good = good && (!needed_[c] || status[c] == ChannelStatus::good);
+  bool advance(const double* channels, const ChannelStatus* status, double dt, int) override {
+    bool good = true;
+    for (std::size_t c = 0; c < needed_.size(); ++c) {
+      const bool fit = !needed_[c] || status[c] == ChannelStatus::good;
+      good = good && (fit || !drives_[c]);
+      values_[c] = fit ? channels[c] : std::nan("");
+    }
     time_ += dt;
     news_ = false;
-    if (responses_.collect(time_, channels, good)) {
+    if (responses_.collect(time_, values_.data(), good)) {
       finish();
       ended_ = time_;
       work_ = std::async(std::launch::async, [this, stretch = std::shared_ptr<Recording>(responses_.take())] {
@@ -121,7 +129,8 @@ class ResponseEstimator : public Estimator {
   double latency_;
   bool news_ = false;
   double time_ = 0, judged_ = 0, ended_ = 0;  // s since the stage began
-  std::vector<bool> needed_;
+  std::vector<bool> needed_, drives_;         // the model: commands and inputs
+  std::vector<double> values_;
   Ranking ranking_;  // as found last; `since` in s since the stage began
 };
 

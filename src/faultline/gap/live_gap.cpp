@@ -9,6 +9,7 @@
 
 #include "faultline/gap/gap_series.h"
 #include "faultline/gap/gap_trials.h"
+#include "faultline/segments/even_rows.h"
 #include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
@@ -61,10 +62,10 @@ void LiveGap::cut() {
 
 bool LiveGap::usable(const Sample& sample) const {
   if (sample.values.size() != sheet_.channels.size()) return false;
-  for (std::size_t c = 0; c < sheet_.channels.size(); ++c)
-    if (!sheet_.channels[c].ground_truth && sheet_.channels[c].role != Role::setpoint &&
-        !std::isfinite(sample.values[c]))
-      return false;
+  for (std::size_t c = 0; c < sheet_.channels.size(); ++c) {
+    const Role role = sheet_.channels[c].role;
+    if ((role == Role::command || role == Role::input) && !std::isfinite(sample.values[c])) return false;
+  }
   return true;
 }
 
@@ -76,7 +77,7 @@ bool LiveGap::process(const Sample& sample) {
     if (step < 0 || step > settings_.jump_segments * settings_.segment_ratio * gap_segment_) {
       reset();
       ++counts_.restarts;
-    } else if (std::abs(step - sheet_.sample_period) > settings_.period_error_fraction * sheet_.sample_period) {
+    } else if (!goes_on(step, sheet_.sample_period, settings_.period_error_fraction)) {
       cut();
       ++counts_.cuts;
     }
@@ -89,11 +90,26 @@ bool LiveGap::process(const Sample& sample) {
     return false;
   }
   filling_.append(sample);
-  if (filling_.rows() < segment_rows_) return false;
-  Recording whole = std::move(filling_);
+  const double passed = (sample.time - filling_.time.front()) / sheet_.sample_period;
+  if (static_cast<std::size_t>(std::lround(passed)) + 1 < segment_rows_) return false;
+  if (measured_share(sheet_, filling_, segment_rows_) < kLeastMeasured) {
+    cut();
+    ++counts_.cuts;
+    return false;
+  }
+  // With the rows that are missing, and without what came after them beyond the segment.
+  Recording whole = even_rows(sheet_, std::move(filling_), sheet_.sample_period, settings_.gap.segments).recording;
   filling_ = Recording();
   filling_.rig = sheet_.rig;
   filling_.channels = sheet_.channels;
+  if (whole.rows() < segment_rows_) {
+    cut();
+    ++counts_.cuts;
+    return false;
+  }
+  whole.time.resize(segment_rows_);
+  whole.sequence.resize(segment_rows_);
+  whole.values.resize(segment_rows_ * sheet_.channels.size());
   window_.push_back(std::move(whole));
   if (window_.size() > settings_.smoothing_segments) window_.pop_front();
   // The first after a break only gives the next one's start states their past.

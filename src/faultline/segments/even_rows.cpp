@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "faultline/segments/segmented_run.h"
+
 namespace faultline {
 namespace {
 
@@ -50,6 +52,20 @@ double fitted_period(const Datasheet& sheet, const Recording& recording) {
   }
   const double period = sum / periods;
   return std::abs(period - sheet.sample_period) <= kClockFraction * sheet.sample_period ? sheet.sample_period : period;
+}
+
+bool goes_on(double step, double period, double error_fraction) {
+  const double periods = std::round(step / period);
+  return periods >= 1 && periods <= kMostMissing + 1 && std::abs(step - periods * period) <= error_fraction * period;
+}
+
+double measured_share(const Datasheet& sheet, const Recording& recording, std::size_t rows) {
+  std::size_t read = 0;
+  const std::vector<int> outputs = compared_outputs(sheet);
+  for (const int output : outputs)
+    for (std::size_t k = 0; k < recording.rows(); ++k)
+      read += std::isfinite(recording.at(k, static_cast<std::size_t>(output)));
+  return static_cast<double>(read) / static_cast<double>(std::max<std::size_t>(1, rows * outputs.size()));
 }
 
 EvenRows even_rows(const Datasheet& sheet, Recording recording, double period, const SegmentOptions& options) {

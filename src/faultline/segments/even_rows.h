@@ -31,6 +31,14 @@ struct EvenRows {
   std::string first_break;          // in words; empty: none
 };
 
+// Whether a sample `step` s after another goes on with its course: at most 3 rows lie between.
+bool goes_on(double step, double period, double error_fraction);
+
+// Of the readings that `rows` rows of the grid would have of the outputs that are compared with a model, how many there
+// are: below kLeastMeasured a live stretch is not worth judging.
+double measured_share(const Datasheet& sheet, const Recording& recording, std::size_t rows);
+constexpr double kLeastMeasured = 0.8;
+
 // `period`: T. Channels of the recording in the datasheet's order.
 EvenRows even_rows(const Datasheet& sheet, Recording recording, double period, const SegmentOptions& options);
 

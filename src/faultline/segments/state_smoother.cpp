@@ -185,7 +185,7 @@ std::vector<int> hidden_states(const SegmentModel& model, const ModelChange& cha
   std::vector<int> hidden;
   for (std::size_t s = 0; s < model.shown_by().size(); ++s)
     if (model.shown_by()[s] < 0 && model.sheet().states[s].channel < 0) hidden.push_back(static_cast<int>(s));
-  if (hidden.empty() || model.directions() == 0) return {};
+  if (hidden.empty()) return {};
   Propagation propagation(model.sheet(), change, run.period);
   const Eigen::VectorXd start = propagation.own_start(run.recording, run.restarts.front());
   const Eigen::VectorXd steps = difference_steps(model.sheet(), start.cwiseAbs());
