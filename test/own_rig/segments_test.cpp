@@ -78,7 +78,7 @@ TEST(StateSmoother, FindsTheLevelThatIsNotMeasured) {
   const SegmentModel model(tanks());
   std::vector<double> noise;
   const SegmentedRun cut = prepared(model, run.recording, noise);
-  const std::vector<int> hidden = hidden_states(model, model.nominal(), cut);
+  const std::vector<int> hidden = hidden_states(model, cut);
   ASSERT_EQ(hidden.size(), 1u);
   EXPECT_EQ(hidden.front(), 0);
   ASSERT_EQ(cut.start_roots.front().cols(), 2);

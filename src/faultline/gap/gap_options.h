@@ -77,10 +77,12 @@ struct GapOptions {
     // Length over which the samples of a misfit say the same, as a fraction of a segment: about the correlation length
     // of a residual that is not white (development).
     double correlated_fraction = 0.08;
-    std::size_t steps = 4;          // Gauss-Newton steps around one linearisation
-    std::size_t quick_steps = 8;    // ... of a finalist, at most: few need more than six to converge
-    std::size_t refit_rounds = 5;   // linearisations of the refit, at most
-    std::size_t refine_rounds = 6;  // ... and of a structure that is followed
+    std::size_t steps = 4;                // Gauss-Newton steps around one linearisation
+    std::size_t quick_steps = 8;          // ... of a finalist, at most: few need more than six to converge
+    std::size_t refit_rounds = 5;         // linearisations of the refit, at most
+    std::size_t other_starts = 4;         // ... beside the datasheet's values, where these leave something
+    double other_start_tolerances = 1.5;  // standard deviation of those
+    std::size_t refine_rounds = 6;        // ... and of a structure that is followed
     // Segments of all runs on which causes are sought, in pieces of neighbours; of one run at least; and the fraction
     // of all above which all are taken.
     std::size_t part_segments = 64, part_piece_segments = 4, part_least_segments = 12;
@@ -231,6 +233,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.steps);
   FAULTLINE_OPTION(trials.quick_steps);
   FAULTLINE_OPTION(trials.refit_rounds);
+  FAULTLINE_OPTION(trials.other_starts);
+  FAULTLINE_OPTION(trials.other_start_tolerances);
   FAULTLINE_OPTION(trials.refine_rounds);
   FAULTLINE_OPTION(trials.part_segments);
   FAULTLINE_OPTION(trials.part_piece_segments);

@@ -4,11 +4,15 @@ namespace faultline {
 namespace {
 
 constexpr std::size_t kMostRows = 4000;  // as docs/gap.schema.json promises
+constexpr int kSettlings = 2;            // Gauss-Newton steps of the start states
 
 }  // namespace
 
 Eigen::MatrixXf settled_residuals(const ResidualModel& model, const ModelChange& at, std::size_t run) {
-  return settled(model.runs()[run], model.start_sensitivity(at, run), model.residuals(at, run));
+  ResidualModel own = model.only(run);
+  const std::vector<Eigen::MatrixXf> columns = own.settle_starts(at, 0);
+  for (int i = 1; i < kSettlings; ++i) own.settle_starts(at, 0, columns);
+  return own.residuals(at, 0);
 }
 
 GapSeries gap_series(const ResidualModel& model, std::size_t run, const ModelChange& nominal,

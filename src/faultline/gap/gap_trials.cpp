@@ -13,6 +13,7 @@
 #include "faultline/gap/spectral_lines.h"
 #include "faultline/numerics/in_parallel.h"
 #include "faultline/numerics/quantiles.h"
+#include "faultline/numerics/random.h"
 
 namespace faultline {
 namespace {
@@ -155,6 +156,33 @@ FitResult GapTrials::refit(const Structure& refined) {
   }
   take_part(fit.model);
   return fit;
+}
+
+double GapTrials::learned_cost(const FitResult& fit) const {
+  const Eigen::VectorXd z = deviations(model().sheet(), around_.linear->free_parameters(), fit.model.parameters);
+  return learned_loss(around_) + 0.5 * z.squaredNorm();
+}
+
+FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
+  FitResult best = from_datasheet;
+  double least = learned_cost(best);
+  bool last = true;
+  Random random(1);
+  const std::vector<std::size_t> free = around_.linear->free_parameters();
+  for (std::size_t s = 0; s < options().trials.other_starts; ++s) {
+    Eigen::VectorXd move(static_cast<Eigen::Index>(free.size()));
+    for (double& m : move) m = options().trials.other_start_tolerances * random.normal();
+    ModelChange other;
+    other.parameters = model().sheet().nominal();
+    shift_parameters(model(), free, move, other.parameters);
+    const FitResult found = refit(other, {});
+    const double cost = learned_cost(found);
+    last = cost < least - options().trials.relinearise_log_likelihood;
+    if (!last) continue;
+    best = found;
+    least = cost;
+  }
+  return last ? best : refit(best.model, {});
 }
 
 void GapTrials::take_part(const ModelChange& at) {

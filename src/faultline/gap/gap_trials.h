@@ -53,6 +53,8 @@ class GapTrials {
   // Refits the parameters around `effects` until nothing is gained; leaves start states and linearisation of all runs
   // at the result.
   FitResult refit(const ModelChange& start, const std::vector<Candidate>& effects);
+  // The same of the parameters alone, from elsewhere too: the best, or `from_datasheet` where none is better.
+  FitResult refit_from_elsewhere(const FitResult& from_datasheet);
   // The same from a refined structure on.
   FitResult refit(const Structure& refined);
 
@@ -99,6 +101,7 @@ class GapTrials {
  private:
   Surroundings settle(const Surroundings& before, const ModelChange& at, int jobs) const;
   double learned_loss(const Surroundings& around) const;
+  double learned_cost(const FitResult& fit) const;  // what refit() just returned: with the tolerances' part
   void take_part(const ModelChange& at);
   void refine(Structure& structure, int jobs) const;
   double follow(Structure& structure, const Surroundings& from, int jobs, std::size_t rounds) const;

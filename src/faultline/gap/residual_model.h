@@ -29,6 +29,9 @@ class ResidualModel {
     return result;
   }
 
+  // The same over one of its runs.
+  ResidualModel only(std::size_t run) const { return ResidualModel(model_, {runs_[run]}, options_, noise_); }
+
   const SegmentModel& model() const { return model_; }
   const Datasheet& sheet() const { return model_.sheet(); }
   const std::vector<SegmentedRun>& runs() const { return runs_; }
@@ -57,12 +60,16 @@ class ResidualModel {
     const bool at_sensor = std::any_of(model.effects.begin(), model.effects.end(), [](const EffectSpec& effect) {
       return port_kind(effect.port) == PortKind::sensor;
     });
-    if (known.empty() && (at_sensor || !hidden_states(model_, model, runs_[run]).empty()))
+    if (known.empty() && (at_sensor || !hidden_states(model_, runs_[run]).empty()))
       model_.place_starts(runs_[run], noise_, model);
     return model_.settle(model, runs_[run], noise_, std::move(known));
   }
 
  private:
+  ResidualModel(const SegmentModel& model, std::vector<SegmentedRun> runs, const GapOptions& options,
+                const std::vector<double>& noise)
+      : model_(model), runs_(std::move(runs)), options_(options), noise_(noise) {}
+
   SegmentModel model_;
   std::vector<SegmentedRun> runs_;
   GapOptions options_;

@@ -101,7 +101,7 @@ Eigen::Index SegmentModel::directions() const {
 
 void SegmentModel::place_starts(SegmentedRun& run, const std::vector<double>& noise, const ModelChange& change) const {
   const auto states = static_cast<Eigen::Index>(shown_by_.size());
-  const std::vector<int> hidden = hidden_states(*this, change, run);
+  const std::vector<int> hidden = hidden_states(*this, run);
   const Eigen::Index directions = this->directions() + static_cast<Eigen::Index>(hidden.size());
   StateCourse course;
   if (!hidden.empty()) course = smooth_states(*this, change, run, noise, run.restarts);

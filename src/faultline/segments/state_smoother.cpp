@@ -181,12 +181,12 @@ class Smoother {
 
 }  // namespace
 
-std::vector<int> hidden_states(const SegmentModel& model, const ModelChange& change, const SegmentedRun& run) {
+std::vector<int> hidden_states(const SegmentModel& model, const SegmentedRun& run) {
   std::vector<int> hidden;
   for (std::size_t s = 0; s < model.shown_by().size(); ++s)
     if (model.shown_by()[s] < 0 && model.sheet().states[s].channel < 0) hidden.push_back(static_cast<int>(s));
   if (hidden.empty()) return {};
-  Propagation propagation(model.sheet(), change, run.period);
+  Propagation propagation(model.sheet(), model.nominal(), run.period);
   const Eigen::VectorXd start = propagation.own_start(run.recording, run.restarts.front());
   const Eigen::VectorXd steps = difference_steps(model.sheet(), start.cwiseAbs());
   std::vector<double> lasting;  // samples

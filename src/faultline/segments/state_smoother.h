@@ -18,8 +18,8 @@ namespace faultline {
 
 // The datasheet's states that no compared output shows and that must be estimated over this run: all, if what is wrong
 // with one of them lasts longer than a tenth of a segment while the measured states are held; else none - they go on
-// from segment to segment.
-std::vector<int> hidden_states(const SegmentModel& model, const ModelChange& change, const SegmentedRun& run);
+// from segment to segment. Judged at the datasheet's parameters, so that all models of a run are compared alike.
+std::vector<int> hidden_states(const SegmentModel& model, const SegmentedRun& run);
 
 struct StateCourse {
   std::vector<Eigen::VectorXd> mean;        // per wanted row
