@@ -83,7 +83,7 @@ void run_plain(const Options& options, const Datasheet& sheet) {
   const SampleFindings findings = check(content.recording, sheet.sample_period);
   if (!period_fits(findings, sheet.sample_period))
     throw InputError(
-        fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; import with --resample, or give "
+        fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; import with --resample rig, or give "
                     "the unit of t as in t[ms]",
                     input, findings.period, sheet.file, sheet.sample_period));
   std::vector<std::string> remarks;

@@ -154,6 +154,40 @@ TEST(FaultResponses, ABadSampleDropsTheStretchOnly) {
   EXPECT_EQ(judged, 2);
 }
 
+TEST(FaultResponses, SingleMissingSamplesCostNothing) {
+  SimulationSetup setup = servo_setup("random", 35);
+  setup.effects.push_back(parse_effect("scale@sensor.velocity:factor=0.7,from=8"));
+  const Recording run = simulate(servo(), setup, 16);
+  std::vector<std::string> named;
+  for (const bool missing : {false, true}) {
+    FaultResponses responses(servo(), ResponseSettings());
+    int judged = 0;
+    for (std::size_t k = 0; k < run.rows(); ++k) {
+      if (missing && k % 97 == 5) continue;
+      std::vector<double> row(run.row(k), run.row(k) + run.channels.size());
+      if (missing && k % 61 == 3) row[static_cast<std::size_t>(servo().channel("position"))] = std::nan("");
+      judged += responses.add(run.time[k], row.data(), true);
+    }
+    EXPECT_GE(judged, 6);
+    ASSERT_FALSE(responses.first().empty()) << missing;
+    const FaultHypothesis& h = responses.hypotheses()[responses.first().front().hypothesis];
+    named.push_back(h.effect + "@" + h.port);
+  }
+  EXPECT_EQ(named[0], "scale@sensor.velocity");
+  EXPECT_EQ(named[1], named[0]);
+}
+
+TEST(FaultResponses, MoreThanAFifthMissingIsNotJudged) {
+  const Recording run = simulate(servo(), servo_setup("square"), 4);
+  FaultResponses responses(servo(), ResponseSettings());
+  for (std::size_t k = 0; k < run.rows(); ++k) {
+    std::vector<double> row(run.row(k), run.row(k) + run.channels.size());
+    if (k % 3 == 0)
+      for (double& value : row) value = std::nan("");
+    EXPECT_FALSE(responses.add(run.time[k], row.data(), true));
+  }
+}
+
 // Runs of the model by stretches, of which most say nothing new.
 std::vector<std::uint64_t> runs_by_stretch(const Recording& run, const ResponseSettings& settings) {
   FaultResponses responses(servo(), settings);

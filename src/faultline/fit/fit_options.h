@@ -12,13 +12,18 @@ namespace faultline {
 
 // parameter_fit.h, fit_errors.h, segment_solver.h.
 struct FitOptions {
-  std::size_t first_iterations = 10;    // of the trust region in the first round and from another start, at most
-  std::size_t next_iterations = 3;      // ... and where only the scatter changed
-  std::size_t rounds = 20;              // scatter and parameters in turn, at most; else the fit has not converged
-  double settled_tolerances = 0.02;     // move of every parameter in a round below which it has
-  std::size_t other_starts = 2;         // beside the datasheet's values
-  double other_start_tolerances = 1.5;  // standard deviation of those: well outside what one rig differs from another
-  double better_cost_fraction = 1e-3;   // by which another start must end lower: above what the stopping rule leaves
+  std::size_t first_iterations = 10;     // of the trust region in the first round and from another start, at most
+  std::size_t next_iterations = 3;       // ... and where only the scatter changed
+  std::size_t rounds = 20;               // scatter and parameters in turn, at most; else the fit has not converged
+  double settled_tolerances = 0.02;      // move of every parameter in a round below which it has
+  std::size_t other_starts = 6;          // beside the datasheet's values
+  double other_start_tolerances = 1.5;   // standard deviation of those: well outside what one rig differs from another
+  double better_cost_fraction = 1e-3;    // by which another start must end lower: above what the stopping rule leaves
+  double near_cost_fraction = 0.05;      // ... within which it is followed to its end
+  double alike_log_likelihood = 5;       // by which an answer elsewhere may be worse and still not be excluded
+  std::size_t valley_steps = 6;          // each way along the direction that is known least ...
+  double valley_step_tolerances = 0.25;  // ... so far, where states are hidden,
+  std::size_t valley_rounds = 3;         // the starts and the other parameters in turn at each
   double unmarked_tolerance_fraction = 0.1;  // of a parameter to be identified whose tolerance the datasheet gives as 0
   double seen_error_tolerances = 0.5;  // error with all others known, below which the run does respond to a parameter
   double named_exponent = 0.05;        // change in percent, per percent, from which the reason names another parameter
@@ -47,6 +52,11 @@ void for_each_option(FitOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(other_starts);
   FAULTLINE_OPTION(other_start_tolerances);
   FAULTLINE_OPTION(better_cost_fraction);
+  FAULTLINE_OPTION(near_cost_fraction);
+  FAULTLINE_OPTION(alike_log_likelihood);
+  FAULTLINE_OPTION(valley_steps);
+  FAULTLINE_OPTION(valley_step_tolerances);
+  FAULTLINE_OPTION(valley_rounds);
   FAULTLINE_OPTION(unmarked_tolerance_fraction);
   FAULTLINE_OPTION(seen_error_tolerances);
   FAULTLINE_OPTION(named_exponent);

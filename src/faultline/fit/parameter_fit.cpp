@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <Eigen/Eigenvalues>
 
 #include "faultline/fit/fit_errors.h"
 #include "faultline/numerics/quantiles.h"
@@ -59,10 +60,16 @@ Settled settle(SegmentSolver& solver, std::vector<double>& values, const std::ve
 }
 
 // Other starts, drawn around the datasheet's values; `values` becomes the best. Returns how many ended lower.
-std::size_t try_other_starts(SegmentSolver& solver, std::vector<double>& values, const std::vector<std::size_t>& free,
+// Where searches from elsewhere ended.
+struct OtherStarts {
+  std::size_t better = 0;                   // of them, that led on
+  std::vector<std::vector<double>> passed;  // settled, not so good, or left for a better one
+};
+
+OtherStarts try_other_starts(SegmentSolver& solver, std::vector<double>& values, const std::vector<std::size_t>& free,
                              const FitOptions& options) {
   Random random(1);
-  std::size_t better = 0;
+  OtherStarts starts;
   solver.set_scatter(values);
   for (std::size_t s = 0; s < options.other_starts; ++s) {
     std::vector<double> other = values;
@@ -72,13 +79,86 @@ std::size_t try_other_starts(SegmentSolver& solver, std::vector<double>& values,
       other[i] = solver.value(i, std::clamp(options.other_start_tolerances * random.normal(), least, most));
     }
     solver.solve(other, free, options.first_iterations);
-    if (solver.cost(other, free) > (1 - options.better_cost_fraction) * solver.cost(values, free)) continue;
+    const double best = solver.cost(values, free);
+    if (solver.cost(other, free) > (1 + options.near_cost_fraction) * best + options.alike_log_likelihood) continue;
     settle(solver, other, free, false, options);
-    values = other;
     solver.set_scatter(values);
-    ++better;
+    if (solver.cost(other, free) < (1 - options.better_cost_fraction) * solver.cost(values, free)) {
+      std::swap(values, other);
+      solver.set_scatter(values);
+      ++starts.better;
+    }
+    starts.passed.push_back(other);
   }
-  return better;
+  return starts;
+}
+
+double cost_at(SegmentSolver& solver, const std::vector<double>& values, const std::vector<std::size_t>& free) {
+  solver.place_starts(values);
+  return solver.cost(values, free);
+}
+
+// Answers elsewhere that fit as well as `values`, at its scatter and correlation.
+std::vector<std::vector<double>> answers_alike(SegmentSolver& solver, const std::vector<double>& values,
+                                               const std::vector<std::size_t>& free, const OtherStarts& starts,
+                                               const FitOptions& options) {
+  std::vector<std::vector<double>> alike;
+  const double most = cost_at(solver, values, free) + options.alike_log_likelihood;
+  for (const std::vector<double>& other : starts.passed)
+    if (cost_at(solver, other, free) < most) alike.push_back(other);
+  solver.place_starts(values);
+  return alike;
+}
+
+// Hidden states follow the parameters, so that the cost around an answer, where they stand still, rises more steeply
+// than along the valley in which they move along. Walks both ways along the direction that is known least: the
+// parameter with the largest part in it is moved, all others and the states follow.
+void walk_valley(SegmentSolver& solver, const FitErrors& errors, const std::vector<double>& values,
+                 const std::vector<std::size_t>& free, const FitOptions& options,
+                 std::vector<std::vector<double>>& alike) {
+  if (!solver.has_hidden_states() || free.size() < 2) return;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> known(errors.curvature);
+  const Eigen::VectorXd weakest = known.eigenvectors().rightCols(1);
+  Eigen::Index leading = 0;
+  weakest.cwiseAbs().maxCoeff(&leading);
+  std::vector<std::size_t> others = free;
+  others.erase(others.begin() + leading);
+  const double most = cost_at(solver, values, free) + options.alike_log_likelihood;
+  for (const double side : {-1.0, 1.0}) {
+    std::vector<double> there = values;
+    for (std::size_t step = 0; step < options.valley_steps; ++step) {
+      for (std::size_t j = 0; j < free.size(); ++j) {
+        const double move =
+            side * options.valley_step_tolerances * weakest[static_cast<Eigen::Index>(j)] / weakest[leading];
+        there[free[j]] = solver.value(free[j], solver.coordinate(free[j], there[free[j]]) + move);
+      }
+      for (std::size_t round = 0; round < options.valley_rounds; ++round) {
+        solver.place_starts(there);
+        solver.solve(there, others, options.next_iterations);
+      }
+      if (cost_at(solver, there, free) > most) break;
+      alike.push_back(there);
+    }
+  }
+  solver.place_starts(values);
+}
+
+// The interval holds what other answers say; a parameter that they do not agree on is not determined.
+void hold_answers(const std::vector<std::vector<double>>& alike, std::size_t index, FittedParameter& fitted) {
+  const double half = 0.5 * (fitted.high - fitted.low);
+  double farthest = 0, differing = 0;
+  for (const std::vector<double>& other : alike) {
+    const double off = std::abs(other[index] - fitted.estimate);
+    if (off > farthest) {
+      farthest = off;
+      differing = other[index];
+    }
+    fitted.low = std::min(fitted.low, other[index]);
+    fitted.high = std::max(fitted.high, other[index]);
+  }
+  if (!(farthest > 2 * half) || !fitted.determined) return;
+  fitted.reason = fmt::format("another answer, {:.4g}, fits as well", differing);
+  fitted.determined = false;
 }
 
 FittedParameter fitted_parameter(const Datasheet& sheet, const SegmentSolver& solver, const FitErrors& errors,
@@ -152,14 +232,17 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   // Far from the minimum what is left is one long correlated error, which would hold the parameters where they are.
   settle(solver, result.values, free, false, options);
   tell(fmt::format("{} other starts", options.other_starts));
-  const std::size_t better = try_other_starts(solver, result.values, free, options);
+  const OtherStarts starts = try_other_starts(solver, result.values, free, options);
   const Settled last = settle(solver, result.values, free, true, options);
   result.converged = last.solved && last.moved < options.settled_tolerances;
+  std::vector<std::vector<double>> alike = answers_alike(solver, result.values, free, starts, options);
   tell("errors");
   const FitErrors errors = fit_errors(solver, sheet, result.values, free);
+  walk_valley(solver, errors, result.values, free, options, alike);
   for (std::size_t at = 0; at < free.size(); ++at) {
     tell(fmt::format("interval of {}", sheet.parameters[free[at]].name));
     result.parameters.push_back(fitted_parameter(sheet, solver, errors, scales, result.values, free, at, options));
+    hold_answers(alike, free[at], result.parameters.back());
   }
   const std::vector<double> after = solver.misfit(result.values), free_run = solver.free_misfit(result.values);
   for (std::size_t i = 0; i < model.outputs().size(); ++i) {
@@ -175,11 +258,11 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
         fmt::format("not converged: after {} rounds a parameter still moves by {:.2g} tolerances in a round; give more "
                     "or longer runs, or mark fewer parameters",
                     options.rounds, last.moved));
-  if (better > 0)
+  if (starts.better > 0)
     result.remarks.push_back(
         fmt::format("{} of {} other starts ended at a better minimum than the datasheet's values did; check the "
                     "answer on another run",
-                    better, options.other_starts));
+                    starts.better, options.other_starts));
   if (errors.freedom < 10)
     result.remarks.push_back(
         fmt::format("few data: what is left is worth {:.2g} independent values beyond the parameters, and the "

@@ -1,4 +1,5 @@
 #include "faultline/fit/segment_solver.h"
+#include "faultline/segments/state_smoother.h"
 
 #include <algorithm>
 #include <cmath>
@@ -222,10 +223,10 @@ void SegmentSolver::set_scatter(const std::vector<double>& values) {
     for (std::size_t k = 0; k < count; ++k) mean += squares[i][k] / static_cast<double>(count);
     sigma_[i] = noise_[i] * std::sqrt(std::max(1.0, mean));
   }
-  prepare_starts(values);
+  place_starts(values);
 }
 
-void SegmentSolver::prepare_starts(const std::vector<double>& values) {
+void SegmentSolver::place_starts(const std::vector<double>& values) {
   std::vector<std::vector<Eigen::MatrixXf>> columns(runs_.size());
   in_parallel(runs_.size(), jobs_, [&](std::size_t r) {
     model_.place_starts(runs_[r], noise_, {values, {}});  // hidden states are as the model at hand has them
@@ -234,6 +235,11 @@ void SegmentSolver::prepare_starts(const std::vector<double>& values) {
   starts_.clear();
   for (std::size_t r = 0; r < runs_.size(); ++r)
     starts_.emplace_back(runs_[r], std::move(columns[r]), segment_values());
+}
+
+bool SegmentSolver::has_hidden_states() const {
+  return std::any_of(runs_.begin(), runs_.end(),
+                     [&](const SegmentedRun& run) { return !hidden_states(model_, run).empty(); });
 }
 
 SegmentSolver::Columns SegmentSolver::columns(const std::vector<double>& values, const std::vector<std::size_t>& free,

@@ -32,6 +32,9 @@ class SegmentSolver {
   // Takes the scatter of each output from the residuals at `values`: a robust mean over segments, never below the
   // noise.
   void set_scatter(const std::vector<double>& values);
+  // Start states as the model with these values has them; set_scatter() does that too.
+  void place_starts(const std::vector<double>& values);
+  bool has_hidden_states() const;
   // Takes c from the residuals at `values`.
   void set_correlation(const std::vector<double>& values);
   double correlation() const { return correlation_; }
@@ -73,7 +76,6 @@ class SegmentSolver {
   Columns columns(const std::vector<double>& values, const std::vector<std::size_t>& free, std::size_t run,
                   const std::vector<Change>& changes, bool central = false) const;
   double segment_values() const;  // readings in a whole segment
-  void prepare_starts(const std::vector<double>& values);
   // Triangles of all segments, runs one after the other. Without derivatives: one row with the norm.
   enum class Derivatives { none, forward, central };
   void triangles(const std::vector<double>& values, const std::vector<std::size_t>& free, Derivatives derivatives,

@@ -136,7 +136,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
   nominal.parameters = work.model().sheet().nominal();
   search.base = work.refit(nominal, {});
   search.plain = work.score(search.base);
-  // A search that began at the datasheet's values may have ended beside the rig's; what it leaves would be given a name.
+  // A search from the datasheet's values may end beside the rig's, and what it leaves there would be given a name.
   if (typical_excess(search.plain.score, values) >= quiet_variances) {
     search.base = work.refit_from_elsewhere(search.base);
     search.plain = work.score(search.base);

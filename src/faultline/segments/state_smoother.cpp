@@ -216,14 +216,19 @@ StateCourse smooth_states(const SegmentModel& model, const ModelChange& change, 
   course.covariance.assign(rows.size(), Eigen::MatrixXd::Zero(n, n));
   Smoother smoother(model, change, run, noise);
   const double q = smoother.best_q();
-  for (const Stretched& stretch : run.stretches) {
-    smoother.forwards(stretch, q, stretch.last - stretch.first, true);
+  const auto pass = [&](const Stretched& stretch, double noise_ratio, bool means) {
+    smoother.forwards(stretch, noise_ratio, stretch.last - stretch.first, true);
     smoother.backwards(stretch, [&](std::size_t row, const Eigen::VectorXd& mean, const Eigen::MatrixXd& covariance) {
       const auto at = std::lower_bound(rows.begin(), rows.end(), row);
       if (at == rows.end() || *at != row) return;
-      course.mean[static_cast<std::size_t>(at - rows.begin())] = mean;
-      course.covariance[static_cast<std::size_t>(at - rows.begin())] = covariance;
+      const auto i = static_cast<std::size_t>(at - rows.begin());
+      if (means) course.mean[i] = mean;
+      course.covariance[i] = covariance;
     });
+  };
+  for (const Stretched& stretch : run.stretches) {
+    pass(stretch, q, true);
+    if (q < 1) pass(stretch, 1, false);
   }
   return course;
 }

@@ -3,7 +3,8 @@
 //
 //   x_k+1 = f(x_k, u_k) + v,  y_k = h(x_k) + w,   v ~ N(0, q Q),  w ~ N(0, R)
 //   Q = sum over parameters of (df/dp p tolerance)^2, diagonal: what the tolerances make of one step
-//   q: of powers of ten the one with the largest likelihood of the innovations
+//   q: of powers of ten the one with the largest likelihood of the innovations; for covariances not below 1, since a
+//      model that follows a run closely with the wrong parameters does not know its hidden states as well as that
 //   backwards: C = P_k F' (P_k+1^-)^-1,  x_k^s = x_k + C (x_k+1^s - x_k+1^-),  P_k^s = P_k + C (P_k+1^s - P_k+1^-) C'
 //
 // R: the recording's own noise; readings that measure nothing (smoothing.h) are left out. The first state of a stretch
