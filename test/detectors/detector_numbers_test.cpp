@@ -61,7 +61,7 @@ TEST(LeakDetector, MotionTakesAShareForItself) {
       detector->process(estimate, detection);
     }
     EXPECT_EQ(detection.active, flow == 0) << flow;
-    const double criterion = 4e-9 - (flow == 0 ? 0 : 2.6 * 3e-9);
+    const double criterion = flow == 0 ? 4e-9 : 0;  // 2.6 times 3e-9 is more
     EXPECT_NEAR(detector->criterion().value, criterion, 1e-11) << flow;
     const double half = 1.6448536 * std::sqrt(std::pow(0.06 * 4e-9, 2) + 2.5e-9 * 2.5e-9 + (flow == 0 ? 0 : 9e-18));
     EXPECT_NEAR(detection.high - detection.size, half * 800 * 1e3, 1e-5) << flow;

@@ -52,6 +52,29 @@ class Tanks(OutsideTest):
     def bag(self, name):
         return path / f"{name}.bag"
 
+    def write_network(self):
+        sheet = yaml.safe_load((path / RIG / "config" / RIG / "rig.yaml").read_text())
+        sheet["estimators"] = [
+            {
+                "name": "level_network",
+                "type": "network",
+                "weights": "level.txt",
+                "inputs": "pump_voltage, lower_level.smooth",
+                "outputs": "lower_level",
+                "cut_off": 0.02,
+                "lags": 1,
+                "hidden": 3,
+                "feedback": "none",
+            }
+        ]
+        sheet.update(detectors=[], isolators=[])
+        (self.folder / "net.yaml").write_text(yaml.safe_dump(sheet, sort_keys=False))
+
+    def report(self, bag):
+        env = dict(self.env, FAULTLINE_PROGRAM=program())
+        run("/usr/bin/python3", ROOT / "scripts/report.py", bag, "-o", "report.html", env=env, cwd=self.folder)
+        return (self.folder / "report.html").read_text()
+
     def answer(self, *words):
         self.faultline(*words, "--json", "answer.json")
         return json.loads((self.folder / "answer.json").read_text())
@@ -81,6 +104,25 @@ class Simulated(Tanks):
         self.assertEqual(self.answer("diagnose", self.bag("one"))["verdict"], "healthy")
         alarms = self.answer("diagnose", self.bag("clogs"))["alarms"]
         self.assertIn(("clogging", "restriction.lower_outlet"), [(a["effect"], a["port"]) for a in alarms])
+
+    def spoilt(self, bag, change):
+        self.faultline("export", self.bag(bag), "-o", "whole.csv")
+        head, *rows = (self.folder / "whole.csv").read_text().splitlines()
+        (self.folder / "spoilt.csv").write_text("\n".join([head, *change(rows)]) + "\n")
+        return "spoilt.csv"
+
+    def test_diagnose_where_single_rows_are_missing(self):
+        for change in (
+            lambda rows: [row for k, row in enumerate(rows) if k % 43 != 7],
+            lambda rows: [row.rsplit(",", 1)[0] + ",nan" if k % 43 == 7 else row for k, row in enumerate(rows)],
+        ):
+            alarms = self.answer("diagnose", self.spoilt("clogs", change), "--rig", RIG)["alarms"]
+            self.assertIn(("clogging", "restriction.lower_outlet"), [(a["effect"], a["port"]) for a in alarms])
+
+    def test_nothing_is_said_of_readings_that_are_none(self):
+        spoilt = self.spoilt("one", lambda rows: [row.rsplit(",", 1)[0] + ",nan" for row in rows])
+        for words in (("gap", spoilt, "--rig", RIG), ("fit", RIG, spoilt)):
+            self.complains(words, "spoilt.csv", "every reading of every output")
 
     def test_fit(self):
         answer = self.answer("fit", RIG, self.bag("one"), self.bag("two"), "--patch", "fitted.yaml")
@@ -113,10 +155,7 @@ class Simulated(Tanks):
         self.assertGreater((self.folder / "gap.html").stat().st_size, 10000)
 
     def test_report(self):
-        script = ROOT / "scripts/report.py"
-        env = dict(self.env, FAULTLINE_PROGRAM=program())
-        run("/usr/bin/python3", script, self.bag("clogs"), "-o", "report.html", env=env, cwd=self.folder)
-        text = (self.folder / "report.html").read_text()
+        text = self.report(self.bag("clogs"))
         self.assertIn("Two tanks, one above the other", text)  # the datasheet's title: it was found
         self.assertIn("outlet of the lower tank", text)
 
@@ -142,22 +181,7 @@ class Simulated(Tanks):
         self.assertGreater(level["first"][0]["gain"], level["first"][0]["chance_most"])
 
     def test_train(self):
-        sheet = yaml.safe_load((path / RIG / "config" / RIG / "rig.yaml").read_text())
-        sheet["estimators"] = [
-            {
-                "name": "level_network",
-                "type": "network",
-                "weights": "level.txt",
-                "inputs": "pump_voltage, lower_level.smooth",
-                "outputs": "lower_level",
-                "cut_off": 0.02,
-                "lags": 1,
-                "hidden": 3,
-                "feedback": "none",
-            }
-        ]
-        sheet.update(detectors=[], isolators=[])
-        (self.folder / "net.yaml").write_text(yaml.safe_dump(sheet, sort_keys=False))
+        self.write_network()
         told = self.answer(
             "train", RIG, self.bag("one"), "--config", "net.yaml", "--epochs", "10", "-o", "level.txt"
         )
@@ -180,6 +204,8 @@ if MEASURED.is_file():
                 self.faultline("import", MEASURED, "--rig", RIG, "--mapping", mapping, "-o", f"{name}.bag")
 
         def test_every_subcommand_takes_them(self):
+            self.write_network()
+            self.assertIn("Two tanks, one above the other", self.report("validation.bag"))
             for words in (
                 ("export", "estimation.bag", "-o", "again.csv"),
                 ("fit", RIG, "estimation.bag", "--json", "fit.json", "--patch", "fitted.yaml"),
@@ -189,6 +215,7 @@ if MEASURED.is_file():
                 ("gap", "estimation.bag", "--holdout", "validation.bag", "--json", "gap.json"),
                 ("simulate", RIG, "--drive", "validation.bag", "-o", "driven.csv"),
                 ("explain", "estimation.bag", "--json", "explain.json"),
+                ("train", RIG, "estimation.bag", "--config", "net.yaml", "--epochs", "3", "-o", "level.txt"),
             ):
                 with self.subTest(subcommand=words[0]):
                     print(" ".join(words), self.faultline(*words).stdout)

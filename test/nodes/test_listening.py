@@ -3,6 +3,7 @@ docs/nodes.md recommends."""
 
 import os
 import pathlib
+import tempfile
 import time
 import unittest
 
@@ -49,6 +50,30 @@ class Listening(unittest.TestCase):
             self.assertEqual({port for address, port in bound if address == "0.0.0.0"}, {xmlrpc}, bound)
             self.assertEqual({address for address, port in bound if port != xmlrpc}, {"127.0.0.1"}, bound)
             self.assertEqual({address for address, _ in listeners(graph.processes[0].pid)}, {"127.0.0.1"})
+
+    def test_every_launch_file_binds_its_nodes(self):
+        with Graph() as graph, tempfile.TemporaryDirectory() as folder:
+            graph.environment.pop("ROS_IP", None)  # as in a user's shell
+            # A replay that was ended left this; a live rig has no /clock.
+            graph.set("/use_sim_time", True)
+            started = [
+                graph.start(["roslaunch", "faultline", *words])
+                for words in (
+                    ("servo_actuator.launch",),
+                    ("view.launch", f"rig:={RIG}", "rviz:=false"),
+                    ("record.launch", f"rig:={RIG}", f"bag:={folder}/run.bag"),
+                    ("diagnostics.launch",),
+                )
+            ]
+            limit = time.monotonic() + 60
+            for name in (f"/{RIG}/alarms", f"/{RIG}/view", f"/{RIG}/recorder", "/diagnostic_aggregator"):
+                code, uri = 0, ""
+                while code != 1:
+                    self.assertLess(time.monotonic(), limit, [graph.said(launch) for launch in started])
+                    time.sleep(0.2)
+                    code, _, uri = graph.master.lookupNode("/test", name)
+                self.assertTrue(uri.startswith("http://127.0.0.1:"), (name, uri))
+            self.assertIs(graph.master.getParam("/test", "/use_sim_time")[2], False)
 
     def test_in_a_network_namespace_there_is_nothing_but_the_loopback(self):
         inside = "ip link set lo up; exec roslaunch faultline servo_actuator.launch rate:=2 duration:=4"

@@ -158,7 +158,7 @@ class ViewNode(unittest.TestCase):
         self.assertIn("orifice leakage", " ".join(m["text"] for m in drawn[first] if m["ns"] == "labels"))
         self.assertNotIn("orifice leakage", " ".join(m["text"] for m in drawn[-1] if m["ns"] == "labels"))
         verdict = [m["text"] for m in drawn[first] if m["ns"] == "head"][1]
-        self.assertTrue(verdict.startswith("Internal leak"), verdict)
+        self.assertIn("internal leak", verdict.lower())
 
     def test_a_leak_of_the_cooling_circuit_colours_its_branch_alone(self):
         rig = "cooling_circuit"

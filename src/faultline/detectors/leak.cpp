@@ -96,9 +96,10 @@ class Leak : public Detector {
         0.5 * std::erfc(-(mean_ - 0.5 * (threshold_ + kMotionSigmas * of_motion)) / (std * std::sqrt(2.0)));
   }
 
+  // A threshold below zero would say that a leak flows backwards.
   Criterion criterion() const override {
-    return {started_ && seen_ >= average_ ? mean_ - kMotionSigmas * motion_error_ * moved_ : std::nan(""), threshold_,
-            "threshold", 0};
+    const double value = std::max(0.0, mean_ - kMotionSigmas * motion_error_ * moved_);
+    return {started_ && seen_ >= average_ ? value : std::nan(""), threshold_, "threshold", 0};
   }
   std::string size_name() const override { return "leak_flow"; }
   std::string size_unit() const override { return "l/s"; }

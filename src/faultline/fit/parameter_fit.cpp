@@ -212,6 +212,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   std::vector<SegmentedRun> prepared;
   for (auto& [name, recording] : runs)
     prepared.push_back(cut_run(sheet, name, std::move(recording), segment, options.segments));
+  need_readings(sheet, prepared);
   const std::vector<double> noise = noise_of(sheet, prepared, options.segments);
   std::vector<std::string> remarks;
   for (SegmentedRun& run : prepared) {

@@ -19,6 +19,9 @@
 namespace faultline {
 namespace {
 
+constexpr double kMuchLeft = 3;    // times the noise
+constexpr double kMuchNoise = 10;  // times the datasheet's
+
 // `apart`: how far fits of single runs lie from each other, in the effect's coordinates.
 // `ninety`: half width of 90 % bounds in standard errors.
 NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart, double ninety,
@@ -274,6 +277,23 @@ void name_effects(const EffectSearch& search, double ninety, const GapOptions::V
                     options.rival_standard_errors);
 }
 
+// A verdict of "none" or "miscalibrated" says that no cause is seen, not that nothing is left; and noise hides a gap.
+void remark_what_is_left(const Datasheet& sheet, GapResult& result) {
+  for (const ChannelGap& gap : result.gap[1].channels) {
+    if (gap.rms.at("segment") > kMuchLeft * gap.noise_std)
+      result.remarks.push_back(fmt::format(
+          "{}: {:.2g} times the noise is left, and no place, and no effect at one, explains enough of it to "
+          "be told",
+          gap.channel, gap.rms.at("segment") / gap.noise_std));
+    const Channel& channel = sheet.channels[static_cast<std::size_t>(sheet.channel(gap.channel))];
+    if (channel.noise_std > 0 && gap.noise_std > kMuchNoise * std::max(channel.noise_std, channel.resolution))
+      result.remarks.push_back(
+          fmt::format("{}: its noise is {:.2g} times the datasheet's; a gap that is smaller is not "
+                      "seen",
+                      gap.channel, gap.noise_std / channel.noise_std));
+  }
+}
+
 }  // namespace
 
 GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
@@ -288,6 +308,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   for (const auto* list : {&runs, &holdout})
     for (const SegmentedRun& run : *list)
       if (!run.remark.empty()) result.remarks.push_back(run.remark);
+  need_readings(sheet, runs);
   Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.segments);
 
   GapTrials work(sheet, std::move(split.runs), split.folds, split.learn, settings, progress);
@@ -385,6 +406,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
                                   best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port, options,
                                   settings.jobs, result.remarks);
   }
+  if (!answer.names && result.verdict != "unknown") remark_what_is_left(sheet, result);
   describe(sheet, result);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;

@@ -168,6 +168,19 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
   return run;
 }
 
+void need_readings(const Datasheet& sheet, const std::vector<SegmentedRun>& runs) {
+  for (const SegmentedRun& run : runs)
+    for (const int output : compared_outputs(sheet)) {
+      const auto c = static_cast<std::size_t>(output);
+      for (std::size_t k = 0; k < run.recording.rows(); ++k)
+        if (measures(sheet.channels[c], run.recording.at(k, c))) return;
+    }
+  throw InputError(
+      fmt::format("{}: every reading of every output is missing or at an end of its range; there is nothing to compare "
+                  "a model with",
+                  runs.front().name));
+}
+
 std::size_t fewest_rows(const std::vector<SegmentedRun>& runs) {
   std::size_t rows = runs.front().segment;
   for (const SegmentedRun& run : runs) rows = std::min(rows, run.segment);

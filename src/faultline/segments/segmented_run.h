@@ -54,6 +54,9 @@ struct SegmentedRun {
 // shows there alone; the plant is driven by their readings all the same); none that is ground truth.
 std::vector<int> compared_outputs(const Datasheet& sheet);
 
+// InputError where no reading of a compared output says anything: all are missing, or at an end of their range.
+void need_readings(const Datasheet& sheet, const std::vector<SegmentedRun>& runs);
+
 // Cuts a recording whose channels are the datasheet's, in order, into segments of `segment` s. No starts yet.
 // InputError where nothing is left. Inputs are smoothed where a run is long enough to tell their noise from motion; in
 // short stretches how far would change from one to the next.
