@@ -122,7 +122,8 @@ class Simulated(Tanks):
     def test_nothing_is_said_of_readings_that_are_none(self):
         spoilt = self.spoilt("one", lambda rows: [row.rsplit(",", 1)[0] + ",nan" for row in rows])
         for words in (("gap", spoilt, "--rig", RIG), ("fit", RIG, spoilt)):
-            self.complains(words, "spoilt.csv", "every reading of every output")
+            said = self.faultline(*words, code=2).stderr.splitlines()
+            self.assertIn("spoilt.csv: every reading of every output is missing", said[-1])
 
     def test_fit(self):
         answer = self.answer("fit", RIG, self.bag("one"), self.bag("two"), "--patch", "fitted.yaml")
