@@ -17,11 +17,11 @@
 
 namespace faultline {
 
-// The datasheet's states that no compared output shows and that must be estimated over this run: all, if what is wrong
-// with one of them lasts longer than a tenth of a segment while the measured states are held; else none - they go on
-// from segment to segment. None either of a rig with more than 6 states none of which a channel shows: smoothing them
-// takes longer than the rig does (cooling circuit). Judged at the datasheet's parameters, so that all models of a run are
-// compared alike.
+// The datasheet's states that no compared output shows and that must be estimated over this run: all, if what is
+// wrong with one of them lasts longer than a tenth of a segment while the measured states are held; else none - they
+// go on from segment to segment. None either of a rig with more than 6 states none of which a channel shows:
+// smoothing them takes longer than the rig does (cooling circuit). Judged at the datasheet's parameters, so that all
+// models of a run are compared alike.
 std::vector<int> hidden_states(const SegmentModel& model, const SegmentedRun& run);
 
 struct StateCourse {
