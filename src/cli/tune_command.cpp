@@ -171,7 +171,9 @@ void write_patch(Datasheet sheet, const StageSpec& stage, const Options& options
     set_stage_setting(sheet, text, stage.name, "measurement_noise", list_text(a.noise.measurement_noise));
   }
   for (const Threshold& t : a.thresholds) {
-    set_stage_setting(sheet, text, t.detector, t.setting, fmt::format("{:.4e}", t.offset + t.chosen));
+    // Where healthy runs stay below what any alarm needs, no threshold is too low.
+    const double chosen = std::max(0.0, t.chosen);
+    set_stage_setting(sheet, text, t.detector, t.setting, fmt::format("{:.4e}", t.offset + chosen));
     // What ends an alarm keeps its distance from what begins it.
     const auto detector = std::find_if(sheet.detectors.begin(), sheet.detectors.end(),
                                        [&](const StageSpec& d) { return d.name == t.detector; });
@@ -179,10 +181,10 @@ void write_patch(Datasheet sheet, const StageSpec& stage, const Options& options
       const double release = detector->settings.number("release_threshold", -1e300, 1e300);
       const double before = detector->settings.number("threshold", -1e300, 1e300);
       set_stage_setting(sheet, text, t.detector, "release_threshold",
-                        fmt::format("{:.4e}", (t.offset + t.chosen) * release / before));
+                        fmt::format("{:.4e}", (t.offset + chosen) * release / before));
     }
     if (t.setting == "high")
-      set_stage_setting(sheet, text, t.detector, "low", fmt::format("{:.4e}", t.offset - t.chosen));
+      set_stage_setting(sheet, text, t.detector, "low", fmt::format("{:.4e}", t.offset - chosen));
   }
   write_datasheet(text, options.patch);
 }

@@ -53,14 +53,14 @@ TEST_P(LeakRun, IsFoundPlacedAndSized) {
   EXPECT_LT(alarm.raised, 28);
   EXPECT_GE(alarm.since, 21.9);
   EXPECT_LE(alarm.since, alarm.raised);
-  const double truth = 1e3 * mean_of(r, "leak_flow", 40, 60);
+  const double truth = mean_of(r, "leak_flow", 40, 60);
   EXPECT_NEAR(alarm.size, truth, 0.2 * truth);
   EXPECT_LE(alarm.low, truth);
   EXPECT_GE(alarm.high, truth);
-  EXPECT_EQ(alarm.size_unit, "l/s");
+  EXPECT_EQ(alarm.size_unit, "m^3/s");
   EXPECT_GT(alarm.confidence, volts > 2 ? 0.99 : 0.8);
   EXPECT_NE(report.verdict.find("Internal leak"), std::string::npos) << report.verdict;
-  EXPECT_NE(report.verdict.find("l/s"), std::string::npos) << report.verdict;
+  EXPECT_NE(report.verdict.find("m^3/s"), std::string::npos) << report.verdict;
 }
 
 INSTANTIATE_TEST_SUITE_P(VoltsAndSeeds, LeakRun,
@@ -98,7 +98,7 @@ TEST(AlarmStage, AnEndedAlarmTellsTheSizeWhileItWasThere) {
   ASSERT_EQ(report.alarms.size(), 1u) << told(report);
   const Alarm& alarm = report.alarms[0];
   EXPECT_FALSE(alarm.active);
-  const double truth = 1e3 * mean_of(r, "leak_flow", 8, 20);
+  const double truth = mean_of(r, "leak_flow", 8, 20);
   EXPECT_NEAR(alarm.size, truth, 0.2 * truth);
   EXPECT_GT(alarm.low, 0.5 * truth);  // not what was left of it in the end, whose interval reached down to nothing
   EXPECT_GT(alarm.confidence, 0.99);
@@ -386,11 +386,11 @@ TEST(Verdict, CountsEndedAlarmsAndRanksKinds) {
   alarm.size = 0.0321;
   alarm.low = 0.03;
   alarm.high = 0.035;
-  alarm.size_unit = "l/s";
+  alarm.size_unit = "m^3/s";
   report.alarms.push_back(alarm);
   Verdict verdict = verdict_of(report, 100, 130);
   EXPECT_EQ(verdict.kind, VerdictKind::fault);
-  EXPECT_NE(verdict.sentence.find("0.0321 l/s"), std::string::npos) << verdict.sentence;
+  EXPECT_NE(verdict.sentence.find("0.0321 m^3/s"), std::string::npos) << verdict.sentence;
   EXPECT_NE(verdict.sentence.find("still there at the end"), std::string::npos) << verdict.sentence;
 }
 

@@ -27,14 +27,14 @@ def run(*arguments):
 
 
 def true_flow(bag, seconds):
-    """Mean of the leak's flow meter over the last seconds, in l/s."""
+    """Mean of the leak's flow meter over the last seconds, in m^3/s."""
     with tempfile.TemporaryDirectory() as folder:
         table = pathlib.Path(folder) / "session.csv"
         run("export", bag, "-o", table)
         rows = list(csv.DictReader(io.StringIO(table.read_text())))
     end = float(rows[-1]["t"])
     values = [float(row["leak_flow"]) for row in rows if float(row["t"]) > end - seconds]
-    return 1e3 * sum(values) / len(values)
+    return sum(values) / len(values)
 
 
 class Sessions(unittest.TestCase):

@@ -36,10 +36,10 @@ TEST(LeakDetector, SizeIsCoefficientTimesDrive) {
     detector->process(estimate, detection);
     if (detection.active && raised == 0) raised = k * 1e-3;
   }
-  EXPECT_EQ(detector->size_unit(), "l/s");
-  EXPECT_NEAR(detection.size, 1e3 * 1.5e-8 * 800, 1e-4);
+  EXPECT_EQ(detector->size_unit(), "m^3/s");
+  EXPECT_NEAR(detection.size, 1.5e-8 * 800, 1e-7);
   // 90 % bounds: 1.6449 sqrt((6 % of it)^2 + (2.5e-9)^2) of coefficient either side.
-  const double half = 1.6448536 * std::sqrt(std::pow(0.06 * 1.5e-8, 2) + 2.5e-9 * 2.5e-9) * 800 * 1e3;
+  const double half = 1.6448536 * std::sqrt(std::pow(0.06 * 1.5e-8, 2) + 2.5e-9 * 2.5e-9) * 800;
   EXPECT_NEAR(detection.high - detection.size, half, 0.02 * half);
   EXPECT_NEAR(detection.size - detection.low, half, 0.02 * half);
   EXPECT_GT(detection.confidence, 0.99);
@@ -61,10 +61,10 @@ TEST(LeakDetector, MotionTakesAShareForItself) {
       detector->process(estimate, detection);
     }
     EXPECT_EQ(detection.active, flow == 0) << flow;
-    const double criterion = flow == 0 ? 4e-9 : 0;  // 2.6 times 3e-9 is more
+    const double criterion = flow == 0 ? 4e-9 : 4e-9 - 2.6 * 3e-9;
     EXPECT_NEAR(detector->criterion().value, criterion, 1e-11) << flow;
     const double half = 1.6448536 * std::sqrt(std::pow(0.06 * 4e-9, 2) + 2.5e-9 * 2.5e-9 + (flow == 0 ? 0 : 9e-18));
-    EXPECT_NEAR(detection.high - detection.size, half * 800 * 1e3, 1e-5) << flow;
+    EXPECT_NEAR(detection.high - detection.size, half * 800, 1e-8) << flow;
   }
 }
 

@@ -22,7 +22,7 @@ Assessment full(std::uint64_t number) {
   d.name = "internal_leak";
   d.detection = {true, 1.0 / 3, true, 2.0 / 3, -1e-300, 1e300, 4e-9, 0.7, true};
   d.size_name = "leak_flow";
-  d.size_unit = "l/s";
+  d.size_unit = "m^3/s";
   d.evidence = 1.25;
   d.reason = Reason::model_does_not_fit;
   d.takes_over = 1;

@@ -6,7 +6,7 @@
 //   condition: mean > threshold + 2.6 motion_error mean(flow/sqrt(dp)), after `average` s of evidence
 // `motion` is the volume flow that the motion itself takes: of it, motion_error (a share, one sigma: the tolerances of
 // flow coefficient and area) looks like a leak; 2.6 of them in one rig of 200.
-// Size: the mean coefficient times the mean of the drive sqrt(dp), as a volume flow in l/s, with 90 % bounds from the
+// Size: the mean coefficient times the mean of the drive sqrt(dp), as a volume flow, with 90 % bounds from the
 // scatter of the estimate and the datasheet's tolerance of what the estimate rests on (model_error, relative,
 // model_floor, absolute, and motion_error).
 #include <algorithm>
@@ -19,7 +19,6 @@
 namespace faultline {
 namespace {
 
-constexpr double kLitres = 1e3;        // l per m^3
 constexpr double kMotionSigmas = 2.6;  // of motion_error, that no rig without a leak has: 99.5 %
 
 class Leak : public Detector {
@@ -87,7 +86,7 @@ class Leak : public Detector {
     if (detection.active && !holds) return;
     detection.has_size = true;
     // No leak flows backwards: what is below zero is scatter.
-    const double to_flow = drive_mean_ * kLitres;
+    const double to_flow = drive_mean_;
     detection.per_effect = to_flow;
     detection.size = std::max(0.0, mean_) * to_flow;
     detection.low = std::max(0.0, mean_ - kNinetyPercentSigmas * std) * to_flow;
@@ -96,13 +95,12 @@ class Leak : public Detector {
         0.5 * std::erfc(-(mean_ - 0.5 * (threshold_ + kMotionSigmas * of_motion)) / (std * std::sqrt(2.0)));
   }
 
-  // A threshold below zero would say that a leak flows backwards.
   Criterion criterion() const override {
-    const double value = std::max(0.0, mean_ - kMotionSigmas * motion_error_ * moved_);
+    const double value = mean_ - kMotionSigmas * motion_error_ * moved_;
     return {started_ && seen_ >= average_ ? value : std::nan(""), threshold_, "threshold", 0};
   }
   std::string size_name() const override { return "leak_flow"; }
-  std::string size_unit() const override { return "l/s"; }
+  std::string size_unit() const override { return "m^3/s"; }
 
  private:
   std::string coefficient_, drive_, motion_;

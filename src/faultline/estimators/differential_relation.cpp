@@ -7,7 +7,9 @@
 //
 // Settings: relation; units, of the parameters, between commas, such as "1/s, rpm/(s bar)": in these they are given and
 // told; first, a list: values at the start, not 0, of about the right size; filter_order [up to 4]; bandwidth [rad/s];
-// interpolation [0 to 3]; excitation: smallest |p_first u| that says something, in the SI unit of the left side.
+// interpolation [0 to 3]; excitation: smallest |p_first u| that says something, in the SI unit of the left side; least
+// [none]: of the left side's channel, below which the equation does not hold (dry friction of a shaft that hardly turns):
+// such rows are left out.
 //
 // Noise: the channels' noise_std and rounding, white, through the filter, at p = first; its autocovariance goes to the
 // covariance of the estimates (coloured_noise.h). The filters begin at the first sample, and again after a hole of more
@@ -78,6 +80,8 @@ class DifferentialRelation : public RelationModel {
     first_ =
         settings.list("first", names_.size(), -std::numeric_limits<double>::max(), std::numeric_limits<double>::max());
     excitation_ = settings.number("excitation", std::numeric_limits<double>::min(), std::numeric_limits<double>::max());
+    least_ = settings.number_or("least", -std::numeric_limits<double>::max(), -std::numeric_limits<double>::max(),
+                                std::numeric_limits<double>::max());
     if (units_.size() != names_.size())
       throw InputError(fmt::format("{}: 'units' must name {} units, one for each of {}; it names {}", where_,
                                    names_.size(), fmt::join(names_, ", "), units_.size()));
@@ -127,7 +131,8 @@ class DifferentialRelation : public RelationModel {
   void renew() override { settled_ = 0; }
 
   double row(std::size_t, double* h) const override {
-    if (!fresh_ || settled_ < (order_ + kSettling) / bandwidth_) return std::numeric_limits<double>::quiet_NaN();
+    if (!fresh_ || settled_ < (order_ + kSettling) / bandwidth_ || filter_->value(left_.signal, 0) < least_)
+      return std::numeric_limits<double>::quiet_NaN();
     for (std::size_t i = 0; i < right_.size(); ++i)
       h[i] = si_[i] * filter_->value(right_[i].signal, right_[i].derivative);
     return filter_->value(left_.signal, left_.derivative);
@@ -243,7 +248,7 @@ class DifferentialRelation : public RelationModel {
   std::vector<Term> right_;
   std::vector<std::string> names_, units_;
   std::vector<double> first_, si_;
-  double excitation_ = 0;
+  double excitation_ = 0, least_ = 0;
   std::vector<std::size_t> channels_;  // of the rig, that are filtered
   std::unique_ptr<StateVariableFilter> filter_;
   std::vector<double> signals_;

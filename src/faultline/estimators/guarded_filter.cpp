@@ -41,13 +41,18 @@ GuardedFilter::GuardedFilter(const Datasheet& sheet, const StageSpec& spec)
   for (std::size_t row = 0; row < measured_.size(); ++row) {
     const Channel& channel = sheet.channels[static_cast<std::size_t>(measured_[row])];
     names_.push_back(channel.name);
-    if (!(least[row] > 0)) continue;
+    if (!(least[row] > 0)) {
+      unwatched_.push_back(row);
+      continue;
+    }
     guards_.emplace_back();
     Guard& guard = guards_.back();
     guard.row = row;
     guard.state = static_cast<std::size_t>(model_->observed_states()[row]);
     guard.channel = channel.name;
     guard.unit = channel.unit;
+    guard.minimum = channel.minimum;
+    guard.maximum = channel.maximum;
     guard.least = least[row];
     guard.noise = model_->measurement_noise()[row];
     guard.without = make_state_estimator(type, *model_);
@@ -74,6 +79,7 @@ void GuardedFilter::begin(const double* channels) {
   }
   usual_.setZero();
   age_ = 0;
+  seen_ = average_;
   quiet_ = true;
   observed_ = 0;
 }
@@ -107,6 +113,8 @@ bool GuardedFilter::advance(const double* channels, const ChannelStatus* status,
   run(*reference_);
   model_->take_inputs(channels);
   age_ += dt;
+  const bool all = std::all_of(unwatched_.begin(), unwatched_.end(), [&](std::size_t row) { return readable[row]; });
+  seen_ = all ? seen_ + dt : 0;
   look(dt);
   if (age_ < average_ + learn_ || quiet_) follow(dt);
   if (age_ >= average_ + learn_) {
@@ -124,7 +132,10 @@ void GuardedFilter::look(double dt) {
     guard.without->covariance(covariance.data());
     guard.predicted = guard.without->state()[state];
     guard.predicted_variance = covariance[state * (states_ + 1)];
-    guard.silent = guard.readable ? 0 : guard.silent + dt;
+    // At the end of its range it may be right: the process is there, or beyond.
+    const double there = stand_in(guard);
+    const bool beyond = there > guard.maximum - guard.least || there < guard.minimum + guard.least;
+    guard.silent = guard.readable || beyond ? 0 : guard.silent + dt;
     if (!guard.readable) continue;
     const double reference = reference_->state()[state];
     const double own = guard.reading - guard.slow_reading, moved = reference - guard.slow_reference;
@@ -227,8 +238,11 @@ void GuardedFilter::accuse() {
     const bool others_follow = std::all_of(guards_.begin(), guards_.end(), [&](const Guard& other) {
       return &other == &guard || !other.trusted || follows(other, another) > kFollows;
     });
-    guard.frozen = others_follow && gain + kSigmas * sigma < kFollows;
-    const bool lies = i == now.guard && now.plausible && now.margin > margin_ && now.lie > 1;
+    // What moves by itself is not stuck: then it is the reference that errs.
+    const double still = kFollows * guard.usual_gain;
+    guard.frozen = seen_ >= average_ && others_follow && gain + kSigmas * sigma < kFollows &&
+                   guard.own - guard.noise < still * still * guard.motion;
+    const bool lies = seen_ >= average_ && i == now.guard && now.plausible && now.margin > margin_ && now.lie > 1;
     if (!guard.frozen && guard.silent < average_ && !lies) continue;
     guard.trusted = false;
     guard.calm = 0;

@@ -12,15 +12,17 @@
 //   |l_c| > least_c,  it explains more than the next by `margin`,  and leaves less than 4 for each other channel
 //
 // as long as two are trusted; when its reading r follows the motion that the reference p predicts less than half as
-// much as usual while the others do,
+// much as usual while the others do, and hardly moves by itself,
 //
-//   gain = cov(r, p)/var(p),  gain + 2 sigma < usual gain/2,  var(p) > (least/4)^2,
+//   gain = cov(r, p)/var(p),  gain + 2 sigma < usual gain/2,  var(p) > (least/4)^2,  var(r) - R < (usual gain/2)^2 var(p)
 //   sigma^2 = ((var(r - gain p) - R) average/(2 learn) + R T/(2 learn))/var(p)
 //
 // (variances over `learn`: what is beyond the transducer's noise R is taken to last `average`); or when it stands at an
-// end of its range for `average`. It is trusted again after `release` s within least/2 of what the filter without it
-// predicts (plus what is usual of that) and, where it did not follow, of following. This is structured residuals
-// (Gertler, Fault Detection and Diagnosis in Engineering Systems, 1998) on a bank of filters.
+// end of its range for `average` while the filter without it is not within `least` of one. It is trusted again after
+// `release` s within least/2 of what the filter without it predicts (plus what is usual of that) and, where it did not
+// follow, of following. Nothing is held against a reading within `average` of a sample in which a channel that is not
+// watched could not be read. This is structured residuals (Gertler, Fault Detection and Diagnosis in Engineering
+// Systems, 1998) on a bank of filters.
 // Settings: filter (a state estimator), model and its own; least (per channel that the model measures, in its unit; 0:
 // not watched; two watched or more), margin (of chi square), average, learn, memory, release (s).
 // Quantities after the model's, per watched channel: CHANNEL_best, the reading while trusted, else the estimate without
@@ -57,7 +59,7 @@ class GuardedFilter : public Estimator {
   struct Guard {
     std::size_t row, state;  // of y; the state that it is
     std::string channel, unit;
-    double least;
+    double least, minimum, maximum;
     std::unique_ptr<StateEstimator> without;
     bool trusted = true, readable = true, frozen = false;
     double reading = 0, predicted = 0, predicted_variance = 0;                   // now; predicted without it
@@ -92,9 +94,11 @@ class GuardedFilter : public Estimator {
   std::vector<std::string> names_;
   std::size_t states_;
   double period_, average_, learn_, memory_, release_, margin_;
-  Covariance usual_;   // of change() on the healthy rig; lower triangle
-  double age_ = 0;     // s
-  bool quiet_ = true;  // nothing is suspected
+  Covariance usual_;                    // of change() on the healthy rig; lower triangle
+  double age_ = 0;                      // s
+  double seen_ = 0;                     // s, for which all channels that are not watched have been readable
+  std::vector<std::size_t> unwatched_;  // rows
+  bool quiet_ = true;                   // nothing is suspected
   int observed_ = 0;
 };
 
