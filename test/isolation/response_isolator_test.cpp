@@ -138,9 +138,9 @@ TEST_F(ResponseIsolation, OneStretchThatLeavesMoreDoesNotMakeAGoodRigABadOne) {
   hear({});
   EXPECT_TRUE(isolator_->finds_all_explained());
   left_ = 10;
-  for (const bool explained : {true, true, false, false}) {
+  for (int judgement = 1; judgement <= 8; ++judgement) {  // three stretches looked at together: one of them shows in six
     hear({});
-    EXPECT_EQ(isolator_->finds_all_explained(), explained) << heard_;
+    EXPECT_EQ(isolator_->finds_all_explained(), judgement < 7) << judgement;
   }
   left_ = 2;
   hear({});
@@ -179,8 +179,8 @@ TEST_F(ResponseIsolation, TheSecondIsConfirmedFirst) {
   isolator_ = make_isolator(servo(), servo().isolators[1]);  // place 2, confirm 2
   const std::vector<RankedHypothesis> first = {cause("orifice_leakage", kSeal, 3, 100)};
   EXPECT_FALSE(hear(first).active);
-  EXPECT_FALSE(hear(first, {cause("viscous_friction", "force.piston", 1, 50)}).active);
-  EXPECT_TRUE(hear(first, {cause("viscous_friction", "force.piston", 1, 51)}).active);
+  EXPECT_FALSE(hear(first, {cause("viscous_friction", "force.piston", 10, 50)}).active);
+  EXPECT_TRUE(hear(first, {cause("viscous_friction", "force.piston", 10, 51)}).active);
   EXPECT_EQ(finding_.effect, "viscous_friction");
   EXPECT_FALSE(isolator_->overrules());
   EXPECT_TRUE(make_isolator(servo(), servo().isolators[0])->overrules());

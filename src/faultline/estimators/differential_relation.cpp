@@ -8,8 +8,8 @@
 // Settings: relation; units, of the parameters, between commas, such as "1/s, rpm/(s bar)": in these they are given and
 // told; first, a list: values at the start, not 0, of about the right size; filter_order [up to 4]; bandwidth [rad/s];
 // interpolation [0 to 3]; excitation: smallest |p_first u| that says something, in the SI unit of the left side; least
-// [none]: of the left side's channel, below which the equation does not hold (dry friction of a shaft that hardly turns):
-// such rows are left out.
+// [none]: of the left side's channel, below which the equation does not hold (dry friction of a shaft that hardly
+// turns): such rows are left out.
 //
 // Noise: the channels' noise_std and rounding, white, through the filter, at p = first; its autocovariance goes to the
 // covariance of the estimates (coloured_noise.h). The filters begin at the first sample, and again after a hole of more

@@ -14,7 +14,8 @@
 // as long as two are trusted; when its reading r follows the motion that the reference p predicts less than half as
 // much as usual while the others do, and hardly moves by itself,
 //
-//   gain = cov(r, p)/var(p),  gain + 2 sigma < usual gain/2,  var(p) > (least/4)^2,  var(r) - R < (usual gain/2)^2 var(p)
+//   gain = cov(r, p)/var(p),  gain + 2 sigma < usual gain/2,  var(p) > (least/4)^2,
+//   var(r) - R < (usual gain/2)^2 var(p),
 //   sigma^2 = ((var(r - gain p) - R) average/(2 learn) + R T/(2 learn))/var(p)
 //
 // (variances over `learn`: what is beyond the transducer's noise R is taken to last `average`); or when it stands at an

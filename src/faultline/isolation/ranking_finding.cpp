@@ -12,8 +12,9 @@ namespace {
 
 constexpr double kExplained = 0.6;  // of the threshold: ResponseSettings::weighed_fraction
 constexpr double kAtBound = 0.005;  // of the way from no effect to the bound
-constexpr std::size_t kUnexplained =
-    3;                              // judgements in a row, that no longer belong to a good one: stretches looked at
+// Judgements in a row, that no longer belong to a good one. Of three stretches that are looked at together one leaves
+// its trace in six.
+constexpr std::size_t kUnexplained = 7;
 constexpr double kKeptShare = 0.5;  // of the least size that is told, down to which it stays told
 
 RankingOptions read_options(const Settings& s) {
