@@ -179,8 +179,11 @@ TEST_F(ResponseIsolation, TheSecondIsConfirmedFirst) {
   isolator_ = make_isolator(servo(), servo().isolators[1]);  // place 2, confirm 2
   const std::vector<RankedHypothesis> first = {cause("orifice_leakage", kSeal, 3, 100)};
   EXPECT_FALSE(hear(first).active);
-  EXPECT_FALSE(hear(first, {cause("viscous_friction", "force.piston", 10, 50)}).active);
-  EXPECT_TRUE(hear(first, {cause("viscous_friction", "force.piston", 10, 51)}).active);
+  RankedHypothesis friction = cause("viscous_friction", "force.piston", 1, 50);
+  friction.full = 600;  // N s/m, of which half is there
+  EXPECT_FALSE(hear(first, {friction}).active);
+  friction.evidence = 51;
+  EXPECT_TRUE(hear(first, {friction}).active);
   EXPECT_EQ(finding_.effect, "viscous_friction");
   EXPECT_FALSE(isolator_->overrules());
   EXPECT_TRUE(make_isolator(servo(), servo().isolators[0])->overrules());
