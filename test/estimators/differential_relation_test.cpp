@@ -105,6 +105,29 @@ TEST(DifferentialRelation, FindsTheParametersOfItsEquation) {
   }
 }
 
+TEST(DifferentialRelation, LeavesOutWhatIsBelowTheLeastOfItsLeftSide) {
+  EstimatorStage stage(shaft(), first_order({}, {{"least", 20}}));
+  Estimate estimate;
+  Shaft run;
+  int used = 0, left_out = 0;
+  for (int k = 0; k < 400; ++k) {
+    Sample sample = run.sample();
+    stage.process(sample, estimate);
+    run.advance(kPeriod);
+    if (k < 60) continue;  // the filters' settling
+    (estimate.observed > 0 ? used : left_out) += 1;
+    // By the filtered speed, which comes some 70 ms late.
+    if (sample.values[0] > 27) {
+      EXPECT_EQ(estimate.observed, 1) << k;
+    } else if (sample.values[0] < 15) {
+      EXPECT_EQ(estimate.observed, 0) << k;
+    }
+  }
+  EXPECT_GT(used, 50);
+  EXPECT_GT(left_out, 50);
+  EXPECT_NEAR(estimate.quantities[0].value, -4, 4e-2);
+}
+
 TEST(DifferentialRelation, HigherDerivativesOnBothSides) {
   // speed'' = c speed' + d torque' from the derivative of the same equation: c = -4, d = 30.
   EstimatorStage stage(shaft(), first_order({{"relation", "speed'' = c speed' + d torque'"}},

@@ -130,6 +130,28 @@ TEST(Transmitter, NoneIsReplacedOnHealthyRigs) {
   }
 }
 
+TEST(Transmitter, NoneIsReplacedAtTheEndOfItsRangeWhenTheProcessIsThere) {
+  // Set points up to 13 MPa for both: chamber B passes the 10 MPa that its transmitter shows, for seconds.
+  const Recording run = simulate(cylinder(), cylinder_off_nominal("multisine", 9050), 30);
+  const std::size_t b = cylinder_column(kChannels[1]);
+  int at_end = 0;
+  for (std::size_t k = 0; k < run.rows(); ++k) at_end += run.at(k, b) >= 1e7;
+  ASSERT_GT(at_end, 1000);
+  const Seen seen = watch(run, run, 1, {});
+  for (int c = 0; c < 2; ++c) EXPECT_EQ(seen.replaced[c], -1) << c;
+}
+
+TEST(Transmitter, NoneIsReplacedWhileThePositionCannotBeRead) {
+  // An open loop drifts into the end of its stroke; what the filters do there says nothing of the transmitters.
+  const Recording run = simulate(cylinder(), cylinder_off_nominal("training", 13054), 125);
+  const std::size_t x = cylinder_column("position");
+  int at_end = 0;
+  for (std::size_t k = 0; k < run.rows(); ++k) at_end += run.at(k, x) <= -0.05;
+  ASSERT_GT(at_end, 100);
+  const Seen seen = watch(run, run, 1, {});
+  for (int c = 0; c < 2; ++c) EXPECT_EQ(seen.replaced[c], -1) << c;
+}
+
 TEST(Transmitter, NoneIsReplacedForWhatHappensInTheProcess) {
   for (const char* effect :
        {"laminar_leakage@flow.pump2_a_b:coefficient=4e-13,from=12", "offset@sensor.pump2_speed:value=0.3,from=12",
