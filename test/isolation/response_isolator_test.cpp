@@ -138,7 +138,8 @@ TEST_F(ResponseIsolation, OneStretchThatLeavesMoreDoesNotMakeAGoodRigABadOne) {
   hear({});
   EXPECT_TRUE(isolator_->finds_all_explained());
   left_ = 10;
-  for (int judgement = 1; judgement <= 8; ++judgement) {  // three stretches looked at together: one of them shows in six
+  // Of three stretches that are looked at together one shows in six judgements.
+  for (int judgement = 1; judgement <= 8; ++judgement) {
     hear({});
     EXPECT_EQ(isolator_->finds_all_explained(), judgement < 7) << judgement;
   }
