@@ -140,7 +140,7 @@ void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("not understood", bad_);
   status.add("without their other half", join_.dropped());
   status.add("behind the samples [s]", behind());
-  if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some judgements do not fit this rig");
+  if (bad_rise_.since_last(bad_)) status.mergeSummary(DiagnosticStatus::WARN, "some judgements do not fit this rig");
   if (silent)
     status.mergeSummary(DiagnosticStatus::WARN,
                         counts.received == 0 ? "no judgement yet" : "no judgement since the last report");

@@ -20,6 +20,20 @@ class RateMeter {
   double last_time_ = -1;
 };
 
+// Whether a count of troubles went up since the last report: a warning is to end when its trouble does, while the total
+// stays among the values.
+class Rise {
+ public:
+  bool since_last(std::uint64_t count) {
+    const bool rose = count > last_;
+    last_ = count;
+    return rose;
+  }
+
+ private:
+  std::uint64_t last_ = 0;
+};
+
 class NodeHealth {
  public:
   using Fill = std::function<void(diagnostic_updater::DiagnosticStatusWrapper&)>;
