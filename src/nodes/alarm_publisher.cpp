@@ -87,6 +87,7 @@ void AlarmPublisher::take_pairs() {
 
 void AlarmPublisher::hear(double sample_time) {
   heard_ = sample_time;
+  keeper_.heard(sample_time);
   ++unjudged_;
   silence_.arrived(heard_, steady_seconds(), simulated_seconds());
 }

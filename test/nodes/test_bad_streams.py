@@ -39,7 +39,7 @@ class BadStreams(unittest.TestCase):
         cls.graph = Graph().__enter__()
         cls.addClassCleanup(cls.graph.__exit__)
         cls.heard = cls.graph.path / "heard"
-        cls.graph.start(["python3", str(HERE / "listen.py"), RIG, "600", str(cls.heard), "diagnostics"])
+        cls.graph.start(["python3", str(HERE / "listen.py"), RIG, "600", str(cls.heard), "diagnostics", "alarms"])
         cls.graph.node("alarm_node", "alarms", rig=RIG)
         cls.graph.node("isolator_node", "isolator", rig=RIG)
         cls.graph.node("kalman_node", "kalman", rig=RIG)
@@ -52,6 +52,7 @@ class BadStreams(unittest.TestCase):
         return [
             (status["level"], status["message"], status["values"])
             for entry in entries
+            if entry["topic"] == "diagnostics"
             for status in entry["status"]
             if status["name"].startswith(f"{RIG}: verdict" if name == "verdict" else f"{RIG}/{name}:")
         ]
@@ -95,8 +96,14 @@ class BadStreams(unittest.TestCase):
         self.wait_until_well()
         self.source.say("zero")
         self.wait_for_words("Not judged yet", "verdict")
+        since = len(self.heard.read_text().splitlines())
         self.source.say("good")
         self.wait_until_well()
+        # Samples came all the time: their stamps went on from 0 to the present, but nobody was silent.
+        self.wait_for(lambda status: "Not judged yet" not in status[1], "verdict")
+        lines = [json.loads(line) for line in self.heard.read_text().splitlines()[since:] if line.endswith("}")]
+        told = {alarm["text"] for entry in lines if entry["topic"] == "alarms" for alarm in entry["alarms"]}
+        self.assertFalse([text for text in told if "no sample" in text], told)
 
     def test_a_description_of_another_rate(self):
         self.source.say("good")
