@@ -8,6 +8,8 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/node_handle.h>
 
+#include "nodes/clock_watch.h"
+
 namespace faultline {
 
 // Messages per second of wall time since the last time it was asked.
@@ -37,10 +39,11 @@ class Rise {
 class NodeHealth {
  public:
   using Fill = std::function<void(diagnostic_updater::DiagnosticStatusWrapper&)>;
-  // `fill` runs in the thread that spins ROS.
+  // `fill` runs in the thread that spins ROS. A clock that is missing is told beside what it says.
   NodeHealth(const std::string& rig, const std::string& task, Fill fill);
 
  private:
+  ClockWatch clock_;
   diagnostic_updater::Updater updater_;
   ros::WallTimer timer_;
 };
