@@ -87,6 +87,7 @@ void AlarmPublisher::take_pairs() {
 
 void AlarmPublisher::hear(double sample_time) {
   heard_ = sample_time;
+  keeper_.heard(sample_time);
   ++unjudged_;
   silence_.arrived(heard_, steady_seconds(), simulated_seconds());
 }
@@ -140,7 +141,7 @@ void AlarmPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("not understood", bad_);
   status.add("without their other half", join_.dropped());
   status.add("behind the samples [s]", behind());
-  if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some judgements do not fit this rig");
+  if (bad_rise_.since_last(bad_)) status.mergeSummary(DiagnosticStatus::WARN, "some judgements do not fit this rig");
   if (silent)
     status.mergeSummary(DiagnosticStatus::WARN,
                         counts.received == 0 ? "no judgement yet" : "no judgement since the last report");

@@ -56,6 +56,7 @@ class AlarmPublisher {
   double judged_at_ = 0;           // s, steady time of the latter
   std::uint64_t published_changes_ = 0, kept_changes_ = 0, bad_ = 0;
   SequenceCounts told_;
+  Rise bad_rise_;
   RateMeter rate_;
   NodeHealth health_;
 };

@@ -4,6 +4,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <ctime>
@@ -14,6 +15,7 @@
 #include <ros/ros.h>
 
 #include "faultline/gap/diagnose_gap.h"
+#include "faultline/gap/normal_gap.h"
 #include "nodes/conversion.h"
 #include "nodes/node_main.h"
 
@@ -69,11 +71,14 @@ faultline_msgs::Gap to_message(const LiveGapState& state, const std::string& rig
 
 GapPublisher::GapPublisher(const Datasheet& sheet)
     : sheet_(sheet),
-      gap_(sheet, LiveGapSettings()),
       input_(sheet, [this](const Sample& sample) { take(sample); }),
       health_(sheet.rig, "input", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell(status); }),
       gap_health_(sheet.rig, "gap", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { tell_gap(status); }) {
   gaps_ = node_.advertise<faultline_msgs::Gap>("gap", 100, true);
+  if (sheet.normal_gap.empty())
+    learning_ = true;
+  else
+    gap_.emplace(sheet, LiveGapSettings());
   worker_ = std::thread([this] { work(); });
 }
 
@@ -105,6 +110,7 @@ void GapPublisher::take(const Sample& sample) {
 void GapPublisher::work() {
   setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)),
               kNiceness);  // of this thread alone; no matter if it fails
+  if (!gap_ && !learn()) return;
   std::deque<Sample> taken;
   while (true) {
     {
@@ -114,29 +120,63 @@ void GapPublisher::work() {
       taken.swap(queue_);
     }
     for (const Sample& sample : taken) {
-      std::string failure;
-      bool complete = false;
-      try {
-        complete = gap_.process(sample);
-      } catch (const std::exception& error) {
-        failure = error.what();
-        gap_.reset();
-      }
+      judge(sample);
       const std::lock_guard<std::mutex> lock(guard_);
       if (stop_) return;
-      counts_ = gap_.counts();
-      if (!failure.empty()) failure_ = failure;
-      if (!complete) {
-        if (gap_.state().channels.empty()) state_ = LiveGapState();  // begun anew
-        continue;
-      }
-      failure_.clear();
-      state_ = gap_.state();
-      work_seconds_ = thread_seconds();
-      gaps_.publish(to_message(state_, sheet_.rig));
     }
     taken.clear();
   }
+}
+
+bool GapPublisher::learn() {
+  ROS_INFO("%s: the datasheet has no normal_gap; learning it from %zu simulations within the tolerances",
+           sheet_.rig.c_str(), normal_gap_simulations(sheet_));
+  const auto progress = [this](std::size_t done) {
+    const std::lock_guard<std::mutex> lock(guard_);
+    learnt_ = std::max(learnt_, done);
+    return !stop_;
+  };
+  try {
+    const int jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    Datasheet sheet = sheet_;
+    sheet.normal_gap = simulated_normal_gap(sheet_, LiveGapSettings(), jobs, progress);
+    gap_.emplace(sheet, LiveGapSettings());
+  } catch (const std::exception& error) {
+    const std::lock_guard<std::mutex> lock(guard_);
+    refusal_ = error.what();
+    ros::requestShutdown();
+    return false;
+  }
+  const std::lock_guard<std::mutex> lock(guard_);
+  learning_ = false;
+  return !stop_;
+}
+
+void GapPublisher::judge(const Sample& sample) {
+  std::string failure;
+  bool complete = false;
+  try {
+    complete = gap_->process(sample);
+  } catch (const std::exception& error) {
+    failure = error.what();
+    gap_->reset();
+  }
+  const std::lock_guard<std::mutex> lock(guard_);
+  counts_ = gap_->counts();
+  if (!failure.empty()) failure_ = failure;
+  if (!complete) {
+    if (gap_->state().channels.empty()) state_ = LiveGapState();  // begun anew
+    return;
+  }
+  failure_.clear();
+  state_ = gap_->state();
+  work_seconds_ = thread_seconds();
+  gaps_.publish(to_message(state_, sheet_.rig));
+}
+
+std::string GapPublisher::refusal() {
+  const std::lock_guard<std::mutex> lock(guard_);
+  return refusal_;
 }
 
 void GapPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
@@ -150,13 +190,20 @@ void GapPublisher::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("places sought", counts_.located);
   status.add("processor seconds of the worker", fmt::format("{:.2f}", work_seconds_));
   if (dropped_ > told_dropped_)
-    status.mergeSummary(DiagnosticStatus::WARN, "the worker is too slow; samples were dropped and the gap was cut");
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        learning_ ? "learning the normal gap takes longer than samples can wait; some were dropped"
+                                  : "the worker is too slow; samples were dropped and the gap was cut");
   told_dropped_ = dropped_;
   if (!failure_.empty()) status.mergeSummary(DiagnosticStatus::ERROR, failure_);
 }
 
 void GapPublisher::tell_gap(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(guard_);
+  if (learning_) {
+    status.summaryf(DiagnosticStatus::OK, "learning the normal gap from %zu simulations, %zu done",
+                    normal_gap_simulations(sheet_), learnt_);
+    return;
+  }
   if (state_.channels.empty()) {
     status.summary(DiagnosticStatus::OK, "no segment yet");
     return;

@@ -95,7 +95,7 @@ void IsolationHost::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("not understood", bad_);
   status.add("of other stages", other_stage_);
   status.add("samples that an estimator left out", join_.dropped());
-  if (bad_ > 0) status.mergeSummary(DiagnosticStatus::WARN, "some estimates do not fit this rig");
+  if (bad_rise_.since_last(bad_)) status.mergeSummary(DiagnosticStatus::WARN, "some estimates do not fit this rig");
   if (!reference_.empty()) status.add("stages with a kept reference", kept_);
   if (!reference_trouble_.empty()) status.mergeSummary(DiagnosticStatus::WARN, reference_trouble_);
   if (silent)

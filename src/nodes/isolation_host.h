@@ -42,6 +42,7 @@ class IsolationHost {
   std::size_t kept_ = 0;  // detectors and isolators in that file
   std::uint64_t bad_ = 0, other_stage_ = 0;
   SequenceCounts told_;
+  Rise bad_rise_;
   RateMeter rate_;
   NodeHealth health_;
 };

@@ -15,7 +15,11 @@ double RateMeter::rate(std::uint64_t count) {
 
 NodeHealth::NodeHealth(const std::string& rig, const std::string& task, Fill fill) {
   updater_.setHardwareID(rig);
-  updater_.add(task, [fill](diagnostic_updater::DiagnosticStatusWrapper& status) { fill(status); });
+  updater_.add(task, [this, fill](diagnostic_updater::DiagnosticStatusWrapper& status) {
+    fill(status);
+    if (clock_.missing(steady_seconds(), without_clock()))
+      status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, kWithoutClock);
+  });
   timer_ = ros::NodeHandle().createWallTimer(ros::WallDuration(1),
                                              [this](const ros::WallTimerEvent&) { updater_.force_update(); });
 }

@@ -11,8 +11,10 @@
 #include <ros/names.h>
 #include <ros/package.h>
 #include <ros/ros.h>
+#include <ros/topic_manager.h>
 
 #include "faultline/signal/error.h"
+#include "nodes/clock_watch.h"
 #include "nodes/rig_packages.h"
 
 namespace faultline {
@@ -32,6 +34,12 @@ bool find_master() {
 
 }  // namespace
 
+bool without_clock() {
+  // ROS subscribes to /clock by itself where simulated time is on.
+  return ros::Time::isSimTime() && ros::Time::now().isZero() &&
+         ros::TopicManager::instance()->getNumPublishers("/clock") == 0;
+}
+
 double steady_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
@@ -50,6 +58,14 @@ int run_node(int argc, char** argv, const std::string& name, const std::function
       return 1;
     }
     const ros::NodeHandle alive;  // ROS ends with the last handle; this one outlives the body's
+    ClockWatch clock;
+    bool told = false;
+    const ros::WallTimer clock_timer =
+        alive.createWallTimer(ros::WallDuration(1), [&clock, &told](const ros::WallTimerEvent&) {
+          if (told || !clock.missing(steady_seconds(), without_clock())) return;
+          told = true;
+          ROS_WARN("%s", kWithoutClock);
+        });
     Parameters parameters;
     return body(parameters);
   } catch (const InputError& error) {

@@ -41,6 +41,13 @@ class Listeners {
 // ends.
 void linger();
 
+// Simulated time is on and stands at 0, and nobody publishes it.
+bool without_clock();
+// What a node says of it (clock_watch.h): on its log once, and on /diagnostics while it lasts.
+constexpr char kWithoutClock[] =
+    "simulated time is on but nobody publishes /clock, so time stands still; start the player, or rosparam set "
+    "/use_sim_time false and start the nodes anew";
+
 // Seconds on a clock that no one sets.
 double steady_seconds();
 

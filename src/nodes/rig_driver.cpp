@@ -93,10 +93,10 @@ void RigDriver::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("refused", gate_.refused());
   status.add("undecodable", undecodable_);
   status.add("unfit", unfit_);
-  if (undecodable_ > 0)
+  if (undecodable_rise_.since_last(undecodable_))
     status.mergeSummary(DiagnosticStatus::WARN,
                         "some LCM messages do not decode: does the DAQ use msg/lcm of this version?");
-  if (unfit_ > 0) status.mergeSummary(DiagnosticStatus::WARN, last_unfit_);
+  if (unfit_rise_.since_last(unfit_)) status.mergeSummary(DiagnosticStatus::WARN, last_unfit_);
   if (gate_.refused() > told_refused_ && !gate_.refusal().empty())
     status.mergeSummary(DiagnosticStatus::WARN, gate_.refusal());
   told_refused_ = gate_.refused();

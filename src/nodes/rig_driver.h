@@ -42,6 +42,7 @@ class RigDriver {
   SampleGate gate_;
   SequenceMonitor monitor_;
   SequenceCounts told_;
+  Rise undecodable_rise_, unfit_rise_;
   RateMeter rate_;
   double last_time_ = 0;  // s, of what was published
   std::uint64_t published_ = 0, undecodable_ = 0, unfit_ = 0, told_refused_ = 0;

@@ -80,7 +80,8 @@ RigSimulator::RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& s
         if (most_behind_ > kWorthTelling)
           status.mergeSummaryf(DiagnosticStatus::WARN, "up to %.3f s behind the clock: the machine is too slow",
                                most_behind_);
-        if (failed_ > 0) status.mergeSummary(DiagnosticStatus::ERROR, "LCM refused samples; check route and space");
+        if (failed_rise_.since_last(failed_))
+          status.mergeSummary(DiagnosticStatus::ERROR, "LCM refused samples; check route and space");
         status.add("samples per second", rate_.rate(sent_));
         status.add("sent", sent_);
         status.add("refused by LCM", failed_);

@@ -50,6 +50,7 @@ class RigSimulator {
   std::unique_ptr<EndOfRun> end_;  // of a run over ROS
   std::unique_ptr<lcm::LCM> lcm_;
   std::uint64_t sent_ = 0, failed_ = 0;
+  Rise failed_rise_;
   double behind_ = 0, most_behind_ = 0;  // s of wall time
   RateMeter rate_;
   std::unique_ptr<NodeHealth> health_;

@@ -1,6 +1,9 @@
 // From assessments to alarms: when a cause is told by its name, and what is told until then.
 #include "faultline/alarms/alarm_keeper.h"
 
+#include <utility>
+#include <vector>
+
 #include <gtest/gtest.h>
 
 #include "detectors/estimates.h"
@@ -97,6 +100,98 @@ TEST_F(Naming, TheDetectorGoesOnWithTheAlarmThatTheIsolatorLeaves) {
   ASSERT_EQ(keeper_.report().alarms.size(), 1u);
   EXPECT_TRUE(keeper_.report().alarms[0].active);
   EXPECT_DOUBLE_EQ(keeper_.report().alarms[0].raised, 1e-3);
+}
+
+// Samples come all the time and the diagnosis pauses, or the other way round.
+class Silence : public ::testing::Test {
+ protected:
+  void hear(double from, double to) {
+    for (double time = from; time < to + 0.5e-3; time += 1e-3) keeper_.heard(time);
+  }
+  void judge(double time) {
+    assessment_.time = time;
+    keeper_.process(assessment_);
+  }
+  std::vector<std::pair<double, double>> silences() const {
+    std::vector<std::pair<double, double>> found;
+    for (const Alarm& alarm : keeper_.report().alarms)
+      if (alarm.level == AlarmLevel::stale) found.emplace_back(alarm.since, alarm.until);
+    return found;
+  }
+
+  Assessment assessment_ = silent();
+  AlarmKeeper keeper_{servo()};
+};
+
+TEST_F(Silence, APauseOfTheDiagnosisIsNone) {
+  hear(10, 15);
+  judge(10);
+  judge(14);
+  EXPECT_TRUE(silences().empty());
+  hear(15.001, 16);
+  judge(16);
+  EXPECT_TRUE(silences().empty());
+}
+
+TEST_F(Silence, OneOfTheRigWhileTheDiagnosisPausesIsTold) {
+  hear(10, 11);
+  judge(10);
+  hear(12, 15);
+  judge(14);
+  ASSERT_EQ(silences().size(), 1u);
+  EXPECT_NEAR(silences()[0].first, 11.1, 1e-9);
+  EXPECT_DOUBLE_EQ(silences()[0].second, 12);
+  EXPECT_EQ(keeper_.report().verdict, "No fault now; there were alarms before.");
+}
+
+TEST_F(Silence, OneThatWasToldEndsWithTheFirstSampleNotWithTheFirstJudgement) {
+  hear(10, 11);
+  judge(11);
+  keeper_.advance(12);
+  ASSERT_EQ(silences().size(), 1u);
+  hear(12, 15);
+  judge(14.5);
+  ASSERT_EQ(silences().size(), 1u);
+  EXPECT_DOUBLE_EQ(silences()[0].second, 12);
+}
+
+TEST_F(Silence, OneThatSamplesOnTheirWayDisproveIsTakenBack) {
+  hear(10, 11);
+  judge(11);
+  keeper_.advance(12);
+  ASSERT_EQ(silences().size(), 1u);
+  hear(11.001, 12);
+  judge(11.5);
+  EXPECT_TRUE(silences().empty());
+}
+
+TEST_F(Silence, IsToldInARunThatBeganAnew) {
+  hear(10, 20);
+  judge(10);
+  judge(20);
+  hear(10, 11);
+  judge(10);
+  judge(11);
+  hear(13, 13);
+  judge(13);
+  ASSERT_EQ(silences().size(), 1u);
+  EXPECT_NEAR(silences()[0].first, 11.1, 1e-9);
+}
+
+TEST_F(Silence, StampsThatStoodStillTellNone) {
+  for (int i = 0; i < 10; ++i) keeper_.heard(0);
+  judge(0);
+  hear(1.7e9, 1.7e9 + 1);
+  judge(1.7e9);
+  judge(1.7e9 + 1);
+  EXPECT_TRUE(silences().empty());
+}
+
+TEST_F(Silence, WithoutWordOfSamplesJudgementsTell) {
+  judge(10);
+  judge(14);
+  ASSERT_EQ(silences().size(), 1u);
+  EXPECT_DOUBLE_EQ(silences()[0].second, 14);
 }
 
 TEST_F(Naming, AnAssessmentOfAnotherRigIsRefused) {

@@ -156,6 +156,19 @@ TEST(NormalGap, IsMadeOfTolerancesAndHoldsOnAnotherRig) {
   EXPECT_TRUE(play(gap, with_effect("deadband@restriction.valve:width=0.6", 12)).back().left);
 }
 
+TEST(NormalGap, TellsItsProgressAndEndsWhenAsked) {
+  std::size_t most = 0, told = 0;
+  const auto progress = [&](std::size_t done) {
+    most = std::max(most, done);
+    ++told;
+    return done < 2;
+  };
+  EXPECT_EQ(normal_gap_simulations(servo()), 24u);
+  EXPECT_TRUE(simulated_normal_gap(servo(), {}, 1, progress).empty());
+  EXPECT_EQ(most, 2u);
+  EXPECT_GT(told, 20u);  // also within a simulation
+}
+
 TEST(LiveGap, RefusesSettingsThatMakeNoSense) {
   LiveGapSettings settings;
   settings.least_segments = 20;

@@ -1,15 +1,16 @@
 """Run in the built environment: a source of samples that does what it is told to do wrong. Reads lines from standard
-input, each the name of a KIND below, and goes on sending that kind until the next; ends with the input. Stamps go on
+input, each the name of a KIND below, and goes on sending that kind until the next; ends with the input. `unfit` sends
+one estimate and one judgement that are not of this rig beside them. Stamps go on
 with every sample, 1 ms apart where nothing else is said.
 
-stream_source.py RIG_YAML NODE_NAME"""
+stream_source.py RIG_YAML NODE_NAME FIRST_STAGE"""
 
 import sys
 import threading
 
 import rospy
 import yaml
-from faultline.msg import ChannelDescription, RigDescription, Sample
+from faultline.msg import ChannelDescription, Detections, Estimate, Hypotheses, RigDescription, Sample
 
 sheet = yaml.safe_load(open(sys.argv[1]))
 channels = sheet["channels"]
@@ -18,6 +19,9 @@ rig = sheet["rig"]
 rospy.init_node(sys.argv[2], disable_signals=True)
 descriptions = rospy.Publisher(f"/{rig}/description", RigDescription, queue_size=1, latch=True)
 samples = rospy.Publisher(f"/{rig}/sample", Sample, queue_size=1000, tcp_nodelay=True)
+estimates = rospy.Publisher(f"/{rig}/estimate", Estimate, queue_size=1)
+detections = rospy.Publisher(f"/{rig}/detections", Detections, queue_size=1)
+hypotheses = rospy.Publisher(f"/{rig}/hypotheses", Hypotheses, queue_size=1)
 kind, over = ["good"], []
 
 
@@ -50,6 +54,10 @@ def listen():
             describe(period=2.0)
         elif word == "described_otherwise":
             describe(swapped=True)
+        elif word == "unfit":
+            estimates.publish(Estimate(stage=sys.argv[3]))
+            detections.publish(Detections(sequence=1 << 40))
+            hypotheses.publish(Hypotheses(sequence=1 << 40))
         elif word == "described":
             describe()
         else:

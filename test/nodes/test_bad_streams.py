@@ -11,12 +11,13 @@ from graph import ROOT, Graph
 RIG = "servo_actuator"
 HERE = pathlib.Path(__file__).resolve().parent
 SHEET = ROOT / "config" / RIG / "rig.yaml"
+STAGE = "leak_filter"
 
 
 class Source:
     def __init__(self, graph, name):
         self.process = subprocess.Popen(
-            ["python3", str(HERE / "stream_source.py"), str(SHEET), name],
+            ["python3", str(HERE / "stream_source.py"), str(SHEET), name, STAGE],
             env=graph.environment,
             stdin=subprocess.PIPE,
             text=True,
@@ -38,7 +39,7 @@ class BadStreams(unittest.TestCase):
         cls.graph = Graph().__enter__()
         cls.addClassCleanup(cls.graph.__exit__)
         cls.heard = cls.graph.path / "heard"
-        cls.graph.start(["python3", str(HERE / "listen.py"), RIG, "600", str(cls.heard), "diagnostics"])
+        cls.graph.start(["python3", str(HERE / "listen.py"), RIG, "600", str(cls.heard), "diagnostics", "alarms"])
         cls.graph.node("alarm_node", "alarms", rig=RIG)
         cls.graph.node("isolator_node", "isolator", rig=RIG)
         cls.graph.node("kalman_node", "kalman", rig=RIG)
@@ -51,8 +52,9 @@ class BadStreams(unittest.TestCase):
         return [
             (status["level"], status["message"], status["values"])
             for entry in entries
+            if entry["topic"] == "diagnostics"
             for status in entry["status"]
-            if status["name"].startswith(f"{RIG}/kalman:" if name == "kalman" else f"{RIG}: verdict")
+            if status["name"].startswith(f"{RIG}: verdict" if name == "verdict" else f"{RIG}/{name}:")
         ]
 
     def wait_for(self, holds, name="kalman"):
@@ -94,8 +96,14 @@ class BadStreams(unittest.TestCase):
         self.wait_until_well()
         self.source.say("zero")
         self.wait_for_words("Not judged yet", "verdict")
+        since = len(self.heard.read_text().splitlines())
         self.source.say("good")
         self.wait_until_well()
+        # Samples came all the time: their stamps went on from 0 to the present, but nobody was silent.
+        self.wait_for(lambda status: "Not judged yet" not in status[1], "verdict")
+        lines = [json.loads(line) for line in self.heard.read_text().splitlines()[since:] if line.endswith("}")]
+        told = {alarm["text"] for entry in lines if entry["topic"] == "alarms" for alarm in entry["alarms"]}
+        self.assertFalse([text for text in told if "no sample" in text], told)
 
     def test_a_description_of_another_rate(self):
         self.source.say("good")
@@ -103,6 +111,21 @@ class BadStreams(unittest.TestCase):
         self.wait_for_words("the description says a sample every 0.002 s, the rig's datasheet 0.001 s")
         self.source.say("described")
         self.wait_until_well()
+
+    def test_words_that_do_not_fit_warn_once_and_are_counted_for_good(self):
+        self.source.say("good")
+        self.wait_until_well()
+        for name, well in (("isolator", "estimates arrive"), ("alarms", "judgements arrive")):
+            self.wait_for(lambda status: status[:2] == (0, well), name)
+        since = len(self.heard.read_text().splitlines())
+        self.source.say("unfit")
+        for name, words, well in (
+            ("isolator", "some estimates do not fit this rig", "estimates arrive"),
+            ("alarms", "some judgements do not fit this rig", "judgements arrive"),
+        ):
+            self.wait_for(lambda status: status[:2] == (0, well) and status[2]["not understood"] == "1", name)
+            told = [message for _, message, _ in self.messages(since, name)]
+            self.assertEqual(sum(words in message for message in told), 1, told)
 
     def test_a_second_publisher_is_left_out_and_told(self):
         self.source.say("good")

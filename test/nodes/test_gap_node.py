@@ -81,5 +81,53 @@ class GapNode(unittest.TestCase):
         self.assertLess(float(inputs[-1]["values"]["processor seconds of the worker"]), 2.4)
 
 
+class NormalGap(unittest.TestCase):
+    """Of a rig whose datasheet does not say which gap is normal."""
+
+    RIG = "cooling_circuit"  # it takes longer than the first report
+
+    def setUp(self):
+        self.graph = Graph().__enter__()
+        self.addCleanup(self.graph.__exit__)
+        self.heard = self.graph.path / "heard"
+        self.graph.start(["python3", LISTEN, self.RIG, "60", str(self.heard), "gap", "diagnostics"])
+
+    def entries(self):
+        lines = self.heard.read_text().splitlines() if self.heard.exists() else []
+        return [json.loads(line) for line in lines if line.endswith("}")]
+
+    def told(self, name):
+        statuses = [s for entry in self.entries() if entry["topic"] == "diagnostics" for s in entry["status"]]
+        return [status for status in statuses if status["name"] == f"{self.RIG}/gap: {name}"]
+
+    def wait_for(self, holds, seconds):
+        limit = time.monotonic() + seconds
+        while not holds():
+            self.assertLess(time.monotonic(), limit, self.told("gap")[-3:])
+            time.sleep(0.1)
+
+    def test_it_is_learnt_beside_the_rig_whose_samples_wait(self):
+        self.graph.node("gap_node", "gap", rig=self.RIG)
+        simulator = self.graph.node("rig_simulator_node", "simulator", rig=self.RIG, start=2000.0, wait_for="gap")
+        self.wait_for(lambda: any(entry["topic"] == "gap" for entry in self.entries()), 120)
+        self.assertNotIn("does not listen", self.graph.said(simulator))
+        learning = [s["message"] for s in self.told("gap") if "learning" in s["message"]]
+        self.assertRegex(learning[0], r"^learning the normal gap from 24 simulations, \d+ done$")
+        first = next(entry for entry in self.entries() if entry["topic"] == "gap")
+        self.assertTrue(all(normal >= 1 for normal in first["normal"]), first)
+        # Of the first samples: they waited.
+        self.assertEqual(self.told("input")[-1]["values"]["missed at the start"], "0")
+        self.assertEqual(self.told("input")[-1]["values"]["dropped before the worker"], "0")
+        self.assertLess(first["time"] * 1e-9, 2010)
+
+    def test_the_node_can_be_ended_while_it_learns(self):
+        gap = self.graph.node("gap_node", "gap", rig=self.RIG)
+        self.wait_for(lambda: any("learning" in status["message"] for status in self.told("gap")), 20)
+        begun = time.monotonic()
+        self.graph.end(gap)
+        self.assertEqual(gap.returncode, 0, self.graph.said(gap))
+        self.assertLess(time.monotonic() - begun, 5)
+
+
 if __name__ == "__main__":
     unittest.main()

@@ -3,6 +3,7 @@ logs."""
 
 import json
 import os
+import pathlib
 import random
 import subprocess
 import tempfile
@@ -53,6 +54,47 @@ class WithoutMaster(unittest.TestCase):
                 self.assertEqual(process.returncode, 1, said)
                 self.assertIn(f"{node}: no ROS master at {uri}", said)
                 self.assertEqual(len(said.strip().splitlines()), 1, said)
+
+
+class WithoutClock(unittest.TestCase):
+    CLOCK = """
+import rospy
+from rosgraph_msgs.msg import Clock
+rospy.init_node("clock", disable_signals=True)
+publisher = rospy.Publisher("/clock", Clock, queue_size=10)
+for k in range(10000):
+    publisher.publish(Clock(rospy.Time(1000) + rospy.Duration(0.1 * k)))
+    rospy.rostime.wallsleep(0.1)
+"""
+
+    def test_every_node_says_so_until_there_is_one(self):
+        words = "simulated time is on but nobody publishes /clock"
+        nodes = ("alarm_node", "isolator_node", "kalman_node", "gap_node", "view_node", "rig_simulator_node")
+        with Graph() as graph:
+            graph.set("/use_sim_time", True)
+            heard = graph.path / "heard"
+            graph.start(
+                ["python3", str(pathlib.Path(__file__).parent / "listen.py"), RIG, "60", str(heard), "diagnostics"]
+            )
+            running = {node: graph.node(node, node, rig=RIG) for node in nodes}
+
+            def latest():
+                statuses = [s for entry in read_lines(heard) for s in entry["status"]] if heard.exists() else []
+                return {node: [s for s in statuses if s["name"].startswith(f"{RIG}/{node}:")][-1:] for node in nodes}
+
+            def wait_for(missing):
+                limit = time.monotonic() + 25
+                while any(not told or missing != (words in told[0]["message"]) for told in latest().values()):
+                    self.assertLess(time.monotonic(), limit, latest())
+                    time.sleep(0.2)
+
+            wait_for(True)
+            self.assertEqual({told[0]["level"] for told in latest().values()}, {1})
+            clock = graph.start(["python3", "-c", self.CLOCK])
+            wait_for(False)
+            self.assertIsNone(clock.poll())
+            for node, process in running.items():
+                self.assertEqual(graph.said(process).count(words), 1, graph.said(process))
 
 
 class BadParameters(unittest.TestCase):

@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ElementTree
 import yaml
 from graph import ROOT, Graph, devel_space
 
-WATCH = str(pathlib.Path(__file__).resolve().parent / "watch_view.py")
+WATCH, LISTEN = (str(pathlib.Path(__file__).resolve().parent / name) for name in ("watch_view.py", "listen.py"))
 HEALTHY, ERROR = [0.48, 0.67, 0.82], [0.7, 0.08, 0.1]
 # Rig: bag, times real time, a part that moves with a state of its estimate (on the last, with a channel: none of its
 # estimates has such a state, and its valve stands still in this bag), and by how much at least. No shipped bag has an
@@ -180,6 +180,33 @@ class ViewNode(unittest.TestCase):
         _, drawn = self.check(rig)
         colours = {c for m in drawn[-1] if m["ns"] == "parts" for c in [tuple(m["colour"])]}
         self.assertEqual(colours, {tuple(HEALTHY), (0.72, 0.72, 0.72)})  # the latter of parts without a port
+
+    def test_beside_a_live_rig(self):
+        rig = "servo_actuator"
+        part = {e["name"]: e for e in yaml.safe_load((ROOT / f"config/{rig}/view.yaml").read_text())["parts"]}["piston"]
+        with Graph() as graph:
+            heard, told = graph.path / "heard", graph.path / "told"
+            watcher = graph.start(["python3", WATCH, rig, "60", str(heard)])
+            listener = graph.start(["python3", LISTEN, rig, "60", str(told), "diagnostics"])
+            live = graph.start(["roslaunch", "faultline", f"{rig}.launch", "seed:=3", "profile:=random"])
+            view = graph.start(["roslaunch", "faultline", "view.launch", f"rig:={rig}", "rviz:=false"])
+            limit = time.monotonic() + 30
+            while self.samples_seen(told, rig) < 1000 or heard.read_text().count(f'"frame": "{rig}/piston"') < 150:
+                self.assertLess(time.monotonic(), limit, graph.said(view) + graph.said(live))
+                time.sleep(0.2)
+            for process in (view, live, watcher, listener):
+                graph.end(process)
+            entries = [json.loads(line) for line in heard.read_text().splitlines()]
+        moving = [e for e in entries if e["topic"] == "frame" and e["frame"] == f"{rig}/piston"]
+        self.follows(part, 0.02, moving, [e for e in entries if e["topic"] == "estimate"])
+        self.assertTrue([e for e in entries if e["topic"] == "markers"])
+
+    @staticmethod
+    def samples_seen(told, rig):
+        """By the view node, as it says of itself."""
+        lines = told.read_text().splitlines() if told.exists() else []
+        statuses = [s for line in lines if line.endswith("}") for s in json.loads(line)["status"]]
+        return max([int(s["values"]["received"]) for s in statuses if s["name"] == f"{rig}/view: view"], default=0)
 
     def test_the_pump_controlled_cylinder(self):
         rig = "pump_cylinder"

@@ -15,6 +15,10 @@ struct Trouble {
   const char* text;
 };
 
+// Samples with the stamp of the one before, more than a source repeats one, from which stamps tell no time.
+constexpr int kStandsStill = 3;
+constexpr std::size_t kMostStretches = 1000;  // while nothing is judged
+
 constexpr std::array<Trouble, 5> kTroubles = {{
     {ChannelStatus::missing, AlarmKind::data, "",
      "no number comes from this channel; check the cable and the converter"},
@@ -113,9 +117,38 @@ void DataWatch::advance(double last, double now, AlarmBook& book) {
                       fmt::format("no sample for more than {:g} s; check the driver and the DAQ", stale_after_));
 }
 
+void DataWatch::heard(double time) {
+  if (!heard_.empty() && time < heard_.back().to - stale_after_) heard_.clear();  // a run that begins anew
+  if (heard_.empty()) {
+    heard_.push_back({time, time});
+    still_ = 0;
+    return;
+  }
+  Stretch& latest = heard_.back();
+  if (time == latest.to) ++still_;
+  if (time <= latest.to) return;
+  // After stamps that stood still (zeros from a source without a clock) a step is no silence: samples came.
+  if (time - latest.to <= stale_after_ || still_ >= kStandsStill)
+    latest.to = time;
+  else
+    heard_.push_back({time, time});
+  still_ = 0;
+  if (heard_.size() > kMostStretches) heard_.pop_front();
+}
+
 void DataWatch::arrived(double last, double time, AlarmBook& book) {
-  advance(last, time, book);
-  if (time - last > stale_after_ || !book.take_back(stale_)) book.end(stale_, time);
+  const auto came = [&](double at) {
+    advance(last, at, book);
+    if (at - last > stale_after_ || !book.take_back(stale_)) book.end(stale_, at);
+    last = at;
+  };
+  for (const Stretch& stretch : heard_) {
+    if (stretch.from >= time) break;
+    if (stretch.from > last) came(stretch.from);
+    last = std::max(last, std::min(stretch.to, time));
+  }
+  came(time);
+  while (heard_.size() > 1 && heard_.front().to < time) heard_.pop_front();
 }
 
 }  // namespace faultline

@@ -4,6 +4,7 @@
 // ground truth are not watched. What a detector of the rig already tells is not told twice.
 #pragma once
 
+#include <deque>
 #include <string>
 #include <vector>
 
@@ -19,9 +20,12 @@ class DataWatch {
   DataWatch(const Datasheet& sheet, const AlarmOptions& options);
   void reset();  // the book is cleared by its owner
 
+  // A sample came, be it judged or not; live only, where judgements may pause while samples go on. Where it is never
+  // called, what is judged is what came.
+  void heard(double time);
   // No sample came until `now` [s], the last at `last`.
   void advance(double last, double now, AlarmBook& book);
-  // One came at `time`: a silence ends. If there was none because it was only on its way, the alarm is taken back.
+  // One is judged at `time`: a silence ends. If there was none because it was only on its way, the alarm is taken back.
   void arrived(double last, double time, AlarmBook& book);
   void check_channels(double time, const std::vector<ChannelStatus>& status, AlarmBook& book);
   // Whether this very trouble of a transducer is told here, or that it gives no reading at all.
@@ -33,9 +37,15 @@ class DataWatch {
     ChannelStatus told = ChannelStatus::good;
     int alarm = -1;  // of the book, while active; -1 too while another stage tells it
   };
+  // In which samples came without a silence.
+  struct Stretch {
+    double from, to;
+  };
   void tell(Watched& w, ChannelStatus status, double time, AlarmBook& book) const;
 
   std::vector<Watched> channels_;
+  std::deque<Stretch> heard_;  // that are not judged to their end, and the latest
+  int still_ = 0;              // samples in a row whose stamp was that of the one before
   BadChannels bad_;
   double stale_after_;  // s
   int stale_ = -1, held_ = -1;

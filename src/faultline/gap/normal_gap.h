@@ -7,6 +7,7 @@
 // go over. Twice, since 24 runs do not show the largest. Deterministic. Takes the model's time for those runs.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <string>
 
@@ -14,7 +15,15 @@
 
 namespace faultline {
 
+// How many simulations these are.
+std::size_t normal_gap_simulations(const Datasheet& sheet);
+
+// Told many times a simulation how many are done, from several threads; false: it is to end soon, without a result.
+using NormalGapProgress = std::function<bool(std::size_t done)>;
+
 // Per output of the rig that is measured. InputError where the rig cannot be simulated.
-std::map<std::string, double> simulated_normal_gap(const Datasheet& sheet, const LiveGapSettings& settings, int jobs);
+std::map<std::string, double> simulated_normal_gap(
+    const Datasheet& sheet, const LiveGapSettings& settings, int jobs,
+    const NormalGapProgress& progress = [](std::size_t) { return true; });
 
 }  // namespace faultline
