@@ -8,6 +8,7 @@
 #include <regex>
 
 #include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
 
 #include "cli/output_file.h"
 #include "faultline/signal/error.h"
@@ -37,19 +38,25 @@ void set_parameter(const Datasheet& sheet, std::string& text, const std::string&
 
 void set_stage_setting(const Datasheet& sheet, std::string& text, const std::string& stage, const std::string& key,
                        const std::string& value) {
-  const auto fail = [&] {
-    throw InputError(fmt::format(
-        "{}: stage {} is not written as '- name: {}' with '{}: VALUE' on a line of its own; edit it by hand to {}",
-        sheet.file, stage, stage, key, value));
-  };
-  std::smatch head;
-  if (!std::regex_search(text, head, std::regex("\\n *- name: *" + stage + " *\\n"))) fail();
-  const auto begin = static_cast<std::size_t>(head.position() + head.length());
-  const std::size_t end = std::min(text.find("- name:", begin), text.size());
-  const std::string entry = text.substr(begin, end - begin);
-  std::smatch line;
-  if (!std::regex_search(entry, line, std::regex("(\\n|^)( *" + key + ": *)(\\[[^\\]\\n]*\\]|[-+0-9.eE]+)"))) fail();
-  text.replace(begin + static_cast<std::size_t>(line.position(3)), static_cast<std::size_t>(line.length(3)), value);
+  const YAML::Node all = YAML::Load(text);
+  for (const char* group : {"estimators", "detectors", "isolators"})
+    for (const YAML::Node& entry : all[group]) {
+      if (!entry["name"] || entry["name"].Scalar() != stage || !entry[key]) continue;
+      const YAML::Node old = entry[key];
+      const auto begin = static_cast<std::size_t>(old.Mark().pos);
+      std::size_t size = 0;
+      if (old.IsScalar() && text.compare(begin, old.Scalar().size(), old.Scalar()) == 0) {
+        size = old.Scalar().size();
+      } else if (old.IsSequence() && text.compare(begin, 1, "[") == 0) {
+        size = text.find(']', begin) - begin + 1;
+      } else {
+        break;
+      }
+      text.replace(begin, size, value);
+      return;
+    }
+  throw InputError(fmt::format("{}: stage {} has no '{}: NUMBER' or '{}: [...]' of its own; edit it by hand to {}",
+                               sheet.stages_file.empty() ? sheet.file : sheet.stages_file, stage, key, key, value));
 }
 
 void write_datasheet(const std::string& text, const std::string& file) {

@@ -1,6 +1,8 @@
 // `faultline tune`: from recordings of a healthy rig, the noise covariances of an estimator stage, the thresholds of
 // its detectors for a stated rate of false alarms, and what each setting costs in delay (on simulated faults of the
 // datasheet).
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -213,7 +215,11 @@ void run(Options options) {
   }
   Answer answer;
   if (!options.keep_noise) {
-    answer.noise = tune_noise(sheet, stage, healthy);
+    const bool tell = isatty(STDERR_FILENO) != 0;
+    answer.noise = tune_noise(sheet, stage, healthy, [&](int percent) {
+      if (tell) std::fputs(fmt::format("\r{:>3} % of the noise settings ", percent).c_str(), stderr);
+    });
+    if (tell) std::fputs("\r\033[K", stderr);
     stage.settings.set("process_noise", answer.noise.process_noise);
     stage.settings.set("measurement_noise", answer.noise.measurement_noise);
   }
@@ -234,9 +240,9 @@ void run(Options options) {
     answer.trade = trade_off(sheet, stage, answer.detector, walk, kFactors, rates, healthy,
                              faulty_runs(sheet, sheet.fault(options.fault), options), options.block);
   }
-  if (!options.patch.empty()) write_patch(sheet, stage, options, answer);
   if (!options.json.empty()) write_text(options.json, json_text(answer_json(sheet, stage, options, answer)));
   if (options.json != "-") print_answer(stage, options, answer);
+  if (!options.patch.empty()) write_patch(sheet, stage, options, answer);
 }
 
 std::function<void()> add(CLI::App& app) {

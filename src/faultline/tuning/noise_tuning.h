@@ -9,6 +9,7 @@
 // filter is meant; a model error is taken for noise.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -33,7 +34,8 @@ struct NoiseTuning {
 // Whether each state of the stage's model only moves by its process noise.
 std::vector<bool> random_walks(const Datasheet& sheet, const StageSpec& stage);
 
-// InputError where the stage has no `process_noise` and `measurement_noise`.
-NoiseTuning tune_noise(const Datasheet& sheet, const StageSpec& stage, const std::vector<Recording>& healthy);
+// InputError where the stage has no `process_noise` and `measurement_noise`. `progress` hears the percentage done.
+NoiseTuning tune_noise(const Datasheet& sheet, const StageSpec& stage, const std::vector<Recording>& healthy,
+                       const std::function<void(int)>& progress = {});
 
 }  // namespace faultline
