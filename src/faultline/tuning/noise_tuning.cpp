@@ -19,7 +19,7 @@ constexpr const char* kOwnNoise = "rig_model";     // it works them out where th
 constexpr double kLargestVariance = 1e12, kSmallestVariance = 1e-30;
 
 struct Innovations {
-  double likelihood = 0;
+  double likelihood = 0, readings = 0;  // readings: in all rows, that it rests on
   std::vector<InnovationQuality> rows;
 };
 
@@ -50,6 +50,7 @@ Innovations run_filter(const Datasheet& sheet, const StageSpec& stage, const std
         const double s = estimate.innovation_std[i];
         if (!(s > 0)) continue;
         const double e = estimate.innovation[i] / s;
+        ++result.readings;
         result.likelihood -= 0.5 * (2 * std::log(s) + e * e);
         sum[i] += e;
         square[i] += e * e;
@@ -132,7 +133,8 @@ NoiseTuning tune_noise(const Datasheet& sheet, const StageSpec& stage, const std
           const double kept = *entry;
           *entry *= factor;
           Innovations tried = evaluate();
-          if (!(tried.likelihood > best.likelihood + kWorthwhileLogLikelihood)) {
+          // A filter that doubts its transducers would seem the better for leaving out what it explains badly.
+          if (tried.readings < best.readings || !(tried.likelihood > best.likelihood + kWorthwhileLogLikelihood)) {
             *entry = kept;
             break;
           }

@@ -158,6 +158,8 @@ std::vector<Threshold> tune_thresholds(const Datasheet& sheet, const StageSpec& 
     }
     std::sort(levels.begin(), levels.end());
     t.upper = levels[static_cast<std::size_t>(0.95 * kBootstraps)];
+    const auto [least, most] = std::minmax_element(maxima[d].begin(), maxima[d].end());
+    if (*least == *most) t.chosen = t.upper = t.set;
     result.push_back(t);
   }
   return result;

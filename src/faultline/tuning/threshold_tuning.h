@@ -31,7 +31,8 @@ struct Threshold {
   std::size_t blocks = 0;
 };
 
-// For every detector of the stage that has a threshold. `rate` per hour, `block` s.
+// For every detector of the stage that has a threshold. `rate` per hour, `block` s. Healthy runs that never show any of
+// what a detector watches say nothing of its threshold: it stays as it is.
 std::vector<Threshold> tune_thresholds(const Datasheet& sheet, const StageSpec& stage,
                                        const std::vector<Recording>& healthy, double rate, double block);
 
