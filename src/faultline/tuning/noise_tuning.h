@@ -3,10 +3,11 @@
 //   maximise  sum over samples and rows of  -1/2 (ln s_i^2 + nu_i^2/s_i^2)   nu: innovation, s: its predicted sigma
 //
 // over the logarithms of R and of those entries of Q whose states have dynamics, one after the other in shrinking
-// steps; no step may leave out readings that were used before (guarded_filter.h). At the maximum innovations are as white and as large as the filter says. Entries of Q whose states are
-// random walks (faults and corrections that a healthy rig does not show) stay: what is right for them is a choice
-// between delay and false alarms (threshold_tuning.h). Assumes that the recordings hold the motion for which the
-// filter is meant; a model error is taken for noise.
+// steps. No step may leave out readings that were used before (guarded_filter.h). At the maximum innovations are as
+// white and as large as the filter says. Entries of Q whose states are random walks (faults and corrections that a
+// healthy rig does not show) stay: what is right for them is a choice between delay and false alarms
+// (threshold_tuning.h). Assumes that the recordings hold the motion for which the filter is meant; a model error is
+// taken for noise.
 #pragma once
 
 #include <functional>
