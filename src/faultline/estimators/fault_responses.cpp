@@ -329,6 +329,18 @@ void FaultResponses::hear(double evidence) {
   confirm();
 }
 
+// What is about to be told is weighed once more against parameters that were learnt badly: the stretches that confirm it
+// may show them where those in which it was found did not.
+void FaultResponses::doubt_once_more() {
+  const double since = since_;
+  event_ = confirmed_ = false;
+  weigh_all();
+  find_healthy_or_fault();
+  if (!event_) return;
+  since_ = std::min(since, since_);
+  confirmed_ = true;
+}
+
 void FaultResponses::confirm() {
   confirmed_ = confirmed_ || confirming_ >= settings_.confirmed_fraction * settings_.threshold_evidence ||
                evidence_ >= settings_.sure_ratio * settings_.threshold_evidence;
@@ -389,6 +401,7 @@ void FaultResponses::judge(const Recording& recording) {
       if (event_ && !confirmed_) {
         respond_all();
         hear(speaks_for());
+        if (confirmed_) return doubt_once_more();
       }
       if (!event_ || !due) return;
       respond_all();
@@ -416,7 +429,10 @@ void FaultResponses::judge(const Recording& recording) {
     age_ = 0;
   }
   if (event_) {
-    if (!confirmed_) hear(speaks_for());
+    if (!confirmed_) {
+      hear(speaks_for());
+      if (confirmed_) return doubt_once_more();
+    }
     ++age_;
     window_.stretches = std::min(window_.stretches + 1, recent_.size());
     // While a fault lasts, all causes are weighed ever more rarely, unless it grows.

@@ -97,6 +97,7 @@ class FaultResponses {
   bool over() const { return speaks_for() < -settings_.over_evidence; }  // it no longer shows it
   void hear(double evidence);                                            // of a stretch after it was found
   void confirm();
+  void doubt_once_more();
   Eigen::MatrixXd prior(const Window& window) const;  // [r T]'[r T] of what is known of theta
   std::vector<RankedFault> screen(const Window& window) const;
   std::vector<RankedFault> find_window();  // sets window_; what it screened there
