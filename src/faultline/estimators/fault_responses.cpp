@@ -329,8 +329,8 @@ void FaultResponses::hear(double evidence) {
   confirm();
 }
 
-// What is about to be told is weighed once more against parameters that were learnt badly: the stretches that confirm it
-// may show them where those in which it was found did not.
+// What is about to be told is weighed once more against parameters that were learnt badly: the stretches that confirm
+// it may show them where those in which it was found did not.
 void FaultResponses::doubt_once_more() {
   const double since = since_;
   event_ = confirmed_ = false;
