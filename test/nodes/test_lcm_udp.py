@@ -16,6 +16,7 @@ RIGS = ("servo_actuator", "cooling_circuit")  # 11 channels, and 28
 URL = "udpm://239.255.76.67:7667?ttl=0"
 HERE = pathlib.Path(__file__).resolve()
 SECONDS = 6
+NAMES = ("press_1", "hall/press_2")
 
 
 def network():
@@ -89,6 +90,36 @@ def inside_launch():
         )
 
 
+def inside_two():
+    """Two rigs of one kind in one master, as a user starts them."""
+    network()
+    with Graph() as graph:
+        heard, listeners, launches = [], [], []
+        for name in NAMES:
+            heard.append(graph.path / f"heard_{len(heard)}")
+            words = ["python3", str(HERE.parent / "listen.py"), name, "40", str(heard[-1]), "sample", "diagnostics"]
+            listeners.append(graph.start([*words, f"__name:=listener_{len(heard)}"]))
+        for seed, name in enumerate(NAMES, 1):
+            words = ["roslaunch", "faultline", "servo_actuator.launch", "link:=lcm", f"lcm_url:={URL}"]
+            launches.append(graph.start([*words, f"duration:={SECONDS}", f"name:={name}", f"seed:={seed}"]))
+        ends = [graph.wait(launch, SECONDS + 40) for launch in launches]
+        for listener in listeners:
+            graph.end(listener)
+        answer = {}
+        for name, path, (code, said) in zip(NAMES, heard, ends):
+            entries = [json.loads(line) for line in path.read_text().splitlines()]
+            samples = [entry for entry in entries if entry["topic"] == "sample"]
+            told = [s for e in entries if e["topic"] == "diagnostics" for s in e["status"]]
+            answer[name] = {
+                "code": code,
+                "said": said,
+                "sequence": [sample["sequence"] for sample in samples],
+                "values": [sample["values"] for sample in samples if sample["sequence"] == 5000],
+                "status": [status for status in told if status["name"] == f"{name}/driver: driver"][-1],
+            }
+        print(json.dumps(answer))
+
+
 class Udp(unittest.TestCase):
     def run_inside(self, *what):
         unshare = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
@@ -116,6 +147,18 @@ class Udp(unittest.TestCase):
             self.assertGreaterEqual(sequence[-1], 1000 * SECONDS - 200, topic)
         self.assertEqual([alarm for alarm in answer["alarms"] if alarm["kind"] == "fault"], [])
 
+    def test_two_rigs_of_one_kind_hear_only_their_own(self):
+        answer = self.run_inside("inside_two")
+        for name in NAMES:
+            one = answer[name]
+            self.assertEqual(one["code"], 0, one["said"])
+            first = one["sequence"][0]
+            self.assertLess(first, 4000, name)
+            self.assertEqual(one["sequence"], list(range(first, 1000 * SECONDS + 1)), name)
+            values = one["status"]["values"]
+            self.assertEqual([values[key] for key in ("lost", "duplicate", "restarts")], ["0"] * 3, name)
+        self.assertNotEqual(*(answer[name]["values"] for name in NAMES))
+
     def test_a_second_process_hears_every_sample(self):
         for rig in RIGS:
             with self.subTest(rig=rig):
@@ -136,5 +179,7 @@ if __name__ == "__main__":
         inside(sys.argv[2])
     elif sys.argv[1:] == ["inside_launch"]:
         inside_launch()
+    elif sys.argv[1:] == ["inside_two"]:
+        inside_two()
     else:
         unittest.main()
