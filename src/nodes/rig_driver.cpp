@@ -19,6 +19,7 @@ using diagnostic_msgs::DiagnosticStatus;
 
 constexpr double kDescriptionWait = 1.5;  // s: a DAQ sends one a second
 constexpr std::size_t kOthers = 8;        // names worth telling
+constexpr std::uint64_t kTwice = 4;       // a quarter of the samples is no chance
 
 }  // namespace
 
@@ -29,6 +30,7 @@ RigDriver::RigDriver(const Datasheet& sheet, const std::string& lcm_name, const 
       description_channel_(lcm_channel(lcm_name, "description")),
       gate_(sheet, kDescriptionWait, 2 * kQueue,
             [this](const Sample& sample, double arrival) { deliver(sample, arrival); }),
+      senders_(sheet.sample_period),
       monitor_(sequence_settings(sheet)) {
   description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
   samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners.heard());
@@ -84,6 +86,7 @@ void RigDriver::flush(double arrival) {
 }
 
 void RigDriver::deliver(const Sample& sample, double arrival) {
+  if (!senders_.own(sample.sequence, sample.time, arrival)) return;
   if (!fit(monitor_.observe(sample.sequence, sample.time, arrival))) return;
   samples_.publish(to_message(sample, sheet_.rig));
   last_time_ = sample.time;
@@ -108,11 +111,24 @@ std::string RigDriver::trouble() const {
 void RigDriver::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const SequenceCounts counts = monitor_.counts();
+  const SequenceCounts before = told_;
   const bool silent = counts.received == told_.received;
   status.summary(DiagnosticStatus::OK, "the DAQ sends");
   status.add("samples per second", rate_.rate(counts.received));
   status.add("published", published_);
   tell_counts(counts, told_, status);
+  status.add("of another sender", senders_.foreign());
+  if (senders_.foreign() > told_foreign_)
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        fmt::format("two senders on LCM channel {}: the one that was heard first counts, {} samples of "
+                                    "the other are left out; end one, or give each a name of its own (lcm_name)",
+                                    sample_channel_, senders_.foreign() - told_foreign_));
+  else if (kTwice * (counts.duplicate - before.duplicate) > counts.received - before.received)
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        fmt::format("samples come twice on LCM channel {}: two senders with the same numbers, or a "
+                                    "network that doubles them; end one, or give each a name of its own (lcm_name)",
+                                    sample_channel_));
+  told_foreign_ = senders_.foreign();
   status.add("refused", gate_.refused());
   status.add("undecodable", undecodable_);
   status.add("unfit", unfit_);
