@@ -113,6 +113,4 @@ Description from_lcm(const faultline_lcm::rig_description_t& message) {
   return description;
 }
 
-std::string lcm_channel(const std::string& rig, const std::string& name) { return rig + "." + name; }
-
 }  // namespace faultline

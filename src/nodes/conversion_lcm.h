@@ -27,7 +27,4 @@ Sample from_lcm(const faultline_lcm::sample_t& message);
 faultline_lcm::rig_description_t to_lcm(const Datasheet& sheet);
 Description from_lcm(const faultline_lcm::rig_description_t& message);
 
-// LCM channels: RIG.sample, RIG.description
-std::string lcm_channel(const std::string& rig, const std::string& name);
-
 }  // namespace faultline

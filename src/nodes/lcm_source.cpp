@@ -12,6 +12,7 @@
 
 #include "faultline/signal/error.h"
 #include "nodes/lcm_log.h"
+#include "nodes/lcm_name.h"
 #include "nodes/node_main.h"
 
 namespace faultline {
@@ -27,6 +28,16 @@ struct Handler {
     take(channel, buffer->data, static_cast<int>(buffer->data_size), steady_seconds());
   }
 };
+
+// As a regular expression that means nothing but the text itself.
+std::string escaped(const std::string& text) {
+  std::string result;
+  for (const char c : text) {
+    if (c == '.') result += '\\';
+    result += c;
+  }
+  return result;
+}
 
 }  // namespace
 
@@ -46,7 +57,7 @@ LcmSource::~LcmSource() {
   if (thread_.joinable()) thread_.join();
 }
 
-void LcmSource::listen(const std::string& url, const std::string& rig, Take take, Idle idle) {
+void LcmSource::listen(const std::string& url, const std::string& name, Take take, Idle idle) {
   long allowed = 0;
   std::ifstream("/proc/sys/net/core/rmem_max") >> allowed;  // stays 0 where there is none
   auto link = std::make_shared<lcm::LCM>(with_receive_buffer(url, allowed));
@@ -56,7 +67,8 @@ void LcmSource::listen(const std::string& url, const std::string& rig, Take take
                     "allowed, and udpm needs a multicast route",
                     url));
   auto handler = std::make_shared<Handler>(Handler{std::move(take)});
-  link->subscribe(rig + "\\..*", &Handler::handle, handler.get())->setQueueCapacity(static_cast<int>(kQueue));
+  for (const std::string& pattern : {escaped(lcm_channel(name, "sample")), std::string(".*\\.description")})
+    link->subscribe(pattern, &Handler::handle, handler.get())->setQueueCapacity(static_cast<int>(kQueue));
   thread_ = std::thread([this, link, handler, idle = std::move(idle)] {
     while (!stop_) {
       const int handled = link->handleTimeout(kIdle);

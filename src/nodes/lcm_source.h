@@ -20,9 +20,10 @@ class LcmSource {
 
   ~LcmSource();  // stops and joins
 
-  // Listens to RIG.* on an LCM network. Throws InputError if it cannot be opened. `idle` is called when nothing came
-  // for 0.1 s.
-  void listen(const std::string& url, const std::string& rig, Take take, Idle idle);
+  // Listens to NAME.sample and to all descriptions on an LCM network, of which there is one a second: a rig that goes
+  // by another name than was thought is found by its description. Throws InputError if it cannot be opened. `idle` is
+  // called when nothing came for 0.1 s.
+  void listen(const std::string& url, const std::string& name, Take take, Idle idle);
   // Plays a log, `rate` times as fast as it was recorded. Throws InputError if it is not an LCM log.
   void play(const std::string& path, double rate, Take take, Idle idle);
 

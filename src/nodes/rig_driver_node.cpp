@@ -7,6 +7,7 @@
 #include "faultline/rig/mapping.h"
 #include "faultline/signal/error.h"
 #include "nodes/end_of_run.h"
+#include "nodes/lcm_name.h"
 #include "nodes/lcm_source.h"
 #include "nodes/node_main.h"
 #include "nodes/rig_driver.h"
@@ -37,6 +38,7 @@ int drive(Parameters& parameters) {
   const Datasheet sheet = read_rig(parameters);
   const std::string url = parameters.word("lcm_url", "");
   const std::string log = parameters.word("log", "");
+  const std::string given_name = read_lcm_name(parameters);
   const std::string mapping = parameters.word("mapping", "");
   const double wait = parameters.number("wait", kTopicWait, 0, 60);
   const double rate = parameters.number("rate", 1, 0.01, 100);
@@ -46,11 +48,15 @@ int drive(Parameters& parameters) {
   if (!mapping.empty()) {
     if (!log.empty() || !url.empty())
       throw InputError("parameters ~mapping, ~log and ~lcm_url exclude each other; give one");
+    if (!given_name.empty()) throw InputError("parameters ~mapping and ~lcm_name exclude each other; give one");
     return drive_topics(sheet, mapping, wait, listeners);
   }
 
+  const std::string live_name = given_name.empty() ? sheet.rig : given_name;
+  const std::string name = log.empty() ? live_name : find_lcm_name(log, sheet.rig, given_name);
   RigDriver driver(
-      sheet, "rig_driver_node: " + (log.empty() ? "LCM " + (url.empty() ? "default network" : url) : "LCM log " + log),
+      sheet, name,
+      "rig_driver_node: " + (log.empty() ? "LCM " + (url.empty() ? "default network" : url) : "LCM log " + log),
       listeners);
   const NodeHealth health(sheet.rig, "driver",
                           [&](diagnostic_updater::DiagnosticStatusWrapper& status) { driver.tell(status); });
@@ -61,7 +67,7 @@ int drive(Parameters& parameters) {
 
   LcmSource source;
   if (log.empty()) {
-    source.listen(url, sheet.rig, take, idle);
+    source.listen(url, name, take, idle);
   } else {
     listeners.wait();
     source.play(log, rate, take, idle);

@@ -12,6 +12,7 @@
 #include "faultline/signal/error.h"
 #include "nodes/conversion.h"
 #include "nodes/conversion_lcm.h"
+#include "nodes/lcm_name.h"
 #include "nodes/node_main.h"
 
 namespace faultline {
@@ -50,6 +51,8 @@ RigSimulatorSettings read_simulator_settings(const Datasheet& sheet, Parameters&
   settings.start = parameters.number("start", now, 0, 4e9);
   settings.over_lcm = parameters.choice("output", "ros", {"lcm", "ros"}) == "lcm";
   settings.lcm_url = parameters.word("lcm_url", "");
+  settings.lcm_name = read_lcm_name(parameters);
+  if (settings.lcm_name.empty()) settings.lcm_name = sheet.rig;
 
   std::vector<std::string> effects;
   for (const EffectSpec& effect : setup.effects) effects.push_back(to_string(effect));
@@ -93,7 +96,7 @@ RigSimulator::RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& s
 void RigSimulator::send_description() {
   if (lcm_) {
     const faultline_lcm::rig_description_t message = to_lcm(sheet_);
-    lcm_->publish(lcm_channel(sheet_.rig, "description"), &message);
+    lcm_->publish(lcm_channel(settings_.lcm_name, "description"), &message);
   } else {
     faultline_msgs::RigDescription message = to_message(sheet_, settings_.made_by);
     message.header.stamp = to_stamp(settings_.start);
@@ -104,7 +107,7 @@ void RigSimulator::send_description() {
 void RigSimulator::send(const Sample& sample) {
   if (lcm_) {
     const faultline_lcm::sample_t message = to_lcm(sample);
-    if (lcm_->publish(lcm_channel(sheet_.rig, "sample"), &message) != 0) ++failed_;
+    if (lcm_->publish(lcm_channel(settings_.lcm_name, "sample"), &message) != 0) ++failed_;
   } else {
     samples_.publish(to_message(sample, sheet_.rig));
   }

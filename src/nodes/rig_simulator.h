@@ -26,7 +26,7 @@ struct RigSimulatorSettings {
   double duration = 0;  // s of simulated time; 0: until stopped
   double start = 0;     // s, stamp of the first sample
   bool over_lcm = false;
-  std::string lcm_url;
+  std::string lcm_url, lcm_name;
 };
 
 // Throws InputError for what the datasheet does not know.

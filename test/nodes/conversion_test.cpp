@@ -357,7 +357,6 @@ TEST(ConversionLcm, DescriptionFits) {
   const Description description = from_lcm(to_lcm(sheet));
   EXPECT_EQ(description.sample_period, 0.01);
   EXPECT_EQ(match_channels(sheet, description), (std::vector<std::size_t>{0, 1}));
-  EXPECT_EQ(lcm_channel("small", "sample"), "small.sample");
 }
 
 }  // namespace

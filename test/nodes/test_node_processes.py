@@ -230,7 +230,7 @@ class LcmLog(unittest.TestCase):
     def tearDownClass(cls):
         cls.graph.__exit__()
 
-    def drive(self, path, seconds=25, rate=4):
+    def drive(self, path, seconds=25, rate=4, **more):
         lines = self.graph.path / "heard"
         listener = self.graph.start(
             [
@@ -243,7 +243,9 @@ class LcmLog(unittest.TestCase):
                 "diagnostics",
             ]
         )
-        driver = self.graph.node("rig_driver_node", "driver", rig=RIG, log=str(path), rate=rate, wait_for="/listener")
+        driver = self.graph.node(
+            "rig_driver_node", "driver", rig=RIG, log=str(path), rate=rate, wait_for="/listener", **more
+        )
         code, said = self.graph.wait(driver, seconds)
         self.graph.end(listener)
         heard = read_lines(lines)
@@ -323,6 +325,31 @@ class LcmLog(unittest.TestCase):
         self.assertIn("cut off or damaged after event", said)
         self.assertGreater(len(samples), 1900)
         self.assertEqual([sample["sequence"] for sample in samples], list(range(len(samples))))
+
+    def named(self, name):
+        return [(stamp, channel.replace(RIG, name), data) for stamp, channel, data in self.events]
+
+    def test_a_log_is_played_by_the_name_it_was_recorded_with(self):
+        path = self.write("named.lcm", self.named("press_1"))
+        code, said, samples, _ = self.drive(path)
+        self.assertEqual(code, 0, said)
+        self.assertEqual([sample["sequence"] for sample in samples], list(range(4001)))
+        code, said = self.graph.wait(
+            self.graph.node("rig_driver_node", "driver", rig=RIG, log=str(path), lcm_name="press_2"), 20
+        )
+        self.assertEqual(code, 2)
+        self.assertIn("no LCM channel 'press_2.sample' in it; it holds the samples of press_1", said)
+
+    def test_of_two_of_one_kind_in_a_log_one_is_chosen(self):
+        later = [(stamp + 300, channel, data) for stamp, channel, data in self.named("press_2")]
+        path = self.write("two.lcm", sorted(self.named("press_1") + later, key=lambda event: event[0]))
+        code, said = self.graph.wait(self.graph.node("rig_driver_node", "driver", rig=RIG, log=str(path)), 20)
+        self.assertEqual(code, 2)
+        self.assertIn("it holds the samples of press_1, press_2: give one as lcm_name", said)
+        code, said, samples, status = self.drive(path, lcm_name="press_2")
+        self.assertEqual(code, 0, said)
+        self.assertEqual([sample["sequence"] for sample in samples], list(range(4001)))
+        self.assertEqual(status[-1]["values"]["restarts"], "0")
 
     def test_another_rigs_log_is_refused(self):
         foreign = [
