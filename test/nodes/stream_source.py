@@ -55,9 +55,14 @@ def listen():
         elif word == "described_otherwise":
             describe(swapped=True)
         elif word == "unfit":
+            # Alone, or the two halves of the judgement would be torn apart by those of the samples.
+            sent, kind[0] = kind[0], "silent"
+            rospy.rostime.wallsleep(0.5)
             estimates.publish(Estimate(stage=sys.argv[3]))
             detections.publish(Detections(sequence=1 << 40))
             hypotheses.publish(Hypotheses(sequence=1 << 40))
+            rospy.rostime.wallsleep(0.2)
+            kind[0] = sent
         elif word == "described":
             describe()
         else:

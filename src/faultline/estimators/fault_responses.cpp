@@ -329,8 +329,8 @@ void FaultResponses::hear(double evidence) {
   confirm();
 }
 
-// What is about to be told is weighed once more against parameters that were learnt badly: the stretches that confirm
-// it may show them where those in which it was found did not.
+// A change that began before much was learnt is weighed once more, when it is about to be told, against parameters that
+// were learnt badly: the stretches that confirm it may show them where those in which it was found did not.
 void FaultResponses::doubt_once_more() {
   const double since = since_;
   event_ = confirmed_ = false;
@@ -401,7 +401,7 @@ void FaultResponses::judge(const Recording& recording) {
       if (event_ && !confirmed_) {
         respond_all();
         hear(speaks_for());
-        if (confirmed_) return doubt_once_more();
+        if (confirmed_ && young_) return doubt_once_more();
       }
       if (!event_ || !due) return;
       respond_all();
@@ -431,7 +431,7 @@ void FaultResponses::judge(const Recording& recording) {
   if (event_) {
     if (!confirmed_) {
       hear(speaks_for());
-      if (confirmed_) return doubt_once_more();
+      if (confirmed_ && young_) return doubt_once_more();
     }
     ++age_;
     window_.stretches = std::min(window_.stretches + 1, recent_.size());
@@ -510,6 +510,7 @@ void FaultResponses::find_healthy_or_fault() {
     since_ = recent_[healthy]->begin;
     if (window_.change && healthy > 0) before_ = recent_[healthy - 1]->run.recording;
     event_ = true;
+    young_ = window_.change && stretches_ <= settings_.early_stretches;
     age_ = 1;
     confirming_ = 0;
   }

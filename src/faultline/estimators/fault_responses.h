@@ -134,6 +134,7 @@ class FaultResponses {
   Window window_;
   std::vector<RankedFault> first_, second_;
   const std::vector<RankedFault> none_;
+  bool young_ = false;  // the event is a change that came while little had been learnt
   bool confirmed_ = false;
   bool explained_ = false;                    // the latest stretches looked at closely, by the rig without faults
   double confirming_ = 0;                     // evidence of stretches since it was found, the older the less

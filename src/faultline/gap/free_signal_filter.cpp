@@ -18,7 +18,12 @@ struct FilteredRow {
   Eigen::MatrixXd before_covariance, after_covariance, map;
 };
 
+// N: of states and signal together; small ones that the compiler knows take a fraction of the time.
+template <int N>
 class Filter {
+  using Vector = Eigen::Matrix<double, N, 1>;
+  using Square = Eigen::Matrix<double, N, N>;
+
  public:
   Filter(const StochasticModel& model, const StochasticStretch& stretch, const Eigen::VectorXd& q,
          const FreeSignal& signal)
@@ -32,9 +37,9 @@ class Filter {
       keep_ = std::exp(-model.step / signal.memory);
     }
     n_ = states_ + with_;
-    x_ = Eigen::VectorXd::Zero(n_);
+    x_ = Vector::Zero(n_);
     // What is known at the head: shown states to a few times the noise, others to their size.
-    Eigen::VectorXd first = Eigen::VectorXd::Ones(n_);
+    Vector first = Vector::Ones(n_);
     const Eigen::MatrixXd& h = stretch.h.front();
     for (Eigen::Index o = 0; o < h.rows(); ++o)
       for (Eigen::Index s = 0; s < states_; ++s)
@@ -42,14 +47,14 @@ class Filter {
           first[s] = std::min(1.0, kFirstSigma * kFirstSigma / (h(o, s) * h(o, s)));
     if (with_) first[states_] = signal.level * signal.level;
     p_ = first.asDiagonal();
-    map_ = Eigen::MatrixXd::Identity(n_, n_);
+    map_ = Square::Identity(n_, n_);
   }
 
   // Through all rows; visit(row, innovation, S) for every reading, done(row) after each row.
   template <class Visit, class Done>
   void run(Visit&& visit, Done&& done) {
-    Eigen::VectorXd row(n_), gain(n_), next(n_);
-    Eigen::MatrixXd product(n_, n_);
+    Vector row(n_), gain(n_), next(n_);
+    Square product(n_, n_);
     for (std::size_t i = 0; i < stretch_.rows.size(); ++i) {
       if (record_) start_record();
       const Eigen::VectorXd& misfit = stretch_.misfit[i];
@@ -101,19 +106,19 @@ class Filter {
     known_ = Eigen::MatrixXd::Zero(n_, courses.cols());
   }
   const Eigen::RowVectorXd& response() const { return response_; }
-  const Eigen::VectorXd& x() const { return x_; }
-  const Eigen::MatrixXd& p() const { return p_; }
+  const Vector& x() const { return x_; }
+  const Square& p() const { return p_; }
   Eigen::Index states() const { return states_; }
 
   // The map from row i to the next.
-  Eigen::MatrixXd map(std::size_t i) const {
-    Eigen::MatrixXd m = Eigen::MatrixXd::Identity(n_, n_);
+  Square map(std::size_t i) const {
+    Square m = Square::Identity(n_, n_);
     set_map(i, m);
     return m;
   }
 
  private:
-  void set_map(std::size_t i, Eigen::MatrixXd& m) const {
+  void set_map(std::size_t i, Square& m) const {
     m.topLeftCorner(states_, states_) = stretch_.f[i];
     if (!with_) return;
     if (drive_) m.col(states_).head(states_) = drive_->col(static_cast<Eigen::Index>(i));
@@ -128,8 +133,8 @@ class Filter {
   int with_ = 0, shows_ = -1;
   const Eigen::MatrixXd* drive_ = nullptr;
   double keep_ = 1, shown_ = 0;
-  Eigen::VectorXd x_;
-  Eigen::MatrixXd p_, map_;
+  Vector x_;
+  Square p_, map_;
   std::vector<FilteredRow>* record_ = nullptr;
   const Eigen::MatrixXd* courses_ = nullptr;
   Eigen::MatrixXd known_;  // what of x_ each course makes
@@ -150,14 +155,13 @@ double trimmed_mean(std::vector<double> values) {
   return sum / static_cast<double>(keep);
 }
 
-}  // namespace
-
-std::vector<double> block_losses(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal) {
+template <int N>
+std::vector<double> losses_of(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal) {
   std::vector<double> losses;
   for (const StochasticStretch& stretch : model.stretches) {
     const std::size_t blocks = blocks_of(model, stretch);
     std::vector<double> squares(blocks, 0), logs(blocks, 0), count(blocks, 0);
-    Filter filter(model, stretch, q, signal);
+    Filter<N> filter(model, stretch, q, signal);
     filter.run(
         [&](std::size_t i, double innovation, double variance) {
           const std::size_t b = i / model.block;
@@ -175,6 +179,25 @@ std::vector<double> block_losses(const StochasticModel& model, const Eigen::Vect
   return losses;
 }
 
+constexpr int kMostKnown = 12;
+
+// With N from `n` on, as the compiler knows it.
+template <int N>
+std::vector<double> losses_of_size(Eigen::Index n, const StochasticModel& model, const Eigen::VectorXd& q,
+                                   const FreeSignal& signal) {
+  if constexpr (N > kMostKnown) {
+    return losses_of<Eigen::Dynamic>(model, q, signal);
+  } else {
+    return n == N ? losses_of<N>(model, q, signal) : losses_of_size<N + 1>(n, model, q, signal);
+  }
+}
+
+}  // namespace
+
+std::vector<double> block_losses(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal) {
+  return losses_of_size<1>(model.size.size() + (signal.port >= 0 ? 1 : 0), model, q, signal);
+}
+
 Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal) {
   Smoothing result;
   const Eigen::Index states = model.size.size();
@@ -182,7 +205,7 @@ Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const F
   for (const StochasticStretch& stretch : model.stretches) {
     std::vector<FilteredRow> passed;
     passed.reserve(stretch.rows.size());
-    Filter filter(model, stretch, q, signal);
+    Filter<Eigen::Dynamic> filter(model, stretch, q, signal);
     filter.record(passed);
     filter.run([](std::size_t, double, double) {},
                [&](std::size_t) {
@@ -262,7 +285,7 @@ std::vector<SignalEquations> signal_equations(const StochasticModel& model, cons
       }
       readings = 0;
     };
-    Filter filter(model, stretch, q, signal);
+    Filter<Eigen::Dynamic> filter(model, stretch, q, signal);
     filter.follow(courses[n]);
     filter.run(
         [&](std::size_t, double innovation, double variance) {
