@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <cmath>
 
 #include "faultline/gap/verdict.h"
@@ -47,7 +48,7 @@ StochasticModel scalar_model(double level, std::uint64_t seed, std::vector<doubl
 
 double loss(const StochasticModel& model, double q, const FreeSignal& signal) {
   double sum = 0;
-  for (const double block : block_losses(model, Eigen::VectorXd::Constant(1, q), signal)) sum += block;
+  for (const double block : block_losses(model, gather(model), Eigen::VectorXd::Constant(1, q), signal)) sum += block;
   return sum;
 }
 
@@ -69,6 +70,92 @@ TEST(FreeSignalFilter, IsLikeliestWithWhatMadeTheReadings) {
   other = right;
   other.port = 1;
   EXPECT_LT(least + 10, loss(model, 1e-4, other));
+}
+
+// Against all readings as one normal vector, whose covariance is written out.
+TEST(FreeSignalFilter, HasTheLikelihoodOfAllReadingsTogether) {
+  constexpr int kStates = 2, kOutputs = 3, kSteps = 7;
+  Random random(11);
+  const auto drawn = [&](Eigen::Index rows, Eigen::Index columns) {
+    return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return random.normal(); }));
+  };
+  StochasticModel model;
+  model.step = 0.1;
+  model.block = kSteps;
+  model.size = Eigen::VectorXd::Ones(kStates);
+  model.ports = {"flow.in", "sensor.second"};
+  model.shows = {-1, 1};
+  model.shown = {0, 2.5};
+  model.unit = {1, 1};
+  StochasticStretch stretch;
+  for (std::size_t i = 0; i < kSteps; ++i) {
+    stretch.rows.push_back(i);
+    stretch.reference.push_back(Eigen::VectorXd::Zero(kStates));
+    stretch.h.push_back(drawn(kOutputs, kStates));  // each shows both states, so that the head knows their size alone
+    stretch.misfit.push_back(3 * drawn(kOutputs, 1));
+    if (i + 1 == kSteps) break;
+    stretch.f.push_back(0.5 * drawn(kStates, kStates));
+    stretch.defect.push_back(drawn(kStates, 1));
+    stretch.lost.push_back(0);
+  }
+  stretch.misfit[2][1] = stretch.misfit[4][0] = std::nan("");
+  stretch.port_drives = {drawn(kStates, kSteps - 1), {}};
+  model.stretches = {stretch};
+  const Eigen::Vector2d q(0.3, 0.02);
+  for (const int port : {-1, 0, 1}) {
+    FreeSignal signal;
+    signal.port = port;
+    signal.level = 0.7;
+    signal.memory = 0.4;
+    const double keep = std::exp(-model.step / signal.memory);
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d here = Eigen::Vector3d(1, 1, 0.49).asDiagonal();
+    std::vector<Eigen::MatrixXd> cross;  // of the state now and each earlier one
+    Eigen::MatrixXd all = Eigen::MatrixXd::Identity(kOutputs * kSteps, kOutputs * kSteps);
+    Eigen::VectorXd off(kOutputs * kSteps);
+    std::vector<Eigen::MatrixXd> shown;
+    for (std::size_t i = 0; i < kSteps; ++i) {
+      Eigen::MatrixXd h = Eigen::MatrixXd::Zero(kOutputs, 3);
+      h.leftCols(2) = stretch.h[i];
+      if (port == 1) h(1, 2) = 2.5;
+      shown.push_back(h);
+      cross.push_back(here);
+      const auto at = static_cast<Eigen::Index>(i) * kOutputs;
+      off.segment(at, kOutputs) = stretch.misfit[i] - h * mean;
+      for (std::size_t j = 0; j <= i; ++j) {
+        const Eigen::MatrixXd block = h * cross[j] * shown[j].transpose();
+        all.block(at, static_cast<Eigen::Index>(j) * kOutputs, kOutputs, kOutputs) += block;
+        if (j < i) all.block(static_cast<Eigen::Index>(j) * kOutputs, at, kOutputs, kOutputs) += block.transpose();
+      }
+      if (i + 1 == kSteps) break;
+      Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
+      map.topLeftCorner(2, 2) = stretch.f[i];
+      if (port == 0) map.col(2).head(2) = stretch.port_drives[0].col(static_cast<Eigen::Index>(i));
+      map(2, 2) = keep;
+      mean = (map * mean).eval();
+      mean.head(2) += stretch.defect[i];
+      for (Eigen::MatrixXd& c : cross) c = (map * c).eval();
+      here = (map * here * map.transpose()).eval();
+      here.diagonal() += Eigen::Vector3d(q[0], q[1], 0.49 * (1 - keep * keep));
+    }
+    std::vector<Eigen::Index> counts;
+    for (Eigen::Index i = 0; i < off.size(); ++i)
+      if (!std::isnan(off[i])) counts.push_back(i);
+    const auto count = static_cast<Eigen::Index>(counts.size());
+    Eigen::MatrixXd covariance(count, count);
+    Eigen::VectorXd readings(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      readings[i] = off[counts[static_cast<std::size_t>(i)]];
+      for (Eigen::Index j = 0; j < count; ++j)
+        covariance(i, j) = all(counts[static_cast<std::size_t>(i)], counts[static_cast<std::size_t>(j)]);
+    }
+    const double n = static_cast<double>(counts.size());
+    const double square = readings.dot(covariance.ldlt().solve(readings));
+    const double expected = 0.5 * std::log(covariance.determinant()) + 0.5 * n * std::log(square / n);
+    const std::vector<double> losses = block_losses(model, gather(model), q, signal);
+    ASSERT_EQ(losses.size(), 1u);
+    EXPECT_NEAR(losses.front(), expected, 1e-8) << port;
+  }
 }
 
 TEST(FreeSignalFilter, WinsNothingWhereNothingIsMissing) {

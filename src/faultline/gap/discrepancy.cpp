@@ -17,12 +17,9 @@ constexpr double kWeakest = 1e-7, kStrongest = 1;  // levels of a free signal th
 
 double total(const std::vector<double>& losses) { return std::accumulate(losses.begin(), losses.end(), 0.0); }
 
-double loss_with(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal) {
-  return total(block_losses(model, q, signal));
-}
-
 // The likeliest level and memory of a free signal at a port.
-FreePlace best_signal(const StochasticModel& model, const Eigen::VectorXd& q, double before, std::size_t port) {
+FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q, double before,
+                      std::size_t port) {
   FreeSignal signal;
   signal.port = static_cast<int>(port);
   signal.memory = 0.3 * static_cast<double>(model.block) * model.step;
@@ -34,7 +31,7 @@ FreePlace best_signal(const StochasticModel& model, const Eigen::VectorXd& q, do
     FreeSignal tried = signal;
     tried.level = level;
     tried.memory = memory;
-    const double loss = loss_with(model, q, tried);
+    const double loss = total(block_losses(model, rows, q, tried));
     if (!(loss < least)) return false;
     least = loss;
     at = tried;
@@ -85,7 +82,8 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   StochasticModel& model = process.model;
   const Eigen::VectorXd& q = process.q;
   Discrepancy result;
-  result.losses = block_losses(model, q, {});
+  const GatheredRows rows = gather(model);
+  result.losses = block_losses(model, rows, q, {});
   result.loss = total(result.losses);
   for (const StochasticStretch& stretch : model.stretches)
     for (const Eigen::VectorXd& misfit : stretch.misfit)
@@ -95,7 +93,7 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   open_ports(residuals, change, jobs, model);
   result.places.resize(model.ports.size());
   in_parallel(model.ports.size(), jobs,
-              [&](std::size_t p) { result.places[p] = best_signal(model, q, result.loss, p); });
+              [&](std::size_t p) { result.places[p] = best_signal(model, rows, q, result.loss, p); });
   std::stable_sort(result.places.begin(), result.places.end(),
                    [](const FreePlace& a, const FreePlace& b) { return a.gain > b.gain; });
   return result;

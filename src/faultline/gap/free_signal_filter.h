@@ -22,8 +22,20 @@ struct FreeSignal {
   double memory = 0;  // s
 };
 
+// The readings of a row as one: of H and y - m, over those that count.
+struct GatheredRow {
+  Eigen::MatrixXd information;  // H'H
+  Eigen::VectorXd weighted;     // H'(y - m)
+  double square = 0;            // |y - m|^2
+  double count = 0;
+};
+using GatheredRows = std::vector<std::vector<GatheredRow>>;  // per stretch, per row
+GatheredRows gather(const StochasticModel& model);
+
 // Loss of each block, stretches one after the other. `q`: variances of the process noise per step, in sizes squared.
-std::vector<double> block_losses(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal);
+// `rows`: gather(model), which is the same for all signals.
+std::vector<double> block_losses(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q,
+                                 const FreeSignal& signal);
 
 struct Smoothing {
   std::vector<Eigen::MatrixXd> states;  // per stretch, e: states x rows
