@@ -19,11 +19,11 @@ struct FilteredRow {
   Eigen::MatrixXd before_covariance, after_covariance, map;
 };
 
-// N: of states and signal together; small ones that the compiler knows take a fraction of the time.
-template <int N>
+// Most: states and signal together, at most; a number that the compiler knows spares the heap.
+template <int Most>
 class Filter {
-  using Vector = Eigen::Matrix<double, N, 1>;
-  using Square = Eigen::Matrix<double, N, N>;
+  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, Most, 1>;
+  using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, Most, Most>;
 
  public:
   Filter(const StochasticModel& model, const StochasticStretch& stretch, const Eigen::VectorXd& q,
@@ -105,16 +105,17 @@ class Filter {
         weighted_[states_] = shown_ * misfit;
       }
     }
-    const Vector seen = information_ * x_;
+    const Vector seen = information_.lazyProduct(x_);
     const double before = row.square - 2 * x_.dot(weighted_) + x_.dot(seen);  // r'r
     const Vector news = weighted_ - seen;                                     // H'r
     const Square root = Eigen::LLT<Square>(p_).matrixL();
-    Square inner = root.transpose() * information_ * root;
+    product_.noalias() = information_.lazyProduct(root);
+    Square inner = root.transpose().lazyProduct(product_);
     inner.diagonal().array() += 1;
     const Eigen::LLT<Square> factor(inner);
     const Square half = factor.matrixL().solve(root.transpose().eval());
-    p_.noalias() = half.transpose() * half;
-    const Vector moved = p_ * news;
+    p_.noalias() = half.transpose().lazyProduct(half);
+    const Vector moved = p_.lazyProduct(news);
     x_ += moved;
     return {before - news.dot(moved), 2 * factor.matrixLLT().diagonal().array().log().sum()};
   }
@@ -122,9 +123,10 @@ class Filter {
   // To the row after i.
   void predict(std::size_t i) {
     set_map(i, map_);
-    x_ = (map_ * x_).eval();
+    x_ = map_.lazyProduct(x_).eval();
     x_.head(states_) += stretch_.defect[i];
-    p_ = (map_ * p_ * map_.transpose()).eval();
+    product_.noalias() = map_.lazyProduct(p_);
+    p_.noalias() = product_.lazyProduct(map_.transpose());
     p_.diagonal().head(states_) += q_;
     if (stretch_.lost[i]) p_.diagonal().head(states_).array() += 1;
     if (with_) p_(states_, states_) += signal_.level * signal_.level * (1 - keep_ * keep_);
@@ -171,7 +173,7 @@ class Filter {
   const Eigen::MatrixXd* drive_ = nullptr;
   double keep_ = 1, shown_ = 0;
   Vector x_, weighted_;
-  Square p_, map_, information_;
+  Square p_, map_, information_, product_;
   std::vector<FilteredRow>* record_ = nullptr;
   const Eigen::MatrixXd* courses_ = nullptr;
   Eigen::MatrixXd known_;  // what of x_ each course makes
@@ -192,7 +194,7 @@ double trimmed_mean(std::vector<double> values) {
   return sum / static_cast<double>(keep);
 }
 
-template <int N>
+template <int Most>
 std::vector<double> losses_of(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q,
                               const FreeSignal& signal) {
   std::vector<double> losses;
@@ -200,7 +202,7 @@ std::vector<double> losses_of(const StochasticModel& model, const GatheredRows& 
     const StochasticStretch& stretch = model.stretches[n];
     const std::size_t blocks = blocks_of(model, stretch);
     std::vector<double> squares(blocks, 0), logs(blocks, 0), count(blocks, 0);
-    Filter<N> filter(model, stretch, q, signal);
+    Filter<Most> filter(model, stretch, q, signal);
     for (std::size_t i = 0; i < stretch.rows.size(); ++i) {
       if (i > 0) filter.predict(i - 1);
       const GatheredRow& row = rows[n][i];
@@ -220,18 +222,7 @@ std::vector<double> losses_of(const StochasticModel& model, const GatheredRows& 
   return losses;
 }
 
-constexpr int kMostKnown = 12;
-
-// With N from `n` on, as the compiler knows it.
-template <int N>
-std::vector<double> losses_of_size(Eigen::Index n, const StochasticModel& model, const GatheredRows& rows,
-                                   const Eigen::VectorXd& q, const FreeSignal& signal) {
-  if constexpr (N > kMostKnown) {
-    return losses_of<Eigen::Dynamic>(model, rows, q, signal);
-  } else {
-    return n == N ? losses_of<N>(model, rows, q, signal) : losses_of_size<N + 1>(n, model, rows, q, signal);
-  }
-}
+constexpr int kFew = 16;  // states and signal
 
 }  // namespace
 
@@ -252,7 +243,8 @@ GatheredRows gather(const StochasticModel& model) {
 
 std::vector<double> block_losses(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q,
                                  const FreeSignal& signal) {
-  return losses_of_size<1>(model.size.size() + (signal.port >= 0 ? 1 : 0), model, rows, q, signal);
+  return model.size.size() < kFew ? losses_of<kFew>(model, rows, q, signal)
+                                  : losses_of<Eigen::Dynamic>(model, rows, q, signal);
 }
 
 Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal) {
