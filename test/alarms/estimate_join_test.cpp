@@ -79,6 +79,20 @@ TEST(EstimateJoin, WhatSpeaksNowAndThenIsNotWaitedFor) {
   EXPECT_EQ(join.dropped(), 0u);
 }
 
+TEST(EstimateJoin, WhatSpeaksNowAndThenSaysNothingOfSamplesBefore) {
+  // One regular stage is ahead of the other by a sample, and with it what speaks now and then in its process.
+  EstimateJoin join(std::vector<bool>{false, true, false});
+  std::vector<Estimate> set;
+  EXPECT_FALSE(join.add(1, at(1, 7), set));
+  EXPECT_FALSE(join.add(0, at(1, 1), set));
+  EXPECT_FALSE(join.add(1, at(2, 8), set));
+  EXPECT_FALSE(join.add(0, at(2, 1), set));
+  ASSERT_TRUE(join.add(2, at(1, 2), set));
+  EXPECT_EQ(set[1].normalised_innovation, 7);
+  ASSERT_TRUE(join.add(2, at(2, 2), set));
+  EXPECT_EQ(set[1].normalised_innovation, 8);
+}
+
 TEST(EstimateJoin, WhatWasSaidBeforeIsOfThisSample) {
   EstimateJoin join(std::vector<bool>{false, true});
   std::vector<Estimate> set;

@@ -31,6 +31,11 @@ bool EstimateJoin::add(std::size_t stage, Estimate estimate, std::vector<Estimat
   }
   found->estimates[stage] = std::move(estimate);
   found->there[stage] = true;
+  const auto regular =
+      static_cast<std::size_t>(std::find(occasional_.begin(), occasional_.end(), false) - occasional_.begin());
+  // What was said until now, and not what their node, which may be ahead of others, says until all are there.
+  for (std::size_t i = 0; stage == regular && i < last_.size(); ++i)
+    if (occasional_[i]) found->estimates[i] = last_[i];
   if (!std::all_of(found->there.begin(), found->there.end(), [](bool there) { return there; })) {
     if (waiting_.size() > kMostWaiting) {
       waiting_.pop_front();
@@ -39,11 +44,8 @@ bool EstimateJoin::add(std::size_t stage, Estimate estimate, std::vector<Estimat
     return false;
   }
   set = std::move(found->estimates);
-  const auto regular =
-      static_cast<std::size_t>(std::find(occasional_.begin(), occasional_.end(), false) - occasional_.begin());
   for (std::size_t i = 0; i < last_.size(); ++i) {
     if (!occasional_[i]) continue;
-    set[i] = last_[i];
     if (set[i].channel_status.empty()) continue;  // it has not spoken yet
     // As the stage itself writes them: of this sample, on which it had nothing to say.
     set[i].restarted = set[i].restarted && set[i].sequence == set[regular].sequence && set[i].time == set[regular].time;

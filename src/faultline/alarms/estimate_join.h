@@ -6,8 +6,9 @@
 // lost its sample will not bring it any more. At most kMostWaiting sets wait; then the oldest is dropped. One estimator
 // passes straight through.
 //
-// Stages that speak only now and then (EstimatorType::occasional) are never waited for: what they said last stands in
-// every set, an empty estimate until they spoke. Their node sends them ahead of its others of the same sample.
+// Stages that speak only now and then (EstimatorType::occasional) are never waited for: what they said last, when the
+// first stage that always speaks said its word on the sample, stands in every set, an empty estimate until they spoke.
+// Their node, which is that stage's, sends them ahead of its others of the same sample.
 #pragma once
 
 #include <cstdint>
