@@ -87,7 +87,7 @@ class Filter {
     }
   }
 
-  // All readings of row i at once, by the matrix inversion lemma: for many readings of few states a fraction of the work.
+  // All readings of row i at once, by the matrix inversion lemma: for many readings of few states much less work.
   //   P = L L', A = I + L' H'H L:  P+ = L A^-1 L', e+ = e + P+ H'r, sum of log S = log |A|, r'S^-1 r = r'r - r'H P+ H'r
   // Returns r'S^-1 r and the sum of logarithms.
   std::pair<double, double> take(std::size_t i, const GatheredRow& row) {
