@@ -9,6 +9,7 @@
 namespace faultline {
 namespace {
 
+constexpr double kRounding = 1e-9;           // of a variance
 constexpr double kFirstSigma = 4;            // of a state at the head of a stretch, in noise of what shows it
 constexpr double kLeastBlockVariance = 0.2;  // of the innovations' own: a block cannot be better than its noise
 constexpr double kTrimmed = 0.1;             // of the blocks, the worst ones, that do not speak for the process noise
@@ -108,7 +109,12 @@ class Filter {
     const Vector seen = information_.lazyProduct(x_);
     const double before = row.square - 2 * x_.dot(weighted_) + x_.dot(seen);  // r'r
     const Vector news = weighted_ - seen;                                     // H'r
-    const Square root = Eigen::LLT<Square>(p_).matrixL();
+    Eigen::LLT<Square> known(p_);
+    if (known.info() != Eigen::Success) {  // rounding: two states that are nearly one
+      p_.diagonal() *= 1 + kRounding;
+      known.compute(p_);
+    }
+    const Square root = known.matrixL();
     product_.noalias() = information_.lazyProduct(root);
     Square inner = root.transpose().lazyProduct(product_);
     inner.diagonal().array() += 1;
