@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "faultline/gap/signal_scan.h"
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/random.h"
 #include "rigs/servo_actuator/runs.h"
@@ -196,6 +197,45 @@ TEST(FreeSignalFilter, BeginsAnewAfterALostStep) {
   const double with = loss(model, 1e-4, {});
   EXPECT_TRUE(std::isfinite(with));
   EXPECT_NEAR(with, loss(scalar_model(0, 6), 1e-4, {}), 10);
+}
+
+double likeliest(const StochasticModel& model, double q, const FreeSignal& from) {
+  double least = loss(model, q, from);
+  for (const double level : {0.3, 1.0, 3.0})
+    for (const double memory : {0.3, 1.0, 3.0}) {
+      FreeSignal tried = from;
+      tried.level *= level;
+      tried.memory *= memory;
+      least = std::min(least, loss(model, q, tried));
+    }
+  return least;
+}
+
+// The scan of all ports says what the filter says of each: of the one where the signal is, of the other, and of a
+// recording without one.
+TEST(SignalScan, AgreesWithTheFilter) {
+  for (const double level : {0.3, 1.0}) {
+    const StochasticModel model = scalar_model(level, 8);
+    const std::vector<ScannedSignal> scanned =
+        scan_signals(model, gather(model), Eigen::VectorXd::Constant(1, 1e-4), 2);
+    ASSERT_EQ(scanned.size(), 2u);
+    for (const ScannedSignal& found : scanned) {
+      const double exact = loss(model, 1e-4, {}) - likeliest(model, 1e-4, found.signal);
+      EXPECT_NEAR(found.gain, exact, 0.35 * exact) << found.signal.port;
+    }
+  }
+  const StochasticModel nothing = scalar_model(0, 9);
+  for (const ScannedSignal& found : scan_signals(nothing, gather(nothing), Eigen::VectorXd::Constant(1, 1e-4), 1))
+    EXPECT_LT(found.gain, 5);
+}
+
+TEST(SignalScan, LeavesOutReadingsThatDoNotCount) {
+  StochasticModel model = scalar_model(1, 10);
+  for (std::size_t i = 300; i < 500; ++i) model.stretches[0].misfit[i][0] = std::nan("");
+  for (const ScannedSignal& found : scan_signals(model, gather(model), Eigen::VectorXd::Constant(1, 1e-4), 1)) {
+    const double exact = loss(model, 1e-4, {}) - likeliest(model, 1e-4, found.signal);
+    EXPECT_NEAR(found.gain, exact, 0.35 * exact) << found.signal.port;
+  }
 }
 
 ResidualModel driven_by(const std::string& effect) {

@@ -5,30 +5,28 @@
 #include <numeric>
 #include <utility>
 
+#include "faultline/gap/signal_scan.h"
 #include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {
 
-constexpr int kReferences = 2;                     // times that the model is made linear around a better course
-constexpr int kExpectations = 4;                   // steps of EM around each
-constexpr double kLeastVariance = 1e-18;           // of the process noise, in sizes squared
-constexpr double kWeakest = 1e-7, kStrongest = 1;  // levels of a free signal that are tried, in the port's unit
+constexpr int kReferences = 2;            // times that the model is made linear around a better course
+constexpr int kExpectations = 4;          // steps of EM around each
+constexpr double kLeastVariance = 1e-18;  // of the process noise, in sizes squared
+constexpr double kAlike = 2;              // log likelihood, up to which two places are not told apart
+constexpr std::size_t kPolished = 6;      // places whose free signal is fitted by the filter itself
 
 double total(const std::vector<double>& losses) { return std::accumulate(losses.begin(), losses.end(), 0.0); }
 
-// The likeliest level and memory of a free signal at a port.
+// The likeliest level and memory of a free signal at a port, from where the scan found it on.
 FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q, double before,
-                      std::size_t port) {
-  FreeSignal signal;
-  signal.port = static_cast<int>(port);
-  signal.memory = 0.3 * static_cast<double>(model.block) * model.step;
-  FreePlace best;
-  best.port = model.ports[port];
-  FreeSignal at = signal;
+                      const FreeSignal& scanned) {
+  FreeSignal at = scanned;
+  at.level = 0;
   double least = before;
   const auto attempt = [&](double level, double memory) {
-    FreeSignal tried = signal;
+    FreeSignal tried = scanned;
     tried.level = level;
     tried.memory = memory;
     const double loss = total(block_losses(model, rows, q, tried));
@@ -37,18 +35,43 @@ FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, co
     at = tried;
     return true;
   };
-  for (double level = kWeakest; level <= kStrongest; level *= 10) attempt(level, signal.memory);
-  if (at.level == 0) return best;
-  const double middle = signal.memory;
-  for (const double ratio : {0.1, 10.0, 100.0})
-    for (const double size : {0.3, 1.0, 3.0}) attempt(size * at.level, ratio * middle);
-  for (double step = 2; step > 1.1; step = std::sqrt(step))
-    while (attempt(at.level * step, at.memory) || attempt(at.level / step, at.memory)) {
+  attempt(scanned.level, scanned.memory);
+  if (at.level > 0)
+    for (double step = 3; step > 1.05; step = std::sqrt(step)) {
+      while (attempt(at.level * step, at.memory) || attempt(at.level / step, at.memory)) {
+      }
+      while (attempt(at.level, at.memory * step) || attempt(at.level, at.memory / step)) {
+      }
     }
-  best.level = at.level * model.unit[port];
-  best.memory = at.memory;
-  best.gain = before - least;
-  return best;
+  const auto port = static_cast<std::size_t>(scanned.port);
+  return {model.ports[port], at.level * model.unit[port], at.memory, before - least};
+}
+
+bool by_gain(const FreePlace& a, const FreePlace& b) { return a.gain > b.gain; }
+
+// What a free signal at each port wins, best first: the scan's word, and the filter's for the few that stand out.
+std::vector<FreePlace> free_places(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q,
+                                   double loss, int jobs) {
+  std::vector<ScannedSignal> scanned = scan_signals(model, rows, q, jobs);
+  std::stable_sort(scanned.begin(), scanned.end(),
+                   [](const ScannedSignal& a, const ScannedSignal& b) { return a.gain > b.gain; });
+  std::vector<FreePlace> places(scanned.size());
+  const std::size_t few = std::min(kPolished, places.size());
+  in_parallel(few, jobs, [&](std::size_t i) { places[i] = best_signal(model, rows, q, loss, scanned[i].signal); });
+  std::stable_sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), by_gain);
+  // What enters with a command goes on through the place that it drives: where both win alike, that place is told, since
+  // a cause there may depend on more than the command.
+  const auto is_command = [](const FreePlace& place) { return port_kind(place.port) == PortKind::command; };
+  const auto driven = std::find_if_not(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), is_command);
+  if (driven != places.begin() + static_cast<std::ptrdiff_t>(few) && driven->gain > places.front().gain - kAlike)
+    std::rotate(places.begin(), driven, driven + 1);
+  for (std::size_t i = few; i < places.size(); ++i) {
+    const ScannedSignal& s = scanned[i];
+    const auto port = static_cast<std::size_t>(s.signal.port);
+    places[i] = {model.ports[port], s.signal.level * model.unit[port], s.signal.memory,
+                 std::min(s.gain, places[few - 1].gain)};
+  }
+  return places;
 }
 
 }  // namespace
@@ -68,7 +91,7 @@ FittedProcess fit_process(const ResidualModel& residuals, const ModelChange& cha
   for (int reference = 0; reference <= kReferences; ++reference) {
     Smoothing course;
     for (int i = 0; i < kExpectations; ++i) {
-      course = smooth(model, q, {});
+      course = smooth(model, q, {}, jobs);
       q = course.q.cwiseMax(kLeastVariance);
     }
     if (reference < kReferences) move_reference(residuals, change, course.states, jobs, model);
@@ -91,11 +114,7 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   for (Eigen::Index s = 0; s < q.size(); ++s) result.noise.push_back(model.size[s] * std::sqrt(q[s]));
   if (places == Places::none) return result;
   open_ports(residuals, change, jobs, model);
-  result.places.resize(model.ports.size());
-  in_parallel(model.ports.size(), jobs,
-              [&](std::size_t p) { result.places[p] = best_signal(model, rows, q, result.loss, p); });
-  std::stable_sort(result.places.begin(), result.places.end(),
-                   [](const FreePlace& a, const FreePlace& b) { return a.gain > b.gain; });
+  result.places = free_places(model, rows, q, result.loss, jobs);
   return result;
 }
 

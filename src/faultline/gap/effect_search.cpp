@@ -43,7 +43,9 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
   while (kept < structures.size() && kept < options.followed && structures[kept].quick > promising) ++kept;
   rest.assign(structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
   structures.resize(kept);
-  work.refine(structures, middle, to);
+  kept = work.refine(structures, middle, to);
+  rest.insert(rest.begin(), structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
+  structures.resize(kept);
   std::stable_sort(structures.begin(), structures.end(), by_score);
   likeliest_first(work, now, structures);
   for (std::size_t i = 1; i < structures.size(); ++i) structures[i].around = {};  // large, and not needed again

@@ -6,6 +6,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "faultline/numerics/in_parallel.h"
+
 namespace faultline {
 namespace {
 
@@ -220,7 +222,7 @@ std::vector<double> losses_of(const StochasticModel& model, const GatheredRows& 
       count[b] += row.count;
     }
     for (std::size_t b = 0; b < blocks; ++b) {
-      const double variance = count[b] > 0 ? std::max(squares[b] / count[b], kLeastBlockVariance) : 1;
+      const double variance = block_variance(squares[b], count[b]);
       const double loss = 0.5 * logs[b] + 0.5 * count[b] * std::log(variance);
       losses.push_back(std::isfinite(loss) ? loss : 1e9);
     }
@@ -230,7 +232,86 @@ std::vector<double> losses_of(const StochasticModel& model, const GatheredRows& 
 
 constexpr int kFew = 16;  // states and signal
 
+template <int Most>
+FilteredStretch filter_stretch(const StochasticModel& model, const StochasticStretch& stretch,
+                               const std::vector<GatheredRow>& rows, const Eigen::VectorXd& q) {
+  FilteredStretch result;
+  const FreeSignal none;
+  Filter<Most> filter(model, stretch, q, none);
+  result.square.assign(blocks_of(model, stretch), 0);
+  result.count = result.square;
+  for (std::size_t i = 0; i < stretch.rows.size(); ++i) {
+    if (i > 0) filter.predict(i - 1);
+    result.predicted.emplace_back(filter.x());
+    if (rows[i].count > 0) result.square[i / model.block] += filter.take(i, rows[i]).first;
+    result.count[i / model.block] += rows[i].count;
+    result.known.emplace_back(filter.p());
+  }
+  return result;
+}
+
+// What the backward pass says of one stretch.
+struct SmoothedStretch {
+  Eigen::MatrixXd course;  // states and signal x rows
+  Eigen::VectorXd spread;
+  std::vector<Eigen::VectorXd> squares;  // per block: mean squared process noise
+};
+
+template <int Most>
+SmoothedStretch smooth_stretch(const StochasticModel& model, const StochasticStretch& stretch, const Eigen::VectorXd& q,
+                               const FreeSignal& signal) {
+  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, Most, 1>;
+  using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, Most, Most>;
+  const Eigen::Index states = model.size.size();
+  std::vector<FilteredRow> passed;
+  passed.reserve(stretch.rows.size());
+  Filter<Most> filter(model, stretch, q, signal);
+  filter.record(passed);
+  filter.run([](std::size_t, double, double) {},
+             [&](std::size_t) {
+               passed.back().after = filter.x();
+               passed.back().after_covariance = filter.p();
+             });
+  const auto rows = static_cast<Eigen::Index>(stretch.rows.size());
+  const Eigen::Index n = passed.front().after.size();
+  SmoothedStretch result{Eigen::MatrixXd(n, rows), Eigen::VectorXd::Zero(rows), {}};
+  std::vector<Eigen::VectorXd> sums(blocks_of(model, stretch), Eigen::VectorXd::Zero(n));
+  std::vector<double> counts(sums.size(), 0);
+  Vector x = passed.back().after;
+  Square p = passed.back().after_covariance;
+  result.course.col(rows - 1) = x;
+  if (n > states) result.spread[rows - 1] = std::sqrt(std::max(0.0, p(states, states)));
+  for (std::size_t i = passed.size() - 1; i-- > 0;) {
+    const FilteredRow& now = passed[i];
+    const FilteredRow& next = passed[i + 1];
+    const Square map = filter.map(i);
+    const Square known = now.after_covariance, before = next.before_covariance;
+    const Eigen::LDLT<Square> predicted(before);
+    const Square c = predicted.solve(map * known).transpose();
+    const Vector own = now.after + c * (x - next.before);
+    const Square cross = p * c.transpose();  // of next and now
+    const Square earlier = known + c * (p - before) * c.transpose();
+    Vector missed = x - map * own;
+    missed.head(states) -= stretch.defect[i];
+    const Square spread_of = p + map * earlier * map.transpose() - cross * map.transpose() - map * cross.transpose();
+    const std::size_t b = i / model.block;
+    if (!stretch.lost[i]) sums[b] += missed.cwiseAbs2() + spread_of.diagonal();
+    if (!stretch.lost[i]) counts[b] += 1;
+    x = own;
+    p = earlier;
+    result.course.col(static_cast<Eigen::Index>(i)) = x;
+    if (n > states) result.spread[static_cast<Eigen::Index>(i)] = std::sqrt(std::max(0.0, p(states, states)));
+  }
+  for (std::size_t b = 0; b < sums.size(); ++b)
+    if (counts[b] > 0) result.squares.push_back(sums[b] / counts[b]);
+  return result;
+}
+
 }  // namespace
+
+double block_variance(double square, double count) {
+  return count > 0 ? std::max(square / count, kLeastBlockVariance) : 1;
+}
 
 GatheredRows gather(const StochasticModel& model) {
   GatheredRows result;
@@ -253,59 +334,34 @@ std::vector<double> block_losses(const StochasticModel& model, const GatheredRow
                                   : losses_of<Eigen::Dynamic>(model, rows, q, signal);
 }
 
-Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal) {
+std::vector<FilteredStretch> filter_stretches(const StochasticModel& model, const GatheredRows& rows,
+                                              const Eigen::VectorXd& q, int jobs) {
+  std::vector<FilteredStretch> result(model.stretches.size());
+  in_parallel(result.size(), jobs, [&](std::size_t n) {
+    const StochasticStretch& stretch = model.stretches[n];
+    result[n] = model.size.size() < kFew ? filter_stretch<kFew>(model, stretch, rows[n], q)
+                                         : filter_stretch<Eigen::Dynamic>(model, stretch, rows[n], q);
+  });
+  return result;
+}
+
+Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal, int jobs) {
+  std::vector<SmoothedStretch> parts(model.stretches.size());
+  in_parallel(parts.size(), jobs, [&](std::size_t n) {
+    parts[n] = model.size.size() < kFew ? smooth_stretch<kFew>(model, model.stretches[n], q, signal)
+                                        : smooth_stretch<Eigen::Dynamic>(model, model.stretches[n], q, signal);
+  });
   Smoothing result;
   const Eigen::Index states = model.size.size();
   std::vector<std::vector<double>> squares(static_cast<std::size_t>(states) + 1);  // per block
-  for (const StochasticStretch& stretch : model.stretches) {
-    std::vector<FilteredRow> passed;
-    passed.reserve(stretch.rows.size());
-    Filter<Eigen::Dynamic> filter(model, stretch, q, signal);
-    filter.record(passed);
-    filter.run([](std::size_t, double, double) {},
-               [&](std::size_t) {
-                 passed.back().after = filter.x();
-                 passed.back().after_covariance = filter.p();
-               });
-    const auto rows = static_cast<Eigen::Index>(stretch.rows.size());
-    const Eigen::Index n = passed.front().after.size();
-    Eigen::MatrixXd course(n, rows);
-    Eigen::VectorXd spread = Eigen::VectorXd::Zero(rows);
-    std::vector<Eigen::VectorXd> sums(blocks_of(model, stretch), Eigen::VectorXd::Zero(n));
-    std::vector<double> counts(sums.size(), 0);
-    Eigen::VectorXd x = passed.back().after;
-    Eigen::MatrixXd p = passed.back().after_covariance;
-    course.col(rows - 1) = x;
-    if (n > states) spread[rows - 1] = std::sqrt(std::max(0.0, p(states, states)));
-    for (std::size_t i = passed.size() - 1; i-- > 0;) {
-      const FilteredRow& now = passed[i];
-      const FilteredRow& next = passed[i + 1];
-      const Eigen::MatrixXd map = filter.map(i);
-      const Eigen::LDLT<Eigen::MatrixXd> predicted(next.before_covariance);
-      const Eigen::MatrixXd c = predicted.solve(map * now.after_covariance).transpose();
-      const Eigen::VectorXd own = now.after + c * (x - next.before);
-      const Eigen::MatrixXd cross = p * c.transpose();  // of next and now
-      const Eigen::MatrixXd before = now.after_covariance + c * (p - next.before_covariance) * c.transpose();
-      Eigen::VectorXd missed = x - map * own;
-      missed.head(states) -= stretch.defect[i];
-      const Eigen::MatrixXd spread_of =
-          p + map * before * map.transpose() - cross * map.transpose() - map * cross.transpose();
-      const std::size_t b = i / model.block;
-      if (!stretch.lost[i]) sums[b] += missed.cwiseAbs2() + spread_of.diagonal();
-      if (!stretch.lost[i]) counts[b] += 1;
-      x = own;
-      p = before;
-      course.col(static_cast<Eigen::Index>(i)) = x;
-      if (n > states) spread[static_cast<Eigen::Index>(i)] = std::sqrt(std::max(0.0, p(states, states)));
-    }
-    for (std::size_t b = 0; b < sums.size(); ++b)
-      for (Eigen::Index s = 0; counts[b] > 0 && s < n; ++s) {
-        const double mean = sums[b][s] / counts[b];
-        if (std::isfinite(mean)) squares[static_cast<std::size_t>(s)].push_back(std::max(0.0, mean));
-      }
-    result.states.push_back(course.topRows(states));
-    result.signal.push_back(n > states ? Eigen::VectorXd(course.row(states).transpose()) : Eigen::VectorXd());
-    result.spread.push_back(std::move(spread));
+  for (SmoothedStretch& part : parts) {
+    const Eigen::Index n = part.course.rows();
+    for (const Eigen::VectorXd& mean : part.squares)
+      for (Eigen::Index s = 0; s < n; ++s)
+        if (std::isfinite(mean[s])) squares[static_cast<std::size_t>(s)].push_back(std::max(0.0, mean[s]));
+    result.states.push_back(part.course.topRows(states));
+    result.signal.push_back(n > states ? Eigen::VectorXd(part.course.row(states).transpose()) : Eigen::VectorXd());
+    result.spread.push_back(std::move(part.spread));
   }
   result.q.resize(states);
   for (Eigen::Index s = 0; s < states; ++s) result.q[s] = trimmed_mean(squares[static_cast<std::size_t>(s)]);

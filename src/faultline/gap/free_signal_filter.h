@@ -32,10 +32,22 @@ struct GatheredRow {
 using GatheredRows = std::vector<std::vector<GatheredRow>>;  // per stretch, per row
 GatheredRows gather(const StochasticModel& model);
 
+// Noise level of a block, 1/count of the sum of innovation^2/S, but no better than noise can be.
+double block_variance(double square, double count);
+
 // Loss of each block, stretches one after the other. `q`: variances of the process noise per step, in sizes squared.
 // `rows`: gather(model), which is the same for all signals.
 std::vector<double> block_losses(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q,
                                  const FreeSignal& signal);
+
+// What the filter without a signal knows along a stretch.
+struct FilteredStretch {
+  std::vector<Eigen::VectorXd> predicted;  // per row: e before its readings
+  std::vector<Eigen::MatrixXd> known;      // per row: covariance of e with them
+  std::vector<double> square, count;       // per block: sum of innovation^2/S, and readings
+};
+std::vector<FilteredStretch> filter_stretches(const StochasticModel& model, const GatheredRows& rows,
+                                              const Eigen::VectorXd& q, int jobs);
 
 struct Smoothing {
   std::vector<Eigen::MatrixXd> states;  // per stretch, e: states x rows
@@ -44,7 +56,7 @@ struct Smoothing {
   Eigen::VectorXd q;                    // mean squared process noise of a typical block: one step of EM
   double level = 0;                     // likewise of the free signal
 };
-Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal);
+Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal, int jobs = 1);
 
 // How well known courses of a signal at the port explain the readings beside the free one: sums over `parts` pieces of
 // each stretch of A'A and A'r. r: innovations over their standard deviation, blocks with a noise level of their own;

@@ -94,6 +94,8 @@ struct GapOptions {
     double shown_information_fraction = 0.1;
     double relinearise_log_likelihood =
         100;  // gain of a round that is worth another linearisation, or of a search (development)
+    // ... and of a structure, as a fraction of what it has won: half of what rivals must differ by.
+    double settled_gain_fraction = 0.01;
     double wide_span_coordinate =
         0.5;  // range on both sides of an effect's size that is searched where derivatives fail ...
     std::size_t wide_points = 15;         // ... and the values tried in it before the best is narrowed down
@@ -108,9 +110,11 @@ struct GapOptions {
 
   // effect_search.h: which effects are kept.
   struct Search {
-    std::size_t finalists = 10;               // candidates that are fitted after screening
-    std::size_t followed = 5;                 // ... and that are refined, at most
-    double followed_gain_fraction = 0.5;      // of the best quick gain, from which a finalist is refined
+    std::size_t finalists = 10;           // candidates that are fitted after screening
+    std::size_t followed = 5;             // ... and that are refined, at most
+    double followed_gain_fraction = 0.5;  // of the best quick gain, from which a finalist is refined
+    // Of the most that a finalist wins once it has sensitivities of its own, what the others must win to be followed on.
+    double kept_gain_fraction = 0.6;
     double significance_standard_errors = 3;  // by which the held-out gain of an effect must exceed 0
     // Of the log likelihood that a perfect model would still win, what an effect must win to be taken ...
     double evidence_fraction = 0.08;
@@ -244,6 +248,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.same_sensitivity_fraction);
   FAULTLINE_OPTION(trials.shown_information_fraction);
   FAULTLINE_OPTION(trials.relinearise_log_likelihood);
+  FAULTLINE_OPTION(trials.settled_gain_fraction);
   FAULTLINE_OPTION(trials.wide_span_coordinate);
   FAULTLINE_OPTION(trials.wide_points);
   FAULTLINE_OPTION(trials.close_span_coordinate);
@@ -255,6 +260,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.finalists);
   FAULTLINE_OPTION(search.followed);
   FAULTLINE_OPTION(search.followed_gain_fraction);
+  FAULTLINE_OPTION(search.kept_gain_fraction);
   FAULTLINE_OPTION(search.significance_standard_errors);
   FAULTLINE_OPTION(search.evidence_fraction);
   FAULTLINE_OPTION(search.further_evidence_fraction);

@@ -138,7 +138,9 @@ FitResult GapTrials::refit(const ModelChange& start, const std::vector<Candidate
   return refit(structure);
 }
 
-FitResult GapTrials::refit(const Structure& refined) {
+FitResult GapTrials::refit(const Structure& refined) { return refit(refined, std::numeric_limits<double>::infinity()); }
+
+FitResult GapTrials::refit(const Structure& refined, double aim) {
   FitResult fit = refined.fit;
   around_ = refined.around;
   double before = learned_loss(around_);
@@ -151,7 +153,8 @@ FitResult GapTrials::refit(const Structure& refined) {
     fit.model = better.model;
     fit.effects = better.effects;
     around_ = std::move(moved);
-    if (before - now < options().trials.relinearise_log_likelihood) break;
+    const double gained = before - now;
+    if (gained < options().trials.relinearise_log_likelihood || now - gained > aim) break;
     before = now;
   }
   take_part(fit.model);
@@ -165,22 +168,24 @@ double GapTrials::learned_cost(const FitResult& fit) const {
 
 FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
   FitResult best = from_datasheet;
-  double least = learned_cost(best);
+  double least = learned_cost(best), aim = learned_loss(around_);
   bool last = true;
   Random random(1);
   const std::vector<std::size_t> free = around_.linear->free_parameters();
   for (std::size_t s = 0; s < options().trials.other_starts; ++s) {
     Eigen::VectorXd move(static_cast<Eigen::Index>(free.size()));
     for (double& m : move) m = options().trials.other_start_tolerances * random.normal();
-    ModelChange other;
-    other.parameters = model().sheet().nominal();
-    shift_parameters(model(), free, move, other.parameters);
-    const FitResult found = refit(other, {});
+    Structure other;
+    other.fit.model.parameters = model().sheet().nominal();
+    shift_parameters(model(), free, move, other.fit.model.parameters);
+    other.around = settle(around_, other.fit.model, settings_.jobs);
+    const FitResult found = refit(other, aim);
     const double cost = learned_cost(found);
     last = cost < least - options().trials.relinearise_log_likelihood;
     if (!last) continue;
     best = found;
     least = cost;
+    aim = learned_loss(around_);
   }
   return last ? best : refit(best.model, {});
 }
@@ -277,17 +282,20 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
                    [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
 }
 
-double GapTrials::follow(Structure& structure, const Surroundings& from, int jobs, std::size_t rounds) const {
+double GapTrials::follow(Structure& structure, const Surroundings& from, double base, int jobs,
+                         std::size_t rounds) const {
+  const GapOptions::Trials& trials = options().trials;
   structure.around = settle(from, structure.fit.model, jobs);
   double best = learned_loss(structure.around);
   for (std::size_t round = 0; round < rounds; ++round) {
     const Surroundings& own = structure.around;
     const FitResult fit = fit_gap(*own.residuals, structure.fit.model, structure.fit.effects,
-                                  own.linear->subset(learn_), options().trials.steps, jobs);
+                                  own.linear->subset(learn_), trials.steps, jobs);
     Surroundings moved = settle(own, fit.model, jobs);
     const double now = learned_loss(moved);
     if (now >= best) break;
-    const bool converged = best - now < options().trials.relinearise_log_likelihood;
+    const bool converged =
+        best - now < std::max(trials.relinearise_log_likelihood, trials.settled_gain_fraction * (base - now));
     best = now;
     structure.fit = fit;
     structure.around = std::move(moved);
@@ -296,8 +304,7 @@ double GapTrials::follow(Structure& structure, const Surroundings& from, int job
   return best;
 }
 
-void GapTrials::refine(Structure& structure, int jobs) const {
-  const GapOptions::Trials& trials = options().trials;
+double GapTrials::begin(Structure& structure, int jobs) const {
   // The refit without this effect may have bent parameters into a valley of their own, from which no step leads out:
   // the fit starts at the datasheet's parameters again, and goes on from there unless the quick fit is ahead of its
   // first round.
@@ -305,22 +312,29 @@ void GapTrials::refine(Structure& structure, int jobs) const {
   const Linearisation learn = part_.linear->subset(learn_);
   const double quick_loss = sum(robust(learn.segment_losses(residuals_of(*part_.residuals, quick.model, learn_))));
   structure.fit.model.parameters = sheet_.nominal();
-  double best = follow(structure, part_, jobs, 1);
-  if (best > quick_loss) structure.fit = quick;
-  best = follow(structure, best > quick_loss ? part_ : Surroundings(structure.around), jobs, trials.refine_rounds);
-  const double values = segment_values() * static_cast<double>(learn.weights().size());
+  const double base = learned_loss(part_), best = follow(structure, part_, base, jobs, 1);
+  if (best <= quick_loss) return best;
+  structure.fit = quick;
+  return follow(structure, part_, base, jobs, 1);
+}
+
+void GapTrials::finish(Structure& structure, int jobs) const {
+  const GapOptions::Trials& trials = options().trials;
+  const double base = learned_loss(part_);
+  double best = follow(structure, Surroundings(structure.around), base, jobs, trials.refine_rounds);
+  const double values = segment_values() * static_cast<double>(part_.linear->subset(learn_).weights().size());
   const double enough = trials.search_excess_variances * 0.5 * values;
   for (std::size_t pass = 0; pass < trials.searches && best > enough; ++pass) {
     Structure searched = structure;
     if (search_effect(*structure.around.residuals, structure.around.linear->subset(learn_), searched.fit,
                       trials.close_span_coordinate, trials.close_points, jobs) < trials.relinearise_log_likelihood)
       break;
-    const double other = follow(searched, part_, jobs, 1);
+    const double other = follow(searched, part_, base, jobs, 1);
     if (other > best - trials.relinearise_log_likelihood) break;
     structure = std::move(searched);
     best = other;
   }
-  if (parted_) follow(structure, around_, jobs, trials.whole_rounds);
+  if (parted_) follow(structure, around_, learned_loss(around_), jobs, trials.whole_rounds);
   structure.fit.covariance =
       uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_), jobs);
   cross_score(structure.around, structure, structure.fit.effects.size() - 1, jobs);
@@ -360,17 +374,40 @@ Structure GapTrials::score(const FitResult& fit) const {
   return structure;
 }
 
-void GapTrials::refine(std::vector<Structure>& structures, double from, double to) const {
+std::size_t GapTrials::refine(std::vector<Structure>& structures, double from, double to) const {
+  const int inner = std::max(1, settings_.jobs / std::max(1, static_cast<int>(structures.size())));
   std::atomic<std::size_t> done{0};
-  const auto count = static_cast<int>(structures.size());
-  const int inner = std::max(1, settings_.jobs / std::max(1, count));
-  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
-    refine(structures[i], inner);
+  const auto tell_one = [&](double steps) {
     const std::size_t now = ++done;
     if (progress_)
-      progress_(from + (to - from) * static_cast<double>(now) / static_cast<double>(structures.size()),
-                "comparing the best");
+      progress_(from + (to - from) * std::min(1.0, static_cast<double>(now) / steps), "comparing the best");
+  };
+  std::vector<double> losses(structures.size());
+  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+    losses[i] = begin(structures[i], inner);
+    tell_one(2 * static_cast<double>(structures.size()));
   });
+  const double base = learned_loss(part_);
+  const double most = base - *std::min_element(losses.begin(), losses.end());
+  std::vector<Structure> behind;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < structures.size(); ++i) {
+    structures[i].quick = base - losses[i];
+    if (structures[i].quick >= options().search.kept_gain_fraction * most) {
+      if (kept != i) structures[kept] = std::move(structures[i]);
+      ++kept;
+    } else {
+      structures[i].around = {};
+      behind.push_back(std::move(structures[i]));
+    }
+  }
+  structures.resize(kept);
+  in_parallel(kept, settings_.jobs, [&](std::size_t i) {
+    finish(structures[i], std::max(1, settings_.jobs / static_cast<int>(kept)));
+    tell_one(static_cast<double>(losses.size() + kept));
+  });
+  for (Structure& structure : behind) structures.push_back(std::move(structure));
+  return kept;
 }
 
 std::vector<double> GapTrials::held_out(const ModelChange& at) const {

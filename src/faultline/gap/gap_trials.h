@@ -57,6 +57,8 @@ class GapTrials {
   FitResult refit_from_elsewhere(const FitResult& from_datasheet);
   // The same from a refined structure on.
   FitResult refit(const Structure& refined);
+  // Gives up where the last round gained less than what is missing to `aim`.
+  FitResult refit(const Structure& refined, double aim);
 
   // The model as it is, with start states and linearisation of all runs at it.
   FitResult stand(const ModelChange& model);
@@ -78,7 +80,9 @@ class GapTrials {
   void shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from, double to) const;
 
   // Fits each with start states and linearisation of its own and scores it in the same way.
-  void refine(std::vector<Structure>& structures, double from, double to) const;
+  // Those that are far behind the first with a linearisation of their own are not followed further: they come last,
+  // without a score. Returns how many have one.
+  std::size_t refine(std::vector<Structure>& structures, double from, double to) const;
 
   // Losses per held-out segment of a model as it is.
   std::vector<double> held_out(const ModelChange& at) const;
@@ -103,8 +107,11 @@ class GapTrials {
   double learned_loss(const Surroundings& around) const;
   double learned_cost(const FitResult& fit) const;  // what refit() just returned: with the tolerances' part
   void take_part(const ModelChange& at);
-  void refine(Structure& structure, int jobs) const;
-  double follow(Structure& structure, const Surroundings& from, int jobs, std::size_t rounds) const;
+  // Around sensitivities of its own, once.
+  double begin(Structure& structure, int jobs) const;
+  void finish(Structure& structure, int jobs) const;
+  // `base`: learned loss of what it is beside, over the same segments.
+  double follow(Structure& structure, const Surroundings& from, double base, int jobs, std::size_t rounds) const;
   // The first `held` effects stay as they are.
   void cross_score(const Surroundings& around, Structure& structure, std::size_t held, int jobs) const;
 

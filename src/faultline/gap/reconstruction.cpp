@@ -20,12 +20,12 @@ void open_only(const ResidualModel& residuals, const ModelChange& change, const 
   open_ports(residuals, change, jobs, model, port);
 }
 
-void settle_process(Reconstruction& at) {
+void settle_process(Reconstruction& at, int jobs) {
   for (int i = 0; i < kExpectations; ++i) {
-    at.course = smooth(at.model, at.q, at.signal);
+    at.course = smooth(at.model, at.q, at.signal, jobs);
     at.q = at.course.q.cwiseMax(kLeastVariance);
   }
-  at.course = smooth(at.model, at.q, at.signal);
+  at.course = smooth(at.model, at.q, at.signal, jobs);
 }
 
 bool reads_input(const Datasheet& sheet, const Port& port) {
@@ -45,12 +45,12 @@ Reconstruction reconstruct(const ResidualModel& residuals, const ModelChange& ch
   at.signal.port = 0;
   at.signal.memory = place.memory;
   at.signal.level = place.level / at.unit();
-  settle_process(at);
+  settle_process(at, jobs);
   const double unit = at.unit();
   move_reference(residuals, change, at.course.states, jobs, at.model);
   open_only(residuals, change, place.port, jobs, at.model);
   at.signal.level *= unit / at.unit();
-  settle_process(at);
+  settle_process(at, jobs);
   return at;
 }
 
