@@ -375,7 +375,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   }
 
   // Rounding is in the noise, so it is beside all this: a fact of the recording.
-  const std::vector<NamedEffect> rounded = rounded_channels(sheet, work.model().runs(), settings.without, options.grid);
+  const std::vector<NamedEffect> rounded = rounded_channels(work.model(), settings.without);
   if (!rounded.empty() && result.verdict != "unknown") {
     if (result.effects.empty()) {
       PlaceScore place;

@@ -138,11 +138,15 @@ FitResult GapTrials::refit(const ModelChange& start, const std::vector<Candidate
   return refit(structure);
 }
 
-FitResult GapTrials::refit(const Structure& refined) { return refit(refined, std::numeric_limits<double>::infinity()); }
-
-FitResult GapTrials::refit(const Structure& refined, double aim) {
-  FitResult fit = refined.fit;
+FitResult GapTrials::refit(const Structure& refined) {
   around_ = refined.around;
+  FitResult fit = refined.fit;
+  converge(fit, std::numeric_limits<double>::infinity());
+  take_part(fit.model);
+  return fit;
+}
+
+void GapTrials::converge(FitResult& fit, double aim) {
   double before = learned_loss(around_);
   for (std::size_t round = 0; round < options().trials.refit_rounds; ++round) {
     const FitResult better = fit_gap(*around_.residuals, fit.model, fit.effects, around_.linear->subset(learn_),
@@ -157,8 +161,6 @@ FitResult GapTrials::refit(const Structure& refined, double aim) {
     if (gained < options().trials.relinearise_log_likelihood || now - gained > aim) break;
     before = now;
   }
-  take_part(fit.model);
-  return fit;
 }
 
 double GapTrials::learned_cost(const FitResult& fit) const {
@@ -167,27 +169,28 @@ double GapTrials::learned_cost(const FitResult& fit) const {
 }
 
 FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
-  FitResult best = from_datasheet;
-  double least = learned_cost(best), aim = learned_loss(around_);
-  bool last = true;
+  const Surroundings whole = around_;
+  around_ = part_;
+  FitResult best;
+  double least = learned_cost(from_datasheet), aim = learned_loss(around_);
   Random random(1);
   const std::vector<std::size_t> free = around_.linear->free_parameters();
   for (std::size_t s = 0; s < options().trials.other_starts; ++s) {
     Eigen::VectorXd move(static_cast<Eigen::Index>(free.size()));
     for (double& m : move) m = options().trials.other_start_tolerances * random.normal();
-    Structure other;
-    other.fit.model.parameters = model().sheet().nominal();
-    shift_parameters(model(), free, move, other.fit.model.parameters);
-    other.around = settle(around_, other.fit.model, settings_.jobs);
-    const FitResult found = refit(other, aim);
-    const double cost = learned_cost(found);
-    last = cost < least - options().trials.relinearise_log_likelihood;
-    if (!last) continue;
-    best = found;
+    FitResult other;
+    other.model.parameters = sheet_.nominal();
+    shift_parameters(model(), free, move, other.model.parameters);
+    around_ = settle(part_, other.model, settings_.jobs);
+    converge(other, aim);
+    const double cost = learned_cost(other);
+    if (cost >= least - options().trials.relinearise_log_likelihood) continue;
+    best = other;
     least = cost;
     aim = learned_loss(around_);
   }
-  return last ? best : refit(best.model, {});
+  around_ = whole;
+  return best.model.parameters.empty() ? from_datasheet : refit(best.model, {});
 }
 
 void GapTrials::take_part(const ModelChange& at) {

@@ -53,12 +53,11 @@ class GapTrials {
   // Refits the parameters around `effects` until nothing is gained; leaves start states and linearisation of all runs
   // at the result.
   FitResult refit(const ModelChange& start, const std::vector<Candidate>& effects);
-  // The same of the parameters alone, from elsewhere too: the best, or `from_datasheet` where none is better.
+  // The same of the parameters alone, from elsewhere too: the best, or `from_datasheet` where none is better. On long
+  // recordings it is sought on the segments of take_part().
   FitResult refit_from_elsewhere(const FitResult& from_datasheet);
   // The same from a refined structure on.
   FitResult refit(const Structure& refined);
-  // Gives up where the last round gained less than what is missing to `aim`.
-  FitResult refit(const Structure& refined, double aim);
 
   // The model as it is, with start states and linearisation of all runs at it.
   FitResult stand(const ModelChange& model);
@@ -105,7 +104,10 @@ class GapTrials {
  private:
   Surroundings settle(const Surroundings& before, const ModelChange& at, int jobs) const;
   double learned_loss(const Surroundings& around) const;
-  double learned_cost(const FitResult& fit) const;  // what refit() just returned: with the tolerances' part
+  double learned_cost(const FitResult& fit) const;  // of what stands: with the tolerances' part
+  // Linearises and fits around what stands until nothing is gained, or until the last round gained less than what is
+  // missing to `aim`.
+  void converge(FitResult& fit, double aim);
   void take_part(const ModelChange& at);
   // Around sensitivities of its own, once.
   double begin(Structure& structure, int jobs) const;

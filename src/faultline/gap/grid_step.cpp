@@ -30,8 +30,10 @@ double grid_step(const Recording& recording, std::size_t column, double resoluti
   return step;
 }
 
-std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
-                                          const std::vector<std::string>& without, const GapOptions::Grid& options) {
+std::vector<NamedEffect> rounded_channels(const ResidualModel& model, const std::vector<std::string>& without) {
+  const Datasheet& sheet = model.sheet();
+  const std::vector<SegmentedRun>& runs = model.runs();
+  const GapOptions::Grid& options = model.options().grid;
   std::vector<NamedEffect> result;
   for (const Candidate& candidate : candidates(sheet, without)) {
     if (candidate.effect.effect != "quantisation" || sheet.port(candidate.effect.port).kind != PortKind::sensor)
@@ -50,7 +52,12 @@ std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vec
       most = std::max(most, step);
     }
     const double half_width = options.half_width_fraction;
-    if (least <= std::max(2 * channel.resolution, channel.noise_std) || most > (1 + half_width) * least) continue;
+    if (least <= 2 * channel.resolution || most > (1 + half_width) * least) continue;
+    const auto output = std::find(model.outputs().begin(), model.outputs().end(), static_cast<int>(column));
+    if (output == model.outputs().end()) continue;
+    const double noise =
+        std::max(channel.noise_std, model.noise()[static_cast<std::size_t>(output - model.outputs().begin())]);
+    if (least * least / 12 < options.least_noise_fraction * noise * noise) continue;
     NamedEffect effect;
     effect.effect = candidate.effect.effect;
     effect.port = candidate.effect.port;

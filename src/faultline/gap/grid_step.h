@@ -15,9 +15,8 @@ double grid_step(const Recording& recording, std::size_t column, double resoluti
                  const GapOptions::Grid& options = {});
 
 // Channels whose grid in all runs is coarser than the datasheet's resolution and noise, as the effect `quantisation`
-// where the datasheet lets it fit, has not adopted it and `without` does not leave it out.
-std::vector<NamedEffect> rounded_channels(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
-                                          const std::vector<std::string>& without,
-                                          const GapOptions::Grid& options = {});
+// where the datasheet lets it fit, has not adopted it and `without` does not leave it out. Only where rounding is a
+// notable part of the noise, the recording's and the datasheet's: q^2/12 of its variance.
+std::vector<NamedEffect> rounded_channels(const ResidualModel& model, const std::vector<std::string>& without);
 
 }  // namespace faultline

@@ -12,11 +12,14 @@ namespace {
 
 constexpr std::size_t kStepsPerSegment = 50;  // resolves what a segment shows at a fraction of the samples' cost
 constexpr std::size_t kMostSegments = 160;    // of all runs: levels and places show in these
-constexpr std::size_t kPieceSegments = 8;     // of neighbours, so that memories fill
-constexpr double kPortFraction = 1e-4;        // of a port's range: a free signal's size for differences
-constexpr double kNothing = 1e-300;           // a size that changes nothing; an effect of size 0 is not there
-constexpr double kLeastResponse = 1e-9;       // of a state's size, below which a port moves nothing
-constexpr int kUnitAttempts = 6;              // to find a port's unit, each four decades up at most
+// ... and fewer of a model with more states than this: a filter's effort grows with their cube, a model's passes with
+// their number.
+constexpr std::size_t kMostStates = 12, kLeastSegments = 48;
+constexpr std::size_t kPieceSegments = 8;  // of neighbours, so that memories fill
+constexpr double kPortFraction = 1e-4;     // of a port's range: a free signal's size for differences
+constexpr double kNothing = 1e-300;        // a size that changes nothing; an effect of size 0 is not there
+constexpr double kLeastResponse = 1e-9;    // of a state's size, below which a port moves nothing
+constexpr int kUnitAttempts = 6;           // to find a port's unit, each four decades up at most
 constexpr const char* kFree = "free_signal";
 
 // What a pass with restarts at every row of a stretch leaves, rows x quantity.
@@ -316,10 +319,13 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
   const std::size_t strides = std::max<std::size_t>(1, slowest->segment / kStepsPerSegment);
   model.step = static_cast<double>(strides) * slowest->period;
   model.block = std::max<std::size_t>(2, slowest->segment / strides);
+  const auto states = static_cast<Eigen::Index>(segments.shown_by().size());
+  const std::size_t many = std::max(kMostStates, segments.shown_by().size());
+  const std::size_t most = std::max(kLeastSegments, kMostSegments * kMostStates * kMostStates / (many * many));
   for (const std::size_t r : runs) {
     const SegmentedRun& run = residuals.runs()[r];
     const auto stride = static_cast<std::size_t>(std::max(1.0, std::round(model.step / run.period)));
-    for (const Stretched& piece : pieces_of(run, std::max(kPieceSegments, kMostSegments / runs.size()))) {
+    for (const Stretched& piece : pieces_of(run, std::max(kPieceSegments, most / runs.size()))) {
       StochasticStretch stretch;
       stretch.run = r;
       for (std::size_t k = piece.first; k < piece.last; k += stride) stretch.rows.push_back(k);
@@ -328,7 +334,6 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
       model.stretches.push_back(std::move(stretch));
     }
   }
-  const auto states = static_cast<Eigen::Index>(segments.shown_by().size());
   model.size = Eigen::VectorXd::Zero(states);
   for (const StochasticStretch& stretch : model.stretches)
     for (const Eigen::VectorXd& x : stretch.reference)
