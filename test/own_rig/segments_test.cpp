@@ -141,6 +141,27 @@ TEST(Fit, OfRunsOfDifferentPeriodsDoesNotHangOnTheirOrder) {
   }
 }
 
+TEST(Fit, TakesSegmentsOfFewerValuesThanParameters) {
+  Datasheet sheet = tanks();
+  sheet.segment = 16;  // four samples of one output
+  sheet.parameters[0].tolerance = 0.02;
+  for (Parameter& p : sheet.parameters) p.identify = true;
+  ModelChange truth{sheet.nominal(), {}};
+  truth.parameters[parameter("lower_outlet_area")] *= 0.97;
+  const ParameterFit fit = fit_parameters(sheet, {{"tanks", tank_run(truth, 512, 9, 0.2).recording}}, 2);
+  EXPECT_EQ(fit.segments, 128u);
+  ASSERT_EQ(fit.parameters.size(), 4u);
+  for (const FittedParameter& p : fit.parameters) EXPECT_NEAR(p.estimate / p.nominal, 1, 0.08) << p.name;
+  EXPECT_LT(fit.channels[0].after, 1.3 * fit.channels[0].noise);
+}
+
+TEST(StateSmoother, SaysWhichRigsRunOnFromTheirOwnStart) {
+  const Datasheet chain = own_rig("long_chain");  // twenty states, no channel shows one
+  EXPECT_NE(remark_of_own_start(chain, 0.1).find("20 states"), std::string::npos);
+  EXPECT_EQ(remark_of_own_start(chain, 1000), "");  // forgotten within a segment
+  EXPECT_EQ(remark_of_own_start(tanks(), 0.1), "");
+}
+
 // Two runs of different sample periods. (A clogged outlet could as well be a pump and a transducer that are off:
 // without the upper level nobody can tell.)
 TEST(Gap, OfTanksNamesThePumpThatStartsLate) {

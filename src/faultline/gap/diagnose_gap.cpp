@@ -309,6 +309,9 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     for (const SegmentedRun& run : *list)
       if (!run.remark.empty()) result.remarks.push_back(run.remark);
   need_readings(sheet, runs);
+  const double segment_s = static_cast<double>(runs.front().segment) * runs.front().period;
+  if (std::string text = remark_of_own_start(sheet, segment_s); !text.empty())
+    result.remarks.push_back(std::move(text));
   Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.segments);
 
   GapTrials work(sheet, std::move(split.runs), split.folds, split.learn, settings, progress);

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "faultline/rig/time_scales.h"
 #include "faultline/segments/propagation.h"
 #include "faultline/segments/smoothing.h"
 
@@ -180,13 +182,30 @@ class Smoother {
   std::vector<Passed> passed_;
 };
 
+// Of which no channel shows any.
+bool too_many_hidden(const Datasheet& sheet) {
+  const std::vector<int> outputs = compared_outputs(sheet);
+  return sheet.states.size() > kMostAllHidden &&
+         std::none_of(sheet.states.begin(), sheet.states.end(), [&](const State& state) {
+           return std::find(outputs.begin(), outputs.end(), state.channel) != outputs.end();
+         });
+}
+
 }  // namespace
+
+std::string remark_of_own_start(const Datasheet& sheet, double segment_s) {
+  if (!too_many_hidden(sheet) || time_scales(sheet).slowest_s <= segment_s) return "";
+  return fmt::format(
+      "no channel shows any of the rig's {} states, too many to be estimated: the model begins every run at the rig's "
+      "own start and runs on from segment to segment",
+      sheet.states.size());
+}
 
 std::vector<int> hidden_states(const SegmentModel& model, const SegmentedRun& run) {
   std::vector<int> hidden;
   for (std::size_t s = 0; s < model.shown_by().size(); ++s)
     if (model.shown_by()[s] < 0 && model.sheet().states[s].channel < 0) hidden.push_back(static_cast<int>(s));
-  if (hidden.empty() || (model.directions() == 0 && hidden.size() > kMostAllHidden)) return {};
+  if (hidden.empty() || too_many_hidden(model.sheet())) return {};
   Propagation propagation(model.sheet(), model.nominal(), run.period);
   const Eigen::VectorXd start = propagation.own_start(run.recording, run.restarts.front());
   const Eigen::VectorXd steps = difference_steps(model.sheet(), start.cwiseAbs());
