@@ -128,9 +128,10 @@ class RecordingCheck {
     if (!fits) {
       if (period != Period::of_run || ratio >= kLargestRatio || ratio <= 1 / kLargestRatio)
         throw InputError(
-            fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; bring them to that (faultline import "
+            fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; bring them to that ({}faultline import "
                         "--resample rig) or give the right datasheet with --config",
-                        file_, facts.findings.period, sheet_.file, sheet_.sample_period));
+                        file_, facts.findings.period, sheet_.file, sheet_.sample_period,
+                        ends_with(file_, ".bag") ? "faultline export, then " : ""));
       facts.remarks.push_back(fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; the run keeps its own",
                                           file_, facts.findings.period, sheet_.file, sheet_.sample_period));
     }
