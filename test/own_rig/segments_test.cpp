@@ -92,6 +92,42 @@ TEST(StateSmoother, FindsTheLevelThatIsNotMeasured) {
   EXPECT_NEAR(r.squaredNorm() / static_cast<float>(r.size()), 1, 0.15);
 }
 
+// The same tanks by their outputs alone: no state is said to be what a channel shows.
+Datasheet tanks_without_shown_states() {
+  Datasheet sheet = tanks();
+  for (State& state : sheet.states) state.channel = -1;
+  return sheet;
+}
+
+TEST(StateSmoother, FindsAllStatesWhereNoChannelShowsAny) {
+  const Datasheet sheet = tanks_without_shown_states();
+  const TankRun run = tank_run({sheet.nominal(), {}}, 512, 3, 0.3);
+  const SegmentModel model(sheet);
+  SegmentedRun cut = cut_run(sheet, "tanks", run.recording, segment_length(sheet, {&run.recording}));
+  const std::vector<double> noise = noise_of(sheet, {cut});
+  model.place_starts(cut, noise, model.nominal());
+  EXPECT_EQ(hidden_states(model, cut), (std::vector<int>{0, 1}));
+  for (std::size_t g = 0; g < cut.segments(); ++g) {
+    const Eigen::MatrixXd& root = cut.start_roots[g];
+    EXPECT_LT(root.row(0).norm(), 0.03) << g;
+    EXPECT_LT(std::abs(cut.starts[g][0] - run.upper[cut.restarts[g]]), 3 * root.row(0).norm() + 1e-4) << g;
+    EXPECT_LT(root.row(1).norm(), 3e-3) << g;
+  }
+  const Eigen::MatrixXf r =
+      settled(cut, model.start_columns(model.nominal(), cut, noise), model.residuals(model.nominal(), cut, noise));
+  EXPECT_NEAR(r.squaredNorm() / static_cast<float>(r.size()), 1, 0.15);
+}
+
+TEST(Fit, KnowsTanksOfWhichNoChannelShowsAState) {
+  Datasheet sheet = tanks_without_shown_states();
+  for (Parameter& p : sheet.parameters) p.identify = p.name == "lower_outlet_area";
+  ModelChange truth{sheet.nominal(), {}};
+  truth.parameters[parameter("lower_outlet_area")] *= 0.97;
+  const ParameterFit fit = fit_parameters(sheet, {{"tanks", tank_run(truth, 1024, 5, 0.3).recording}}, 2);
+  EXPECT_NEAR(fit.parameters.front().estimate / fit.parameters.front().nominal, 0.97, 0.01);
+  EXPECT_LT(fit.channels[0].after, 1.3 * fit.channels[0].noise);
+}
+
 TEST(StateSmoother, LeavesReadingsAtTheEndOfTheRangeOut) {
   TankRun run = tank_run({tanks().nominal(), {}}, 512, 3, 0.3);
   Datasheet low = tanks();
