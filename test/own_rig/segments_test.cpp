@@ -7,6 +7,7 @@
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/numerics/random.h"
 #include "faultline/rig/time_scales.h"
+#include "faultline/segments/own_start.h"
 #include "faultline/segments/propagation.h"
 #include "faultline/segments/segment_length.h"
 #include "faultline/segments/state_smoother.h"

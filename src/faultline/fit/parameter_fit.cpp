@@ -9,8 +9,8 @@
 #include "faultline/fit/fit_errors.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
+#include "faultline/segments/own_start.h"
 #include "faultline/segments/segment_length.h"
-#include "faultline/segments/state_smoother.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -14,6 +14,7 @@
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
+#include "faultline/segments/own_start.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {

@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <fmt/format.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
-#include "faultline/rig/time_scales.h"
+#include "faultline/segments/own_start.h"
 #include "faultline/segments/propagation.h"
 #include "faultline/segments/smoothing.h"
 
@@ -16,7 +15,6 @@ namespace {
 
 constexpr double kForgotten = 0.1;      // of a segment, within which a state must forget its start to go on by itself
 constexpr std::size_t kJudgedRows = 5;  // at which that is judged; odd, for their median
-constexpr std::size_t kMostAllHidden = 6;        // states of a rig of which no channel shows any: bounds the effort
 constexpr std::size_t kLikelihoodRows = 400;     // of a stretch, over which q is sought: bounds the effort
 constexpr std::size_t kToleranceRows = 9;        // at which Q is taken
 constexpr int kLeastPower = -4, kMostPower = 4;  // of ten, of q
@@ -182,30 +180,13 @@ class Smoother {
   std::vector<Passed> passed_;
 };
 
-// Of which no channel shows any.
-bool too_many_hidden(const Datasheet& sheet) {
-  const std::vector<int> outputs = compared_outputs(sheet);
-  return sheet.states.size() > kMostAllHidden &&
-         std::none_of(sheet.states.begin(), sheet.states.end(), [&](const State& state) {
-           return std::find(outputs.begin(), outputs.end(), state.channel) != outputs.end();
-         });
-}
-
 }  // namespace
-
-std::string remark_of_own_start(const Datasheet& sheet, double segment_s) {
-  if (!too_many_hidden(sheet) || time_scales(sheet).slowest_s <= segment_s) return "";
-  return fmt::format(
-      "no channel shows any of the rig's {} states, too many to be estimated: the model begins every run at the rig's "
-      "own start and runs on from segment to segment",
-      sheet.states.size());
-}
 
 std::vector<int> hidden_states(const SegmentModel& model, const SegmentedRun& run) {
   std::vector<int> hidden;
   for (std::size_t s = 0; s < model.shown_by().size(); ++s)
     if (model.shown_by()[s] < 0 && model.sheet().states[s].channel < 0) hidden.push_back(static_cast<int>(s));
-  if (hidden.empty() || too_many_hidden(model.sheet())) return {};
+  if (hidden.empty() || runs_on_from_its_own_start(model.sheet())) return {};
   Propagation propagation(model.sheet(), model.nominal(), run.period);
   const Eigen::VectorXd start = propagation.own_start(run.recording, run.restarts.front());
   const Eigen::VectorXd steps = difference_steps(model.sheet(), start.cwiseAbs());

@@ -13,8 +13,6 @@
 // spread.
 #pragma once
 
-#include <string>
-
 #include "faultline/segments/segment_model.h"
 
 namespace faultline {
@@ -25,8 +23,6 @@ namespace faultline {
 // smoothing them takes longer than the rig does (cooling circuit). Judged at the datasheet's parameters, so that all
 // models of a run are compared alike.
 std::vector<int> hidden_states(const SegmentModel& model, const SegmentedRun& run);
-// What must be said of a rig with too many for that whose states last longer than a segment; else nothing.
-std::string remark_of_own_start(const Datasheet& sheet, double segment_s);
 
 struct StateCourse {
   std::vector<Eigen::VectorXd> mean;        // per wanted row
