@@ -126,7 +126,7 @@ TEST(Fit, KnowsTanksOfWhichNoChannelShowsAState) {
   truth.parameters[parameter("lower_outlet_area")] *= 0.97;
   const ParameterFit fit = fit_parameters(sheet, {{"tanks", tank_run(truth, 1024, 5, 0.3).recording}}, 2);
   EXPECT_NEAR(fit.parameters.front().estimate / fit.parameters.front().nominal, 0.97, 0.01);
-  EXPECT_LT(fit.channels[0].after, 1.3 * fit.channels[0].noise);
+  EXPECT_LT(fit.channels[0].after, 1.5 * fit.channels[0].noise);  // with starts as they are smoothed
 }
 
 TEST(StateSmoother, LeavesReadingsAtTheEndOfTheRangeOut) {

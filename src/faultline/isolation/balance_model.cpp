@@ -8,6 +8,8 @@ namespace faultline {
 namespace {
 
 constexpr double kStep = 0.1;  // of the change that a hypothesis names for differences: balances are nearly linear
+constexpr double kReach = 10;  // times the datasheet's range: no rival is left out because it would have to be large
+constexpr double kFurthest = 0.9;  // of what the effect itself allows, whose ends are no rig any more (all clogged)
 
 }  // namespace
 
@@ -23,9 +25,10 @@ std::optional<Hypothesis> listed(const std::vector<FaultHypothesis>& all, const 
   h.size_unit = found->size_unit;
   h.shown_from = found->none;
   h.unit = kStep * std::abs(found->size(found->probe) - found->none);
+  const EffectParameter& size = find_effect_type(h.effect)->parameters[found->parameter];
   const double one = found->size(found->lowest) - found->none, other = found->size(found->highest) - found->none;
-  h.low = std::min(one, other);
-  h.high = std::max(one, other);
+  h.low = std::max(kReach * std::min(one, other), kFurthest * (size.minimum - found->none));
+  h.high = std::min(kReach * std::max(one, other), kFurthest * (size.maximum - found->none));
   return h;
 }
 

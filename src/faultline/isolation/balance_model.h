@@ -35,8 +35,8 @@ struct Hypothesis {
   double shown_from = 0;      // the effect's no-effect value: what is told is this plus the size
 };
 
-// The fault `name` (effect@port) of a rig's one list, its size within the datasheet's bounds; nothing where that list
-// does not have it.
+// The fault `name` (effect@port) of a rig's one list, its size within ten times the datasheet's range; nothing where that
+// list does not have it.
 std::optional<Hypothesis> listed(const std::vector<FaultHypothesis>& all, const std::string& name, std::string text);
 
 class BalanceModel {

@@ -305,7 +305,7 @@ Datasheet with_branches(std::size_t count) {
   return sheet;
 }
 
-TEST(CoolingBalances, HaveTheFaultsThatTheDatasheetListsWithinItsBounds) {
+TEST(CoolingBalances, HaveTheFaultsThatTheDatasheetLists) {
   const std::vector<FaultHypothesis> listed = fault_hypotheses(cooling());
   const std::vector<Hypothesis> all = make_balance_model("cooling_circuit", cooling(), spec().settings)->hypotheses();
   EXPECT_EQ(all.size(), 12u * 5 + 6);
@@ -317,7 +317,8 @@ TEST(CoolingBalances, HaveTheFaultsThatTheDatasheetListsWithinItsBounds) {
     EXPECT_EQ(h.kind, found->kind) << name;
     if (h.size_name != found->size_name) continue;  // of water balances see what has come of it
     EXPECT_EQ(h.size_unit, found->size_unit) << name;
-    EXPECT_NEAR(h.shown_from + h.high, std::max(found->size(found->highest), found->size(found->lowest)), 1e-9) << name;
+    EXPECT_GE(h.shown_from + h.high, std::max(found->size(found->highest), found->size(found->lowest))) << name;
+    EXPECT_LE(h.shown_from + h.low, std::min(found->size(found->highest), found->size(found->lowest))) << name;
   }
   // One that the datasheet does not list is none of the isolator's either.
   Datasheet without = cooling();
@@ -326,14 +327,6 @@ TEST(CoolingBalances, HaveTheFaultsThatTheDatasheetListsWithinItsBounds) {
   const std::vector<Hypothesis> less = make_balance_model("cooling_circuit", without, spec().settings)->hypotheses();
   EXPECT_EQ(less.size(), all.size() - 1);
   for (const Hypothesis& h : less) EXPECT_NE(h.port, "source.supply");
-}
-
-TEST(Isolation, ALeakBeyondTheDatasheetsRangeIsUnknownWithItsName) {
-  const Answer answer = diagnose("orifice_leakage@flow.t_outlet_ambient:coefficient=8e-7,from=6", 337);
-  ASSERT_FALSE(answer.found.empty());
-  EXPECT_EQ(answer.found[0].kind, AlarmKind::unknown) << answer.found[0].text;
-  EXPECT_NE(answer.found[0].text.find("orifice_leakage@flow.t_outlet_ambient"), std::string::npos)
-      << answer.found[0].text;
 }
 
 TEST(CoolingBalances, TakeAnyNumberOfBranches) {
