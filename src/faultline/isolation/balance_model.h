@@ -1,7 +1,7 @@
-// What a rig's balances say of each fault of its datasheet, for the signature isolator. A balance is a parity relation: an equation of
-// the rig between measured channels whose residual is zero on a healthy rig. A model names features (quantities of an
-// estimator stage), residuals that are zero while nothing has changed, and hypotheses: faults of one unknown size
-// each.
+// What a rig's balances say of each fault of its datasheet, for the signature isolator. A balance is a parity
+// relation: an equation of the rig between measured channels whose residual is zero on a healthy rig. A model names
+// features (quantities of an estimator stage), residuals that are zero while nothing has changed, and hypotheses:
+// faults of one unknown size each.
 //
 // A hypothesis is tried by taking its effect out of the features: residuals(features, reference, h, size) are those
 // that a rig without the fault would show if fault h of that size explained what is measured. The right one, of the
@@ -35,8 +35,8 @@ struct Hypothesis {
   double shown_from = 0;      // the effect's no-effect value: what is told is this plus the size
 };
 
-// The fault `name` (effect@port) of a rig's one list, its size within ten times the datasheet's range; nothing where that
-// list does not have it.
+// The fault `name` (effect@port) of a rig's one list, its size within ten times the datasheet's range; nothing where
+// that list does not have it.
 std::optional<Hypothesis> listed(const std::vector<FaultHypothesis>& all, const std::string& name, std::string text);
 
 class BalanceModel {

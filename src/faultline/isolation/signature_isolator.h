@@ -11,9 +11,10 @@
 // 3. From then on, features are averaged over the n samples since (at most `window` s, the latest). For every
 //    hypothesis h
 //      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2 + error_i^2)
-//    a squared Mahalanobis distance, by steps of the one screening (attribution/screening.h). Hypotheses and their ranges
-//    are those of the datasheet (attribution/fault_hypothesis.h), as far as balances see them. floor_i stands for what the balances themselves get wrong, error_i for what more
-//    of it a change of operating point brings. The least chi2_h names the fault; all within `rival` of it are told as
+//    a squared Mahalanobis distance, by steps of the one screening (attribution/screening.h). Hypotheses are those of
+//    the datasheet (attribution/fault_hypothesis.h), as far as balances see them. floor_i stands for what the balances
+//    themselves get wrong, error_i for what more of it a change of operating point brings. The least chi2_h names the
+//    fault; all within `rival` of it are told as
 //    equivalent; a least chi2_h above `fit` per residual is an unknown fault.
 // 4. Rivals that only the speed of their step tells apart (a warmed wall acts through the water's heat capacity, a
 //    thermocouple's offset at once): once the window is nearly full, the first moments of the residual concerned are
