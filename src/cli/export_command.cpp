@@ -23,7 +23,7 @@ struct Options {
 void run(const Options& options) {
   if (!ends_with(options.output, ".csv"))
     throw InputError(fmt::format("{}: export writes CSV; give a name ending in .csv", options.output));
-  const LoadedRecording loaded = load_recording(options.input, options.rig, options.config);
+  const LoadedRecording loaded = load_recording(options.input, options.rig, options.config, Period::of_run);
   const Recording& recording = loaded.recording;
   const bool from_epoch = loaded.start >= kBagEpoch && loaded.start < kBagEpoch + kEpochSpan;
   const std::int64_t zero = from_epoch ? static_cast<std::int64_t>(kBagEpoch) * 1000000000 : loaded.stamp.front();

@@ -124,19 +124,21 @@ class RecordingCheck {
     facts.start = start_;
     facts.end = end_;
     const double ratio = facts.findings.period / sheet_.sample_period;
-    if (!period_fits(facts.findings, sheet_.sample_period)) {
-      if (period == Period::of_run && ratio < kLargestRatio && ratio > 1 / kLargestRatio) {
-        facts.remarks.push_back(fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; the run keeps its own",
-                                            file_, facts.findings.period, sheet_.file, sheet_.sample_period));
-        return;
-      }
-      throw InputError(
-          fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; resample the recording or give the right "
-                      "datasheet with --config",
-                      file_, facts.findings.period, sheet_.file, sheet_.sample_period));
+    const bool fits = period_fits(facts.findings, sheet_.sample_period);
+    if (!fits) {
+      if (period != Period::of_run || ratio >= kLargestRatio || ratio <= 1 / kLargestRatio)
+        throw InputError(
+            fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; bring them to that ({}faultline import "
+                        "--resample rig) or give the right datasheet with --config",
+                        file_, facts.findings.period, sheet_.file, sheet_.sample_period,
+                        ends_with(file_, ".bag") ? "faultline export, then " : ""));
+      facts.remarks.push_back(fmt::format("{}: samples come every {:.4g} s, {} says {:.4g} s; the run keeps its own",
+                                          file_, facts.findings.period, sheet_.file, sheet_.sample_period));
     }
-    for (const std::string& line : describe(facts.findings, sheet_.sample_period, start_))
-      facts.remarks.push_back(file_ + ": " + line);
+    // What is uneven in a run of its own period is told with what of it is used (segments/segmented_run.h).
+    if (fits)
+      for (const std::string& line : describe(facts.findings, sheet_.sample_period, start_))
+        facts.remarks.push_back(file_ + ": " + line);
     // Numbers in another unit than the datasheet's lie outside its ranges.
     for (std::size_t c = 0; c < outside_.size(); ++c) {
       const Channel& channel = sheet_.channels[c];

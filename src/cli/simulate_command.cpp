@@ -24,7 +24,7 @@
 namespace faultline {
 namespace {
 
-constexpr double kLongest = 1e6;        // s
+constexpr double kLongest = 1e8;        // s: a rig that is sampled every 100 s moves over months
 constexpr double kAnyInternal = 1e12;   // range of an internal variable, which no sensor bounds
 constexpr std::uint64_t kEvery = 1000;  // samples between looks at Ctrl-C and the progress line
 

@@ -46,7 +46,7 @@ RigSimulatorSettings read_simulator_settings(const Datasheet& sheet, Parameters&
   if (parameters.flag("off_nominal", false)) setup.parameters = draw_parameters(sheet, setup.seed);
   // A slow rig may run up to a sample every millisecond.
   settings.rate = parameters.number("rate", 1, 0.01, std::max(100.0, 1000 * sheet.sample_period));
-  settings.duration = parameters.number("duration", 0, 0, 1e6);
+  settings.duration = parameters.number("duration", 0, 0, 1e8);
   const double now = std::floor(ros::WallTime::now().toSec() * 1000) / 1000;
   settings.start = parameters.number("start", now, 0, 4e9);
   settings.over_lcm = parameters.choice("output", "ros", {"lcm", "ros"}) == "lcm";

@@ -137,6 +137,18 @@ class RoundTrip(ProgramTest):
         self.run_program("export", "b.bag", "-o", "b.csv")
         self.assertEqual((self.folder / "a.csv").read_text(), (self.folder / "b.csv").read_text())
 
+    def test_a_bag_of_another_period_leads_on(self):
+        """What refuses it says how it is brought to the rig's period, and that works."""
+        run = self.simulate("run.bag", duration=2)
+        self.run_program("export", run, "-o", "run.csv")
+        self.run_program("import", "run.csv", "--rig", "servo_actuator", "--resample", 0.004, "-o", "slow.bag")
+        said = self.complains(["diagnose", "slow.bag"], "slow.bag", "every 0.004 s")
+        self.assertIn("faultline export, then faultline import --resample rig", said)
+        done = self.run_program("export", "slow.bag", "-o", "slow.csv")
+        self.assertIn("the run keeps its own", done.stderr)
+        self.run_program("import", "slow.csv", "--rig", "servo_actuator", "--resample", "rig", "-o", "back.bag")
+        self.run_program("diagnose", "back.bag")
+
     def test_sequence_and_late_start_survive(self):
         header, rows = table(self.simulate("a.csv"))
         lines = [",".join(["t", "sequence"] + header[1:])]

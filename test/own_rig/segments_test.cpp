@@ -7,6 +7,7 @@
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/numerics/random.h"
 #include "faultline/rig/time_scales.h"
+#include "faultline/segments/own_start.h"
 #include "faultline/segments/propagation.h"
 #include "faultline/segments/segment_length.h"
 #include "faultline/segments/state_smoother.h"
@@ -92,6 +93,42 @@ TEST(StateSmoother, FindsTheLevelThatIsNotMeasured) {
   EXPECT_NEAR(r.squaredNorm() / static_cast<float>(r.size()), 1, 0.15);
 }
 
+// The same tanks by their outputs alone: no state is said to be what a channel shows.
+Datasheet tanks_without_shown_states() {
+  Datasheet sheet = tanks();
+  for (State& state : sheet.states) state.channel = -1;
+  return sheet;
+}
+
+TEST(StateSmoother, FindsAllStatesWhereNoChannelShowsAny) {
+  const Datasheet sheet = tanks_without_shown_states();
+  const TankRun run = tank_run({sheet.nominal(), {}}, 512, 3, 0.3);
+  const SegmentModel model(sheet);
+  SegmentedRun cut = cut_run(sheet, "tanks", run.recording, segment_length(sheet, {&run.recording}));
+  const std::vector<double> noise = noise_of(sheet, {cut});
+  model.place_starts(cut, noise, model.nominal());
+  EXPECT_EQ(hidden_states(model, cut), (std::vector<int>{0, 1}));
+  for (std::size_t g = 0; g < cut.segments(); ++g) {
+    const Eigen::MatrixXd& root = cut.start_roots[g];
+    EXPECT_LT(root.row(0).norm(), 0.03) << g;
+    EXPECT_LT(std::abs(cut.starts[g][0] - run.upper[cut.restarts[g]]), 3 * root.row(0).norm() + 1e-4) << g;
+    EXPECT_LT(root.row(1).norm(), 3e-3) << g;
+  }
+  const Eigen::MatrixXf r =
+      settled(cut, model.start_columns(model.nominal(), cut, noise), model.residuals(model.nominal(), cut, noise));
+  EXPECT_NEAR(r.squaredNorm() / static_cast<float>(r.size()), 1, 0.15);
+}
+
+TEST(Fit, KnowsTanksOfWhichNoChannelShowsAState) {
+  Datasheet sheet = tanks_without_shown_states();
+  for (Parameter& p : sheet.parameters) p.identify = p.name == "lower_outlet_area";
+  ModelChange truth{sheet.nominal(), {}};
+  truth.parameters[parameter("lower_outlet_area")] *= 0.97;
+  const ParameterFit fit = fit_parameters(sheet, {{"tanks", tank_run(truth, 1024, 5, 0.3).recording}}, 2);
+  EXPECT_NEAR(fit.parameters.front().estimate / fit.parameters.front().nominal, 0.97, 0.01);
+  EXPECT_LT(fit.channels[0].after, 1.5 * fit.channels[0].noise);  // with starts as they are smoothed
+}
+
 TEST(StateSmoother, LeavesReadingsAtTheEndOfTheRangeOut) {
   TankRun run = tank_run({tanks().nominal(), {}}, 512, 3, 0.3);
   Datasheet low = tanks();
@@ -139,6 +176,27 @@ TEST(Fit, OfRunsOfDifferentPeriodsDoesNotHangOnTheirOrder) {
     EXPECT_NEAR(a.estimate, b.estimate, 1e-3 * a.estimate) << a.name;
     EXPECT_NEAR(a.high - a.low, b.high - b.low, 0.05 * (a.high - a.low)) << a.name;
   }
+}
+
+TEST(Fit, TakesSegmentsOfFewerValuesThanParameters) {
+  Datasheet sheet = tanks();
+  sheet.segment = 16;  // four samples of one output
+  sheet.parameters[0].tolerance = 0.02;
+  for (Parameter& p : sheet.parameters) p.identify = true;
+  ModelChange truth{sheet.nominal(), {}};
+  truth.parameters[parameter("lower_outlet_area")] *= 0.97;
+  const ParameterFit fit = fit_parameters(sheet, {{"tanks", tank_run(truth, 512, 9, 0.2).recording}}, 2);
+  EXPECT_EQ(fit.segments, 128u);
+  ASSERT_EQ(fit.parameters.size(), 4u);
+  for (const FittedParameter& p : fit.parameters) EXPECT_NEAR(p.estimate / p.nominal, 1, 0.08) << p.name;
+  EXPECT_LT(fit.channels[0].after, 1.3 * fit.channels[0].noise);
+}
+
+TEST(StateSmoother, SaysWhichRigsRunOnFromTheirOwnStart) {
+  const Datasheet chain = own_rig("long_chain");  // twenty states, no channel shows one
+  EXPECT_NE(remark_of_own_start(chain, 0.1).find("20 states"), std::string::npos);
+  EXPECT_EQ(remark_of_own_start(chain, 1000), "");  // forgotten within a segment
+  EXPECT_EQ(remark_of_own_start(tanks(), 0.1), "");
 }
 
 // Two runs of different sample periods. (A clogged outlet could as well be a pump and a transducer that are off:

@@ -34,6 +34,11 @@ VerdictKind verdict_of(AlarmKind kind) {
   return VerdictKind::unknown;
 }
 
+// A rig that is sampled at 10 kHz moves within its first second.
+std::string seconds(double time) {
+  return time >= 5e-5 && time < 1 ? fmt::format("{:.2g}", time) : fmt::format("{:.1f}", time);
+}
+
 // The sentence starts with a capital letter; a channel's name at its head stays as it is.
 std::string text_of(const Alarm& alarm, double start) {
   std::string text = alarm.text;
@@ -42,8 +47,8 @@ std::string text_of(const Alarm& alarm, double start) {
     const std::string unit = alarm.size_unit == "1" || alarm.size_unit.empty() ? "" : " " + alarm.size_unit;
     text += fmt::format(", {:.3g}{} (90 %: {:.3g} to {:.3g})", alarm.size, unit, alarm.low, alarm.high);
   }
-  text += fmt::format(", since {:.1f} s", alarm.since - start);
-  text += alarm.active ? ", still there at the end" : fmt::format(", until {:.1f} s", alarm.until - start);
+  text += fmt::format(", since {} s", seconds(alarm.since - start));
+  text += alarm.active ? ", still there at the end" : fmt::format(", until {} s", seconds(alarm.until - start));
   return text;
 }
 
@@ -84,8 +89,8 @@ Verdict verdict_of(const AlarmReport& report, double start, double end) {
   const Alarm* first = headline(report);
   if (!first && !report.judged)
     return {VerdictKind::not_observable,
-            fmt::format("Not observable: in {:.1f} s no stage could judge, so nothing is known.", end - start)};
-  if (!first) return {VerdictKind::healthy, fmt::format("No fault found in {:.1f} s.", end - start)};
+            fmt::format("Not observable: in {} s no stage could judge, so nothing is known.", seconds(end - start))};
+  if (!first) return {VerdictKind::healthy, fmt::format("No fault found in {} s.", seconds(end - start))};
   std::string sentence = text_of(*first, start);
   const std::size_t more = report.alarms.size() - 1;
   if (more > 0) sentence += fmt::format("; {} more alarm{}", more, more > 1 ? "s" : "");

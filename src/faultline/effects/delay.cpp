@@ -3,7 +3,7 @@
 // time [s]. Past values lie in a ring, one per step; between them y is interpolated linearly, so y is continuous in
 // `time` and a delay below one step works too. Before the first value y is the first value. Memory is taken for the
 // full-size delay when the effect is configured, none while it runs. Limit: interpolation smooths what is faster than
-// the step; at most 1000 s, of which each step is kept.
+// the step; at most 1e4 s, of which each step is kept.
 // Undone by what comes out `time` later. What is on its way stays; at a start it is taken to have run straight, for the
 // readings to come are what a model is held against.
 
@@ -75,7 +75,7 @@ FAULTLINE_EFFECT(delay, {"delay",
                          "delay",
                          "u(t - time)",
                          {PortKind::command, PortKind::sensor},
-                         {{"time", "s", 0, 0, 1e3}},
+                         {{"time", "s", 0, 0, 1e4}},
                          &make_effect<Delay>});
 
 }  // namespace faultline

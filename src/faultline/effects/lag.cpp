@@ -63,7 +63,7 @@ FAULTLINE_EFFECT(lag, {"lag",
                        "lag",
                        "time_constant y' = u - y",
                        {PortKind::command, PortKind::sensor},
-                       {{"time_constant", "s", 0, 0, 1e3}},
+                       {{"time_constant", "s", 0, 0, 1e6}},
                        &make_effect<Lag>});
 
 }  // namespace faultline

@@ -9,6 +9,7 @@
 #include "faultline/fit/fit_errors.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
+#include "faultline/segments/own_start.h"
 #include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
@@ -215,6 +216,7 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   need_readings(sheet, prepared);
   const std::vector<double> noise = noise_of(sheet, prepared, options.segments);
   std::vector<std::string> remarks;
+  if (std::string text = remark_of_own_start(sheet, segment); !text.empty()) remarks.push_back(std::move(text));
   for (SegmentedRun& run : prepared) {
     model.place_starts(run, noise, model.nominal());
     if (!run.remark.empty()) remarks.push_back(run.remark);

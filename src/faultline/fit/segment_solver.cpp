@@ -283,9 +283,10 @@ void SegmentSolver::triangles(const std::vector<double>& values, const std::vect
         columns(values, derivatives ? free : std::vector<std::size_t>(), r, {}, how == Derivatives::central);
     in_parallel(stacks.size(), jobs_, [&](std::size_t s) {
       Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(n + 1, n + 1);
+      const Eigen::Index rows = std::min(n + 1, stacks[s].rows());  // a segment may hold fewer values than parameters
       if (derivatives)
-        triangle =
-            Eigen::HouseholderQR<Eigen::MatrixXd>(stacks[s]).matrixQR().topRows(n + 1).triangularView<Eigen::Upper>();
+        triangle.topRows(rows) =
+            Eigen::HouseholderQR<Eigen::MatrixXd>(stacks[s]).matrixQR().topRows(rows).triangularView<Eigen::Upper>();
       else
         triangle(n, n) = stacks[s].norm();
       stacks[s] = std::move(triangle);

@@ -14,6 +14,7 @@
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
+#include "faultline/segments/own_start.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -309,6 +310,9 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     for (const SegmentedRun& run : *list)
       if (!run.remark.empty()) result.remarks.push_back(run.remark);
   need_readings(sheet, runs);
+  const double segment_s = static_cast<double>(runs.front().segment) * runs.front().period;
+  if (std::string text = remark_of_own_start(sheet, segment_s); !text.empty())
+    result.remarks.push_back(std::move(text));
   Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.segments);
 
   GapTrials work(sheet, std::move(split.runs), split.folds, split.learn, settings, progress);

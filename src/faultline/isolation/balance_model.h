@@ -1,7 +1,7 @@
-// What a rig's balances say of each fault, for the signature isolator. A balance is a parity relation: an equation of
-// the rig between measured channels whose residual is zero on a healthy rig. A model names features (quantities of an
-// estimator stage), residuals that are zero while nothing has changed, and hypotheses: faults of one unknown size
-// each.
+// What a rig's balances say of each fault of its datasheet, for the signature isolator. A balance is a parity
+// relation: an equation of the rig between measured channels whose residual is zero on a healthy rig. A model names
+// features (quantities of an estimator stage), residuals that are zero while nothing has changed, and hypotheses:
+// faults of one unknown size each.
 //
 // A hypothesis is tried by taking its effect out of the features: residuals(features, reference, h, size) are those
 // that a rig without the fault would show if fault h of that size explained what is measured. The right one, of the
@@ -10,9 +10,11 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "faultline/attribution/fault_hypothesis.h"
 #include "faultline/rig/alarm_kind.h"
 #include "faultline/rig/datasheet.h"
 #include "faultline/signal/registry.h"
@@ -25,13 +27,17 @@ struct Hypothesis {
   std::string text;                   // one sentence
   std::string size_name, size_unit;
   double unit = 1;            // a small size, for differences
-  double low = 0, high = 0;   // allowed sizes
+  double low = 0, high = 0;   // allowed sizes, counted from no effect
   std::vector<int> channels;  // of the rig: not sought while one of these is already known to be off
   std::string drift_unit;     // of a sensor's offset per second; empty: a slow change of this is not a drift
   double rise = -1;           // s, time constant with which a step of it shows; -1: not told apart by that
   int feature = -1;           // what the sensor itself shows; -1: whether it is stuck cannot be seen
   double shown_from = 0;      // the effect's no-effect value: what is told is this plus the size
 };
+
+// The fault `name` (effect@port) of a rig's one list, its size within ten times the datasheet's range; nothing where
+// that list does not have it.
+std::optional<Hypothesis> listed(const std::vector<FaultHypothesis>& all, const std::string& name, std::string text);
 
 class BalanceModel {
  public:

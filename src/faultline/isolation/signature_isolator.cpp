@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "faultline/attribution/screening.h"
 #include "faultline/detectors/run_length.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/signal/error.h"
@@ -194,9 +195,11 @@ void SignatureIsolator::match(std::size_t h) {
       slope += weight_[i] * derivative * tried_[i];
       square += weight_[i] * derivative * derivative;
     }
-    if (!(square > 0)) return;
-    m.variance = 1 / square;
-    const double size = std::clamp(m.size - slope / square, hypothesis.low, hypothesis.high);
+    step_ << m.chi2, slope, slope, square;
+    const BestSize best = best_size(step_, 1, hypothesis.low - m.size, hypothesis.high - m.size);
+    if (!(best.information > 0)) return;
+    m.variance = 1 / best.information;
+    const double size = m.size + best.size;
     const double chi2 = weighed(h, size);
     // Not a better fit: the last was the best, and tried_ is that of the worse one.
     if (!(chi2 < m.chi2)) return;

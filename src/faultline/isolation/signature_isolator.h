@@ -11,8 +11,10 @@
 // 3. From then on, features are averaged over the n samples since (at most `window` s, the latest). For every
 //    hypothesis h
 //      a_h = argmin of  chi2_h = sum over i of  r_i(features; h, a)^2/(sigma_i^2/n + floor_i^2 + error_i^2)
-//    a squared Mahalanobis distance. floor_i stands for what the balances themselves get wrong, error_i for what more
-//    of it a change of operating point brings. The least chi2_h names the fault; all within `rival` of it are told as
+//    a squared Mahalanobis distance, by steps of the one screening (attribution/screening.h). Hypotheses are those of
+//    the datasheet (attribution/fault_hypothesis.h), as far as balances see them. floor_i stands for what the balances
+//    themselves get wrong, error_i for what more of it a change of operating point brings. The least chi2_h names the
+//    fault; all within `rival` of it are told as
 //    equivalent; a least chi2_h above `fit` per residual is an unknown fault.
 // 4. Rivals that only the speed of their step tells apart (a warmed wall acts through the water's heat capacity, a
 //    thermocouple's offset at once): once the window is nearly full, the first moments of the residual concerned are
@@ -31,6 +33,8 @@
 
 #include <cstddef>
 #include <functional>
+
+#include <Eigen/Core>
 
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/cusum.h"
@@ -93,6 +97,7 @@ class SignatureIsolator : public Isolator {
   std::size_t age_ = 0;  // samples since the event began
   std::vector<double> mean_, window_mean_, weight_, tried_, ahead_, unchanged_;
   std::vector<Match> matches_;
+  Eigen::MatrixXd step_ = Eigen::MatrixXd::Zero(2, 2);  // of one hypothesis' size, as best_size() takes it
   int named_ = -1;
   double course_ = -1;  // early residual over its plateau; -1: not judged yet
   bool course_known_ = false;

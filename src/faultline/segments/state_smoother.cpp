@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "faultline/segments/own_start.h"
 #include "faultline/segments/propagation.h"
 #include "faultline/segments/smoothing.h"
 
@@ -14,7 +15,6 @@ namespace {
 
 constexpr double kForgotten = 0.1;      // of a segment, within which a state must forget its start to go on by itself
 constexpr std::size_t kJudgedRows = 5;  // at which that is judged; odd, for their median
-constexpr std::size_t kMostAllHidden = 6;        // states of a rig of which no channel shows any: bounds the effort
 constexpr std::size_t kLikelihoodRows = 400;     // of a stretch, over which q is sought: bounds the effort
 constexpr std::size_t kToleranceRows = 9;        // at which Q is taken
 constexpr int kLeastPower = -4, kMostPower = 4;  // of ten, of q
@@ -186,7 +186,7 @@ std::vector<int> hidden_states(const SegmentModel& model, const SegmentedRun& ru
   std::vector<int> hidden;
   for (std::size_t s = 0; s < model.shown_by().size(); ++s)
     if (model.shown_by()[s] < 0 && model.sheet().states[s].channel < 0) hidden.push_back(static_cast<int>(s));
-  if (hidden.empty() || (model.directions() == 0 && hidden.size() > kMostAllHidden)) return {};
+  if (hidden.empty() || runs_on_from_its_own_start(model.sheet())) return {};
   Propagation propagation(model.sheet(), model.nominal(), run.period);
   const Eigen::VectorXd start = propagation.own_start(run.recording, run.restarts.front());
   const Eigen::VectorXd steps = difference_steps(model.sheet(), start.cwiseAbs());

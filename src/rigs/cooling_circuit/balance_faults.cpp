@@ -50,7 +50,8 @@ constexpr double kWaterScale = 10;      // K
 constexpr double kPlay = 0.001;         // of the bench valve's opening
 constexpr double kLeast = 1e-9;         // below this a flow or a drop is none
 constexpr double kUsualPressure = 4e6;  // Pa, in cavity 2
-constexpr double kLargestLeak = 1e-6;
+constexpr double kLargestWarming = 60;  // K, of the incoming water, to both sides
+constexpr double kLargestThinning = 3;  // of ln mu: water between 0 and 150 C
 
 struct Branch {
   std::string name;
@@ -97,7 +98,7 @@ class CoolingCircuit : public BalanceModel {
     terms_.resize(branches_.size());
     untouched_.resize(branches_.size());
     for (Untouched& untouched : untouched_) untouched.features.fill(std::nan(""));
-    make_hypotheses();
+    make_hypotheses(sheet);
   }
 
   std::vector<std::string> features() const override {
@@ -263,163 +264,75 @@ class CoolingCircuit : public BalanceModel {
     return std::log(std::max(value, kLeast) / std::max(to, kLeast));
   }
 
-  void add(Cause cause, int branch, Hypothesis hypothesis) {
-    cases_.push_back({cause, branch});
-    hypotheses_.push_back(std::move(hypothesis));
-  }
-
-  void make_hypotheses() {
+  // What balances tell of the faults that the datasheet lists; the others they leave to the other stages.
+  void make_hypotheses(const Datasheet& sheet) {
+    const std::vector<FaultHypothesis> all = fault_hypotheses(sheet);
+    const auto add = [&](Cause cause, int branch, const std::string& name, std::string text) -> Hypothesis* {
+      std::optional<Hypothesis> found = listed(all, name, std::move(text));
+      if (!found) return nullptr;
+      cases_.push_back({cause, branch});
+      hypotheses_.push_back(std::move(*found));
+      return &hypotheses_.back();
+    };
     for (std::size_t i = 0; i < branches_.size(); ++i) {
       const Branch& branch = branches_[i];
       const std::string& b = branch.name;
       const int at = static_cast<int>(i);
       const auto leak = [&](Cause cause, const char* place, const char* where) {
-        add(cause, at,
-            {AlarmKind::fault,
-             "orifice_leakage",
-             fmt::format("flow.{}_{}_ambient", b, place),
-             fmt::format("Branch {}: leak {}", b, where),
-             "coefficient",
-             "m^3/(s sqrt(Pa))",
-             1e-9,
-             0,
-             kLargestLeak,
-             {},
-             ""});
+        add(cause, at, fmt::format("orifice_leakage@flow.{}_{}_ambient", b, place),
+            fmt::format("Branch {}: leak {}", b, where));
       };
       leak(kLeakOutlet, "outlet", "from cavity 2, before the flow meter");
       leak(kLeakInlet, "inlet", "from cavity 1, before the cooling channel");
       leak(kLeakDrain, "drain", "from the outlet hose, after the flow meter");
       const auto clog = [&](Cause cause, const char* place, const char* where) {
-        add(cause, at,
-            {AlarmKind::fault,
-             "clogging",
-             fmt::format("restriction.{}_{}", b, place),
-             fmt::format("Branch {}: {} clogged", b, where),
-             "fraction",
-             "1",
-             1e-3,
-             0,
-             0.9,
-             {},
-             ""});
+        add(cause, at, fmt::format("clogging@restriction.{}_{}", b, place),
+            fmt::format("Branch {}: {} clogged", b, where));
       };
       clog(kClogTube, "orifice", "cooling channel");
       clog(kClogFeed, "feed", "trim orifice");
       clog(kClogDrain, "drain", "drain throttle");
-      const auto offset = [&](Cause cause, const char* quantity, const char* unit, double step, double most,
-                              int channel, int feature) {
-        add(cause, at,
-            {AlarmKind::sensor,
-             "offset",
-             fmt::format("sensor.{}_{}", b, quantity),
-             fmt::format("{}_{}: this transducer is off", b, quantity),
-             "value",
-             unit,
-             step,
-             -most,
-             most,
-             {channel},
-             fmt::format("{}/s", unit),
-             cause == kOffsetWarm ? 0.0 : -1.0,
-             feature < 0 ? -1 : feature + kFeatures * at});
+      const auto offset = [&](Cause cause, const char* quantity, int channel, int feature) {
+        Hypothesis* h = add(cause, at, fmt::format("offset@sensor.{}_{}", b, quantity),
+                            fmt::format("{}_{}: this transducer is off", b, quantity));
+        if (h == nullptr) return;
+        h->channels = {channel};
+        h->drift_unit = h->size_unit + "/s";
+        if (cause == kOffsetWarm) h->rise = 0;
+        if (feature >= 0) h->feature = feature + kFeatures * at;
       };
-      offset(kOffsetInlet, "inlet_pressure", "Pa", 1e3, 1e6, branch.inlet, kInlet);
-      offset(kOffsetOutlet, "outlet_pressure", "Pa", 1e3, 1e6, branch.outlet, kOutlet);
-      offset(kOffsetFlow, "mass_flow", "kg/s", 1e-3, 1, branch.flow, kFlow);
-      offset(kOffsetCold, "inlet_temperature", "K", 0.1, 50, branch.cold, kCold);
-      add(kWallHeat, at,
-          {AlarmKind::fault,
-           "scale",
-           fmt::format("heat.{}_wall", b),
-           fmt::format("Branch {}: heat from the wall is off", b),
-           "factor",
-           "1",
-           1e-2,
-           -0.9,
-           5,
-           {},
-           "",
-           branch.warming,
-           -1,
-           1});
-      offset(kOffsetWarm, "outlet_temperature", "K", 0.1, 50, branch.warm, -1);
+      offset(kOffsetInlet, "inlet_pressure", branch.inlet, kInlet);
+      offset(kOffsetOutlet, "outlet_pressure", branch.outlet, kOutlet);
+      offset(kOffsetFlow, "mass_flow", branch.flow, kFlow);
+      offset(kOffsetCold, "inlet_temperature", branch.cold, kCold);
+      if (Hypothesis* wall = add(kWallHeat, at, fmt::format("scale@heat.{}_wall", b),
+                                 fmt::format("Branch {}: heat from the wall is off", b)))
+        wall->rise = branch.warming;
+      offset(kOffsetWarm, "outlet_temperature", branch.warm, -1);
     }
-    add(kDroop, -1,
-        {AlarmKind::fault,
-         "droop",
-         "source.supply",
-         "Supply pressure is lost between tank and bench valve",
-         "resistance",
-         "Pa s/m^3",
-         1e5,
-         0,
-         1e9,
-         {},
-         ""});
-    add(kClogValve, -1,
-        {AlarmKind::fault,
-         "clogging",
-         "restriction.bench_valve",
-         "Bench valve clogged",
-         "fraction",
-         "1",
-         1e-3,
-         0,
-         0.9,
-         {},
-         ""});
-    add(kOffsetSupply, -1,
-        {AlarmKind::sensor,
-         "offset",
-         "sensor.supply_pressure",
-         "supply_pressure: this transducer is off",
-         "value",
-         "Pa",
-         1e3,
-         -3e6,
-         3e6,
-         {supply_},
-         "Pa/s"});
-    add(kFiringHeat, -1,
-        {AlarmKind::fault,
-         "scale",
-         "command.heat_load_command",
-         "All walls: heat differs from what is commanded",
-         "factor",
-         "1",
-         1e-2,
-         -0.9,
-         5,
-         {},
-         "",
-         -1,
-         -1,
-         1});
-    add(kWaterDrift, -1,
-        {AlarmKind::fault,
-         "drift",
-         "source.water",
-         "Incoming water has changed its temperature",
-         "change",
-         "K",
-         0.1,
-         -60,
-         60,
-         {},
-         ""});
-    add(kViscosity, -1,
-        {AlarmKind::fault,
-         "viscosity_drift",
-         "source.water",
-         "All cooling channels pass more or less than they did: viscosity",
-         "log_factor",
-         "1",
-         1e-2,
-         -3,
-         3,
-         {},
-         ""});
+    add(kDroop, -1, "droop@source.supply", "Supply pressure is lost between tank and bench valve");
+    add(kClogValve, -1, "clogging@restriction.bench_valve", "Bench valve clogged");
+    if (Hypothesis* supply =
+            add(kOffsetSupply, -1, "offset@sensor.supply_pressure", "supply_pressure: this transducer is off")) {
+      supply->channels = {supply_};
+      supply->drift_unit = supply->size_unit + "/s";
+    }
+    add(kFiringHeat, -1, "scale@command.heat_load_command", "All walls: heat differs from what is commanded");
+    // Of these two balances see what has come of it, not the effect's own size.
+    if (Hypothesis* water = add(kWaterDrift, -1, "drift@source.water", "Incoming water has changed its temperature"))
+      see(*water, "change", "K", 0.1, kLargestWarming);
+    if (Hypothesis* viscosity = add(kViscosity, -1, "viscosity_drift@source.water",
+                                    "All cooling channels pass more or less than they did: viscosity"))
+      see(*viscosity, "log_factor", "1", 1e-2, kLargestThinning);
+  }
+
+  static void see(Hypothesis& hypothesis, const char* what, const char* unit, double step, double most) {
+    hypothesis.size_name = what;
+    hypothesis.size_unit = unit;
+    hypothesis.unit = step;
+    hypothesis.low = -most;
+    hypothesis.high = most;
+    hypothesis.shown_from = 0;
   }
 
   std::vector<Branch> branches_;

@@ -293,8 +293,40 @@ Datasheet with_branches(std::size_t count) {
     };
     copy_all(sheet.channels);
     copy_all(sheet.parameters);
+    const std::vector<Port> ports = sheet.ports;
+    for (Port port : ports) {
+      const std::size_t place = port.name.find("." + pattern);
+      if (place == std::string::npos) continue;
+      port.name.replace(place + 1, pattern.size(), name + "_");
+      if (!port.channel.empty()) port.channel = port.name.substr(place + 1);
+      sheet.ports.push_back(port);
+    }
   }
   return sheet;
+}
+
+TEST(CoolingBalances, HaveTheFaultsThatTheDatasheetLists) {
+  const std::vector<FaultHypothesis> listed = fault_hypotheses(cooling());
+  const std::vector<Hypothesis> all = make_balance_model("cooling_circuit", cooling(), spec().settings)->hypotheses();
+  EXPECT_EQ(all.size(), 12u * 5 + 6);
+  for (const Hypothesis& h : all) {
+    const std::string name = h.effect + "@" + h.port;
+    const auto found =
+        std::find_if(listed.begin(), listed.end(), [&](const FaultHypothesis& f) { return f.name() == name; });
+    ASSERT_NE(found, listed.end()) << name;
+    EXPECT_EQ(h.kind, found->kind) << name;
+    if (h.size_name != found->size_name) continue;  // of water balances see what has come of it
+    EXPECT_EQ(h.size_unit, found->size_unit) << name;
+    EXPECT_GE(h.shown_from + h.high, std::max(found->size(found->highest), found->size(found->lowest))) << name;
+    EXPECT_LE(h.shown_from + h.low, std::min(found->size(found->highest), found->size(found->lowest))) << name;
+  }
+  // One that the datasheet does not list is none of the isolator's either.
+  Datasheet without = cooling();
+  for (Port& port : without.ports)
+    if (port.name == "source.supply") port.effects.clear();
+  const std::vector<Hypothesis> less = make_balance_model("cooling_circuit", without, spec().settings)->hypotheses();
+  EXPECT_EQ(less.size(), all.size() - 1);
+  for (const Hypothesis& h : less) EXPECT_NE(h.port, "source.supply");
 }
 
 TEST(CoolingBalances, TakeAnyNumberOfBranches) {
