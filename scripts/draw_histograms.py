@@ -57,7 +57,8 @@ def draw(axis, message):
         axis.set_ylim(min(known) - margin, max(known) + margin)
     if first <= message.bin < first + number:
         axis.plot(low + (message.bin - first + 0.5) * step, message.value, "o", color="tab:orange", markersize=4)
-    axis.set_title(message.variable + words, fontsize=8)
+    axis.set_title(message.variable + words, fontsize=7)
+    axis.yaxis.get_offset_text().set_fontsize(7)
     axis.set_ylabel(message.unit, fontsize=8)
     axis.set_xlabel("{} [{}]".format(message.axes[-1], message.axis_units[-1]) if message.axes else "", fontsize=8)
     axis.tick_params(labelsize=7)
