@@ -1,13 +1,18 @@
 #!/usr/bin/env python3
 """When will a variable reach the end of its range? Prognoses of histograms on ramps, against when it did.
 
-histogram_prognosis.py STUDY.yaml [--picture FILE.png] [--json FILE]
+histogram_prognosis.py STUDY.yaml [--rows] [--picture FILE.png] [--json FILE] [--keep FOLDER]
 
 STUDY.yaml as of histograms.py, with `settings` for its histograms (a horizon, ends), `profiles` beside those of the
 rig's datasheet, and per entry of `judge` the variable that drifts, which `end` it reaches, the `run` with {seed} in it
 and its `seeds`, and `held`: the same drift at the operating point that lies nearest to the end. The truth is when the
 variable spends `share` of the time beyond the end there, for `stay` s: what a histogram's limit means. From the onset
-on the prognosis is asked at tenths of the time that is left; told are the error and whether the interval held."""
+on the prognosis is asked at tenths of the time that is left; told are the error and whether the interval held.
+
+With `rigs`, a list, everything is done for each rig in turn, whose number stands for {rig} in `learn`, `run` and
+`held`. `ranges` widens effects of the datasheet: {port: {effect: {parameter: [low, high]}}}. Printed are, per entry of
+`judge`, how often a time was told (also in the second half of what was left), how often the interval held, where not,
+and the median error; with --rows also each time that was asked."""
 
 import argparse
 import json
@@ -36,9 +41,19 @@ def reached(time, values, end, upwards, share, stay):
     return float(time[np.argmax(enough)]) if enough.any() else None
 
 
-def truth(study, sheet, entry):
-    rows = ["--series-rows", 100000]
-    _, series = rig_runs.diagnose(study.recording(entry["held"]), "--config", sheet, *rows, series=True)
+def columns(file, names):
+    with open(file) as text:
+        head = text.readline().strip().split(",")
+        rows = np.loadtxt(text, delimiter=",", usecols=[head.index(name) for name in names], ndmin=2)
+    return dict(zip(names, rows.T))
+
+
+def truth(study, entry, rig):
+    """When the end is reached in the run of `held`, which nothing needs to judge."""
+    file = study.folder / "held.csv"
+    how = ["--config", study.made_by, *entry["held"].format(rig=rig).split()[1:]]
+    rig_runs.faultline("simulate", study.rig, *how, "--quiet", "-o", file)
+    series = columns(file, ["t", entry["variable"]])
     time, values = series["t"], series[entry["variable"]]
     upwards = entry["end"] >= np.median(values[: len(values) // 10])
     at = reached(time, values, entry["end"], upwards, study.study["share"], study.study["stay"])
@@ -61,33 +76,65 @@ def words(seconds):
     return "-" if seconds >= NEVER else f"{seconds:.0f}"
 
 
+def holds(row):
+    return row["low"] <= row["left"] <= row["high"]
+
+
+def summary(rows):
+    told = [r for r in rows if r["value"] < NEVER]
+    late = [r for r in rows if r["tenth"] > 0.5]
+    errors = sorted(abs(r["value"] / r["left"] - 1) for r in told)
+    return [
+        f"{len(told)} of {len(rows)}",
+        f"{sum(r['value'] < NEVER for r in late)} of {len(late)}",
+        f"{sum(map(holds, told))} ({sum(map(holds, told)) / max(1, len(told)):.0%})",
+        str(sum(r["left"] < r["low"] for r in told)),
+        str(sum(r["left"] > r["high"] for r in told)),
+        f"{errors[len(errors) // 2]:.0%}" if errors else "-",
+    ]
+
+
+def measure(study, rig, show):
+    """{(entry of judge, rig, seed): when the end was reached, and what was told before}"""
+    result = {}
+    sheet, learnt = study.learn(rig, **study.study["settings"])
+    for name, entry in study.study["judge"].items():
+        at = truth(study, entry, rig)
+        for seed in entry["seeds"]:
+            run = study.recording(entry["run"].format(rig=rig, seed=seed))
+            file = study.folder / "judged.csv"
+            rig_runs.diagnose(run, "--config", sheet, "--reference", learnt, "--series", file)
+            told = [f"q.{entry['variable']}.saturation{part}" for part in ("", "_low", "_high")]
+            rows = score(columns(file, ["t", *told]), entry, at)
+            result[name, rig, seed] = {"reached": at, "rows": rows}
+            if show:
+                told = [f"{r['left']:.0f}: {words(r['value'])} ({words(r['low'])} to {words(r['high'])})" for r in rows]
+                print(f"| {name}, {seed} | {at:.0f} | {'; '.join(told)} |", flush=True)
+    return result
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("study")
     parser.add_argument("--picture")
     parser.add_argument("--json")
+    parser.add_argument("--rows", action="store_true")
     parser.add_argument("--keep", metavar="FOLDER", help="where recordings stay and are used again")
     arguments = parser.parse_args()
-    result = {}
+    measured = {}
     with tempfile.TemporaryDirectory() as folder:
         study = histograms.Study(arguments.study, folder, arguments.keep)
-        sheet, learnt = study.learn(**study.study["settings"])
-        print("| ramp | reached after, s | left, s: told (90 %) |\n|---|---|---|")
-        for name, entry in study.study["judge"].items():
-            at = truth(study, sheet, entry)
-            for seed in entry["seeds"]:
-                run = study.recording(entry["run"].format(seed=seed))
-                _, series = rig_runs.diagnose(run, "--config", sheet, "--reference", learnt, series=True)
-                rows = score(series, entry, at)
-                result[f"{name}, {seed}"] = {"reached": at, "rows": rows}
-                told = [f"{r['left']:.0f}: {words(r['value'])} ({words(r['low'])} to {words(r['high'])})" for r in rows]
-                print(f"| {name}, {seed} | {at:.0f} | {'; '.join(told)} |", flush=True)
-    rows = [r for entry in result.values() for r in entry["rows"] if r["value"] < NEVER]
-    held = sum(r["low"] <= r["left"] <= r["high"] for r in rows)
-    errors = sorted(abs(r["value"] / r["left"] - 1) for r in rows)
-    if rows:
-        middle = errors[len(errors) // 2]
-        print(f"told in {len(rows)} of {9 * len(result)}; interval held {held}; median error {middle:.0%}")
+        if arguments.rows:
+            print("| ramp | reached after, s | left, s: told (90 %) |\n|---|---|---|")
+        for rig in study.study.get("rigs", [None]):
+            measured.update(measure(study, rig, arguments.rows))
+    heads = "| ramps | told | in the second half | held | earlier than the interval | later | median error |"
+    print(f"\n{heads}\n{'|---' * 7}|")
+    for name in study.study["judge"]:
+        rows = [r for key, entry in measured.items() if key[0] == name for r in entry["rows"]]
+        print(f"| {name} | {' | '.join(summary(rows))} |")
+    print(f"| all | {' | '.join(summary([r for entry in measured.values() for r in entry['rows']]))} |")
+    result = {", ".join(str(part) for part in key if part is not None): entry for key, entry in measured.items()}
     if arguments.picture:
         down = -(-len(result) // 4)
         figure, axes = plt.subplots(down, 4, figsize=(13, 3 * down), layout="constrained", squeeze=False)

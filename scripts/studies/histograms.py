@@ -50,6 +50,9 @@ class Study:
         self.kept = pathlib.Path(keep or folder)
         self.kept.mkdir(exist_ok=True)
         self.facts["profiles"] = self.facts["profiles"] + self.study.get("profiles", [])
+        for port, effects in self.study.get("ranges", {}).items():
+            for effect, ranges in effects.items():
+                self.facts["ports"][port]["effects"][effect].update(ranges)
         self.made_by = rig_runs.write_datasheet(self.facts, self.kept / "facts.yaml")
 
     def recording(self, text):
@@ -61,8 +64,8 @@ class Study:
             rig_runs.record(self.rig, file.with_suffix(".part.bag"), *words).replace(file)
         return file
 
-    def learn(self, **settings):
-        """(datasheet, reference)"""
+    def learn(self, drawn=None, **settings):
+        """(datasheet, reference); `drawn`: what stands for {rig} in the recordings to learn from."""
         stages = stages_of(self.study)
         stages["estimators"] = [{**s, **settings} for s in stages["estimators"]]
         sheet = rig_runs.write_datasheet({**self.facts, **stages}, self.folder / "sheet.yaml")
@@ -70,7 +73,7 @@ class Study:
         learnt.unlink(missing_ok=True)
         for text in self.study["learn"]:
             before = ["--reference", learnt] if learnt.exists() else []
-            run = self.recording(text)
+            run = self.recording(text.format(rig=drawn))
             rig_runs.faultline("diagnose", run, "--config", sheet, *before, "--keep-reference", more)
             more.replace(learnt)
         return sheet, learnt

@@ -14,6 +14,7 @@
 #include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
+#include "cli/time_limit.h"
 #include "faultline/fit/parameter_fit.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/signal/error.h"
@@ -27,13 +28,14 @@ struct Options {
   std::string rig, config, json, patch;
   std::vector<std::string> runs;
   int jobs = 0;
+  double minutes = 0;
 };
 
 Json result_json(const Datasheet& sheet, const std::vector<std::string>& runs, const ParameterFit& fit) {
   Json json = {{"rig", sheet.rig},           {"runs", runs},
                {"segments", fit.segments},   {"segment_duration", fit.segment_duration},
-               {"converged", fit.converged}, {"freedom", fit.freedom},
-               {"remarks", fit.remarks}};
+               {"converged", fit.converged}, {"stopped", fit.stopped},
+               {"freedom", fit.freedom},     {"remarks", fit.remarks}};
   json["parameters"] = Json::array();
   for (const FittedParameter& p : fit.parameters)
     json["parameters"].push_back({{"name", p.name},
@@ -104,9 +106,10 @@ void run(const Options& options) {
                   {sheet.file + ": no parameter is marked 'identify: true'; those with a tolerance are estimated"});
   const int jobs = options.jobs > 0 ? options.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   const bool tell = isatty(fileno(stderr)) != 0;
-  const ParameterFit fit = fit_parameters(sheet, std::move(runs), jobs, [tell](const std::string& text) {
+  const auto say = [tell](const std::string& text) {
     if (tell) std::fputs(fmt::format("fit: {}\n", text).c_str(), stderr);
-  });
+  };
+  const ParameterFit fit = fit_parameters(sheet, std::move(runs), jobs, say, FitOptions(), time_limit(options.minutes));
   if (!options.patch.empty()) write_patch(sheet, fit, options.patch);
   if (!options.json.empty()) write_text(options.json, json_text(result_json(sheet, options.runs, fit)));
   if (options.json != "-") print_result(sheet, fit);
@@ -122,6 +125,8 @@ std::function<void()> add(CLI::App& app) {
   add_output(app, "--patch", options->patch,
              "write the datasheet with the estimates as nominal values and tolerances to this file, for --config");
   app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(whole_number(1, 256));
+  add_minutes(app, options->minutes,
+              "after which what only secures the answer is left out: rounds, other starts, the walls of intervals");
   return [options] { run(*options); };
 }
 

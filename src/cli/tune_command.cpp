@@ -15,6 +15,7 @@
 #include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
+#include "cli/time_limit.h"
 #include "faultline/estimators/process_model.h"
 #include "faultline/rig/default_sheet.h"
 #include "faultline/signal/error.h"
@@ -36,7 +37,7 @@ const std::vector<double> kRates = {1, 0.1, 0.01};                     // false 
 struct Options {
   std::string rig, config, json, patch, stage, fault, detector, profile;
   std::vector<std::string> healthy;
-  double rate = 0.01, block = 0;
+  double rate = 0.01, block = 0, minutes = 0;
   int faulty_runs = 3;
   bool keep_noise = false;
 };
@@ -100,6 +101,7 @@ Json answer_json(const Datasheet& sheet, const StageSpec& stage, const Options& 
   Json json = {{"rig", sheet.rig}, {"stage", stage.name}, {"runs", options.healthy}};
   json["noise"] = {{"process_noise", a.noise.process_noise},
                    {"measurement_noise", a.noise.measurement_noise},
+                   {"finished", a.noise.finished},
                    {"log_likelihood", {{"before", a.noise.likelihood_before}, {"after", a.noise.likelihood_after}}},
                    {"innovations", {{"before", quality_json(a.noise.before)}, {"after", quality_json(a.noise.after)}}}};
   json["false_alarms_per_hour"] = options.rate;
@@ -216,10 +218,17 @@ void run(Options options) {
   Answer answer;
   if (!options.keep_noise) {
     const bool tell = isatty(STDERR_FILENO) != 0;
-    answer.noise = tune_noise(sheet, stage, healthy, [&](int percent) {
-      if (tell) std::fputs(fmt::format("\r{:>3} % of the noise settings ", percent).c_str(), stderr);
-    });
+    answer.noise = tune_noise(
+        sheet, stage, healthy,
+        [&](int percent) {
+          if (tell) std::fputs(fmt::format("\r{:>3} % of the noise settings ", percent).c_str(), stderr);
+        },
+        time_limit(options.minutes));
     if (tell) std::fputs("\r\033[K", stderr);
+    if (!answer.noise.finished)
+      print_remarks("tune", {fmt::format("the search for noise settings was stopped after {:g} minutes, with the best "
+                                         "so far",
+                                         options.minutes)});
     stage.settings.set("process_noise", answer.noise.process_noise);
     stage.settings.set("measurement_noise", answer.noise.measurement_noise);
   }
@@ -263,6 +272,7 @@ std::function<void()> add(CLI::App& app) {
   app.add_option("--profile", options->profile, "of the simulated runs; the fault's own without it");
   app.add_option("--faulty-runs", options->faulty_runs, "how many are simulated [3]")->check(whole_number(1, 100));
   app.add_flag("--keep-noise", options->keep_noise, "leave process_noise and measurement_noise as they are");
+  add_minutes(app, options->minutes, "of the search for noise settings, after which the best so far is taken");
   add_input(app, "--config", options->config, "a datasheet to read instead of the rig's own");
   add_text_output(app, "--json", options->json, "write the answer as JSON to this file; - is standard output");
   add_output(app, "--patch", options->patch, "write the datasheet with what was chosen to this file, for --config");

@@ -29,6 +29,19 @@ TEST(Identifiability, AProductIsFoundAndItsFactorsAreNotCalledDetermined) {
   EXPECT_TRUE(fit.converged);
 }
 
+// Out of time from the beginning: one round, no other starts, and it says so; the product is there all the same.
+TEST(Identifiability, AFitThatIsStoppedSaysWhatItHas) {
+  const std::vector<std::pair<std::string, Recording>> runs = {{"a", two_gains_run(2.6, 0.25, 40, 1)}};
+  int asked = 0;
+  const ParameterFit fit = fit_parameters(two_gains(), runs, 2, {}, {}, [&] { return ++asked > 0; });
+  EXPECT_TRUE(fit.stopped);
+  EXPECT_EQ(asked, 1);  // it is not asked again
+  ASSERT_FALSE(fit.remarks.empty());
+  EXPECT_NE(fit.remarks.front().find("stopped"), std::string::npos);
+  EXPECT_NEAR(fit.values[0] * fit.values[1], 2.6, 0.05);
+  EXPECT_FALSE(fit_parameters(two_gains(), runs, 2, {}, {}, [] { return false; }).stopped);
+}
+
 TEST(Identifiability, RefittingFromItsOwnAnswerGivesItAgain) {
   Datasheet again = two_gains();
   const Recording recording = two_gains_run(2.6, 0.4, 40, 2);

@@ -11,6 +11,7 @@ from graph import ROOT, Graph
 
 RIG = "control_valve"
 LISTEN = str(pathlib.Path(__file__).resolve().parent / "listen.py")
+DRAW = str(ROOT / "scripts/draw_histograms.py")
 QUICKER = {"minimum": 2, "memory": 100, "learn": 20}  # s, than the datasheet's hours
 
 
@@ -32,6 +33,8 @@ class HistogramNode(unittest.TestCase):
         """Node and simulator until the simulator ends; what was heard of /RIG/histogram."""
         heard = graph.path / f"heard{seed}"
         listener = graph.start(["python3", LISTEN, RIG, "60", str(heard), "histogram"])
+        picture = graph.path / f"drawn{seed}.png"
+        drawer = graph.start([DRAW, "--rig", RIG, "--out", str(picture), "--wait", "90"])
         node = graph.node("histogram_node", "histogram", rig=RIG, config=config, reference=str(kept))
         simulator = graph.node(
             "rig_simulator_node",
@@ -46,6 +49,10 @@ class HistogramNode(unittest.TestCase):
         )
         code, said = graph.wait(simulator, 90)
         self.assertEqual(code, 0, said)
+        code, said = graph.wait(drawer, 60)
+        self.assertEqual(code, 0, said)
+        self.assertIn("11 variables", said)
+        self.assertEqual(picture.read_bytes()[:4], b"\x89PNG")
         time.sleep(2.5)
         for process in (node, listener):
             graph.end(process)

@@ -55,6 +55,17 @@ TEST(NoiseTuning, MakesInnovationsConsistent) {
   EXPECT_EQ(tuned.process_noise[5], printed[5]);
 }
 
+TEST(NoiseTuning, StoppedItGivesTheBestSoFar) {
+  const std::vector<Recording> healthy = {simulate(servo(), off_nominal("square", 7), 12)};
+  int left = 30;  // times it may ask, twice or three times an entry
+  const NoiseTuning stopped = tune_noise(servo(), servo().estimators.front(), healthy, {}, [&] { return left-- <= 0; });
+  EXPECT_FALSE(stopped.finished);
+  EXPECT_GT(stopped.likelihood_after, stopped.likelihood_before);
+  const NoiseTuning none = tune_noise(servo(), servo().estimators.front(), healthy, {}, [] { return true; });
+  EXPECT_FALSE(none.finished);
+  EXPECT_EQ(none.likelihood_after, none.likelihood_before);
+}
+
 TEST(Thresholds, RiseAsAlarmsMustBeRarer) {
   const std::vector<Recording> healthy = {simulate(servo(), off_nominal("square", 7), 100)};
   const StageSpec& stage = servo().estimators.front();

@@ -4,7 +4,7 @@
 false_alarms.py [--valves 25] [--first 201] [--hours 40] [--learn 7] [--work FOLDER] [--keep FOLDER]
 
 Each valve, drawn within its tolerances, learns --learn h and is judged for --hours more, ten at a time. What is done
-stays in FOLDER: stopped, it goes on where it was, and --print tells what is there. An hour takes 4 s of processor time,
+stays in FOLDER: stopped, it goes on where it was, and --print tells what is there. An hour takes 5 s of processor time,
 in steps of 1 ms. The bound is on the rate of false alarms, Poisson, one-sided, 95 %."""
 
 import argparse

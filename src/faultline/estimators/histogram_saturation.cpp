@@ -16,19 +16,45 @@ constexpr double kQuantile = 1.645;       // two-sided 90 %
 constexpr double kSeen = 12;              // variances that a drift must win: beyond 3 sigma, for tau is sought
 constexpr double kMostCorrelation = 0.8;  // of one block with the next
 constexpr double kRidge = 1e-9;           // where all blocks lie at one operating point
-constexpr double kStraighter = 4;         // times as likely as the next exponent
-constexpr int kExponents = 3;             // halves beyond the first: 1, 3/2, 2
+enum Exponent { kHalf, kThreeQuarters, kStraight, kThreeHalves, kSquare, kCube, kExponents };
+constexpr double kPrior[kExponents] = {1.0 / 4, 1.0 / 2, 1, 1.0 / 4, 1.0 / 16, 1.0 / 64};
 
 double within(double s) { return std::clamp(s, 0.0, kNever); }
 
 double grown(double s, int exponent) {
   if (s <= 0) return 0;
-  return exponent == 0 ? s : exponent == 1 ? s * std::sqrt(s) : s * s;
+  switch (exponent) {
+    case kHalf:
+      return std::sqrt(s);
+    case kThreeQuarters:
+      return std::sqrt(s * std::sqrt(s));
+    case kStraight:
+      return s;
+    case kThreeHalves:
+      return s * std::sqrt(s);
+    case kSquare:
+      return s * s;
+    default:
+      return s * s * s;
+  }
 }
 
 double time_of(double g, int exponent) {
   if (!(g < kNever)) return kNever;
-  return exponent == 0 ? g : exponent == 1 ? std::cbrt(g * g) : std::sqrt(g);
+  switch (exponent) {
+    case kHalf:
+      return g * g;
+    case kThreeQuarters:
+      return g * std::cbrt(g);
+    case kStraight:
+      return g;
+    case kThreeHalves:
+      return std::cbrt(g * g);
+    case kSquare:
+      return std::sqrt(g);
+    default:
+      return std::cbrt(g);
+  }
 }
 
 }  // namespace
@@ -129,17 +155,20 @@ Crossing DriftCourse::reaches(double level, double now) const {
   double correlation = 0;
   if (best_exponent >= 0) {
     const Fit f = fit(best_tau, now, best_exponent);
-    for (const Track& track : tracks_) {
-      double before = 0;
-      for (std::size_t i = 0; i < track.count; ++i) {
-        const Block& block = track.blocks[i];
-        const double g = grown((block.time - best_tau) / f.scale, best_exponent);
-        const double off = std::sqrt(block.weight) * (block.drift - f.theta.dot(Eigen::Vector3d(1, g, g * block.z)));
-        correlation += off * before;
-        before = off;
-      }
+    double before = 0;
+    for (std::size_t i = 0, j = 0; i + j < count;) {  // in their order in time
+      const bool first =
+          j == tracks_[1].count || (i < tracks_[0].count && tracks_[0].blocks[i].time < tracks_[1].blocks[j].time);
+      const Block& block = first ? tracks_[0].blocks[i++] : tracks_[1].blocks[j++];
+      const double g = grown((block.time - best_tau) / f.scale, best_exponent);
+      const double off = std::sqrt(block.weight) * (block.drift - f.theta.dot(Eigen::Vector3d(1, g, g * block.z)));
+      correlation += off * before;
+      before = off;
     }
-    correlation = std::clamp(correlation / std::max(best, 1e-300), 0.0, kMostCorrelation);
+    // What is left of a fit seems less correlated than it is, by some parameters/blocks.
+    correlation /= std::max(best, 1e-300);
+    correlation += kParameters / static_cast<double>(count) * (1 + correlation);
+    correlation = std::clamp(correlation, 0.0, kMostCorrelation);
   }
   const double widened = variance * (1 + correlation) / (1 - correlation);
   const bool seen = best_exponent >= 0 && constant - best > kSeen * widened;
@@ -162,7 +191,7 @@ Crossing DriftCourse::reaches(double level, double now) const {
       high = kNever;
     }
     if (b <= 0) return;
-    const double likelihood = std::pow(kStraighter, -e) * std::exp(-0.5 * worse / widened);
+    const double likelihood = kPrior[e] * std::exp(-0.5 * worse / widened);
     likelihoods += likelihood;
     rates += likelihood / std::max(from_now(std::max(0.0, left) / b), 1e-3);
   });

@@ -6,15 +6,16 @@
 // H - max h. Towards the low end likewise. Samples y of these bins give d = y - m and z, how far h lies from max h as a
 // share of the span. Means of d and z over blocks are followed by
 //
-//   d = a + (b + c z) g,   g = max(0, t - tau)^p,   p = 1, 3/2, 2
+//   d = a + (b + c z) g,   g = max(0, t - tau)^p,   p = 1/2, 3/4, 1, 3/2, 2, 3
 //
-// by least squares: a drift that began at tau, differs between operating points, and may grow faster with time. The
+// by least squares: a drift that began at tau, differs between operating points, and may grow slower or faster. The
 // end is reached where a + b g has climbed by what is left. The interval holds, of every tau and p, all g for which
 // that level lies in the 90 % band of the line over g (Fieller's), the band narrowed by what the blocks speak against
 // that tau and p: the profile likelihood of the crossing, the blocks' scatter widened by its correlation from one to
-// the next. What is told lies between, each tau and p counted by its likelihood, a straight line before one that bends
-// (1, 1/4, 1/16). Where no drift beats a constant by what searching tau finds in noise, nothing is in sight (kNever),
-// with the earliest time that cannot be excluded as `low`.
+// the next, of which a fit hides some parameters/blocks. What is told lies between, each tau and p counted by its
+// likelihood, a straight line before one that bends (p = 1/2: 1/4; 3/4: 1/2; 1: 1; 3/2: 1/4; 2: 1/16; 3: 1/64). Where
+// no drift beats a constant by what searching tau finds in noise, nothing is in sight (kNever), with the earliest time
+// that cannot be excluded as `low`.
 //
 // Blocks grow as the drift lasts, so that memory is fixed; those older than `horizon` are forgotten. A drift during the
 // time in which anchors were learnt is not seen. Times in s, values in the variable's unit.

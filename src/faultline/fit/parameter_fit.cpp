@@ -35,6 +35,8 @@ std::vector<std::size_t> marked_parameters(const Datasheet& sheet) {
   return marked;
 }
 
+using Enough = std::function<bool()>;  // never empty
+
 struct Settled {
   double moved = 0;     // the largest move of the last round, in tolerances
   bool solved = false;  // the last round's search ended at a minimum
@@ -42,7 +44,7 @@ struct Settled {
 
 // Scatter and parameters in turn.
 Settled settle(SegmentSolver& solver, std::vector<double>& values, const std::vector<std::size_t>& free,
-               bool correlated, const FitOptions& options) {
+               bool correlated, const FitOptions& options, const Enough& enough) {
   Settled last;
   for (std::size_t round = 0; round < options.rounds; ++round) {
     const std::vector<double> before = values;
@@ -55,7 +57,7 @@ Settled settle(SegmentSolver& solver, std::vector<double>& values, const std::ve
     last.moved = 0;
     for (const std::size_t i : free)
       last.moved = std::max(last.moved, std::abs(solver.coordinate(i, values[i]) - solver.coordinate(i, before[i])));
-    if (last.solved && last.moved < options.settled_tolerances) break;
+    if ((last.solved && last.moved < options.settled_tolerances) || enough()) break;
   }
   return last;
 }
@@ -68,11 +70,11 @@ struct OtherStarts {
 };
 
 OtherStarts try_other_starts(SegmentSolver& solver, std::vector<double>& values, const std::vector<std::size_t>& free,
-                             const FitOptions& options) {
+                             const FitOptions& options, const Enough& enough) {
   Random random(1);
   OtherStarts starts;
   solver.set_scatter(values);
-  for (std::size_t s = 0; s < options.other_starts; ++s) {
+  for (std::size_t s = 0; s < options.other_starts && !enough(); ++s) {
     std::vector<double> other = values;
     for (const std::size_t i : free) {
       const double least = solver.coordinate(i, options.lowest_ratio * solver.value(i, 0));
@@ -82,7 +84,7 @@ OtherStarts try_other_starts(SegmentSolver& solver, std::vector<double>& values,
     solver.solve(other, free, options.first_iterations);
     const double best = solver.cost(values, free);
     if (solver.cost(other, free) > (1 + options.near_cost_fraction) * best + options.alike_log_likelihood) continue;
-    settle(solver, other, free, false, options);
+    settle(solver, other, free, false, options, enough);
     solver.set_scatter(values);
     if (solver.cost(other, free) < (1 - options.better_cost_fraction) * solver.cost(values, free)) {
       std::swap(values, other);
@@ -116,7 +118,7 @@ std::vector<std::vector<double>> answers_alike(SegmentSolver& solver, const std:
 // parameter with the largest part in it is moved, all others and the states follow.
 void walk_valley(SegmentSolver& solver, const FitErrors& errors, const std::vector<double>& values,
                  const std::vector<std::size_t>& free, const FitOptions& options,
-                 std::vector<std::vector<double>>& alike) {
+                 std::vector<std::vector<double>>& alike, const Enough& enough) {
   if (!solver.has_hidden_states() || free.size() < 2) return;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> known(errors.curvature);
   const Eigen::VectorXd weakest = known.eigenvectors().rightCols(1);
@@ -127,7 +129,7 @@ void walk_valley(SegmentSolver& solver, const FitErrors& errors, const std::vect
   const double most = cost_at(solver, values, free) + options.alike_log_likelihood;
   for (const double side : {-1.0, 1.0}) {
     std::vector<double> there = values;
-    for (std::size_t step = 0; step < options.valley_steps; ++step) {
+    for (std::size_t step = 0; step < options.valley_steps && !enough(); ++step) {
       for (std::size_t j = 0; j < free.size(); ++j) {
         const double move =
             side * options.valley_step_tolerances * weakest[static_cast<Eigen::Index>(j)] / weakest[leading];
@@ -164,7 +166,8 @@ void hold_answers(const std::vector<std::vector<double>>& alike, std::size_t ind
 
 FittedParameter fitted_parameter(const Datasheet& sheet, const SegmentSolver& solver, const FitErrors& errors,
                                  const std::vector<double>& scales, const std::vector<double>& values,
-                                 const std::vector<std::size_t>& free, std::size_t at, const FitOptions& options) {
+                                 const std::vector<std::size_t>& free, std::size_t at, const FitOptions& options,
+                                 const Enough& enough) {
   const std::size_t index = free[at];
   const auto i = static_cast<Eigen::Index>(at);
   const Parameter& p = sheet.parameters[index];
@@ -181,7 +184,7 @@ FittedParameter fitted_parameter(const Datasheet& sheet, const SegmentSolver& so
   Widening wider;
   if (errors.variance(i, i) + errors.systematic[i] > 1) {
     fitted.reason = reason_undetermined(sheet, scales, errors, free, at, options);
-  } else {
+  } else if (!enough()) {
     // Beyond this the data do not know it to one tolerance.
     const double farthest = std::max(half_width, kNinetyPercentSigmas);
     wider = profile(solver, errors, values, free, at, half_width, farthest, options);
@@ -203,7 +206,7 @@ FittedParameter fitted_parameter(const Datasheet& sheet, const SegmentSolver& so
 }  // namespace
 
 ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::string, Recording>> runs, int jobs,
-                            const FitProgress& progress, const FitOptions& options) {
+                            const FitProgress& progress, const FitOptions& options, const Enough& asked) {
   if (runs.empty()) throw InputError("fit: no run was given");
   const std::vector<std::size_t> free = marked_parameters(sheet);
   const SegmentModel model(sheet, options.segments);
@@ -229,22 +232,24 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   };
 
   ParameterFit result;
+  const Enough enough = [&] { return result.stopped = result.stopped || (asked && asked()); };
   result.values = sheet.nominal();
   const std::vector<double> before = solver.misfit(result.values);
   tell(fmt::format("{} parameters, {} segments", free.size(), solver.segments()));
   // Far from the minimum what is left is one long correlated error, which would hold the parameters where they are.
-  settle(solver, result.values, free, false, options);
+  settle(solver, result.values, free, false, options, enough);
   tell(fmt::format("{} other starts", options.other_starts));
-  const OtherStarts starts = try_other_starts(solver, result.values, free, options);
-  const Settled last = settle(solver, result.values, free, true, options);
+  const OtherStarts starts = try_other_starts(solver, result.values, free, options, enough);
+  const Settled last = settle(solver, result.values, free, true, options, enough);
   result.converged = last.solved && last.moved < options.settled_tolerances;
   std::vector<std::vector<double>> alike = answers_alike(solver, result.values, free, starts, options);
   tell("errors");
   const FitErrors errors = fit_errors(solver, sheet, result.values, free);
-  walk_valley(solver, errors, result.values, free, options, alike);
+  walk_valley(solver, errors, result.values, free, options, alike, enough);
   for (std::size_t at = 0; at < free.size(); ++at) {
     tell(fmt::format("interval of {}", sheet.parameters[free[at]].name));
-    result.parameters.push_back(fitted_parameter(sheet, solver, errors, scales, result.values, free, at, options));
+    result.parameters.push_back(
+        fitted_parameter(sheet, solver, errors, scales, result.values, free, at, options, enough));
     hold_answers(alike, free[at], result.parameters.back());
   }
   const std::vector<double> after = solver.misfit(result.values), free_run = solver.free_misfit(result.values);
@@ -256,7 +261,11 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   result.remarks = remarks;
   result.segment_duration = segment;
   result.freedom = errors.freedom;
-  if (!result.converged)
+  if (result.stopped)
+    result.remarks.push_back(
+        "stopped: rounds, other starts or the walls of intervals were left out; there may be a better answer, and "
+        "intervals may be too narrow");
+  if (!result.converged && !result.stopped)
     result.remarks.push_back(
         fmt::format("not converged: after {} rounds a parameter still moves by {:.2g} tolerances in a round; give more "
                     "or longer runs, or mark fewer parameters",

@@ -44,6 +44,7 @@ struct ParameterFit {
   std::size_t segments = 0;
   double segment_duration = 0;  // s
   bool converged = true;
+  bool stopped = false;              // before everything that secures the answer was done
   double freedom = 0;                // degrees, of the intervals
   std::vector<std::string> remarks;  // what to mind, each a sentence
 };
@@ -51,8 +52,10 @@ struct ParameterFit {
 using FitProgress = std::function<void(const std::string&)>;
 
 // InputError where the datasheet marks nothing or a run cannot be used. Uses `jobs` threads; the answer does not
-// depend on how many.
+// depend on how many. Once `enough` says so, what only secures the answer is left out, with a remark: further rounds,
+// other starts, the walk along the valley, the walls of intervals.
 ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::string, Recording>> runs, int jobs,
-                            const FitProgress& progress = {}, const FitOptions& options = {});
+                            const FitProgress& progress = {}, const FitOptions& options = {},
+                            const std::function<bool()>& enough = {});
 
 }  // namespace faultline

@@ -92,7 +92,7 @@ std::vector<bool> random_walks(const Datasheet& sheet, const StageSpec& stage) {
 }
 
 NoiseTuning tune_noise(const Datasheet& sheet, const StageSpec& stage, const std::vector<Recording>& healthy,
-                       const std::function<void(int)>& progress) {
+                       const std::function<void(int)>& progress, const std::function<bool()>& enough) {
   const bool given = stage.settings.has("process_noise") && stage.settings.has("measurement_noise");
   if (!given && stage.settings.word_or("model", "") != kOwnNoise)
     throw InputError(fmt::format("{}: stage '{}' has no process_noise and measurement_noise to choose",
@@ -124,12 +124,17 @@ NoiseTuning tune_noise(const Datasheet& sheet, const StageSpec& stage, const std
   result.likelihood_before = best.likelihood;
   const double rounds = std::ceil(std::log2(kFirstLogStep / kLastLogStep)) * static_cast<double>(entries.size());
   double done = 0;
-  for (double step = kFirstLogStep; step > kLastLogStep; step *= 0.5) {
+  const auto stop = [&] {
+    if (result.finished && enough && enough()) result.finished = false;
+    return !result.finished;
+  };
+  for (double step = kFirstLogStep; step > kLastLogStep && !stop(); step *= 0.5) {
     for (double* entry : entries) {
+      if (stop()) break;
       if (progress) progress(static_cast<int>(100 * done++ / rounds));
       for (const double factor : {std::exp(step), std::exp(-step)}) {
         bool moved = false;
-        while (*entry * factor<kLargestVariance&& * entry * factor> kSmallestVariance) {
+        while (*entry * factor<kLargestVariance&& * entry * factor> kSmallestVariance && !stop()) {
           const double kept = *entry;
           *entry *= factor;
           Innovations tried = evaluate();

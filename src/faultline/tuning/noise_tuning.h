@@ -30,13 +30,15 @@ struct NoiseTuning {
   std::vector<bool> walks;  // per state: a random walk, whose entry of Q was kept
   std::vector<InnovationQuality> before, after;
   double likelihood_before = 0, likelihood_after = 0;  // mean per sample
+  bool finished = true;                                // false: stopped with the best so far
 };
 
 // Whether each state of the stage's model only moves by its process noise.
 std::vector<bool> random_walks(const Datasheet& sheet, const StageSpec& stage);
 
-// InputError where the stage has no `process_noise` and `measurement_noise`. `progress` hears the percentage done.
+// InputError where the stage has no `process_noise` and `measurement_noise`. `progress` hears the percentage done;
+// once `enough` says so the search ends with the best so far.
 NoiseTuning tune_noise(const Datasheet& sheet, const StageSpec& stage, const std::vector<Recording>& healthy,
-                       const std::function<void(int)>& progress = {});
+                       const std::function<void(int)>& progress = {}, const std::function<bool()>& enough = {});
 
 }  // namespace faultline
