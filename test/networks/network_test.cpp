@@ -63,6 +63,42 @@ TEST(Network, DerivativesAgainstDifferences) {
   }
 }
 
+// NARX is trained hundreds of samples at a time (one_step.h): over runs longer than that and of no round length, with
+// more lags than one, against sums over a network that goes sample by sample.
+TEST(Network, OneStepAheadAtOnceAsSampleBySample) {
+  for (const double lags : {1.0, 3.0}) {
+    const NetworkShape shape = network_shape(plant(), black_box("none", lags, 4));
+    std::vector<NetworkRun> runs = runs_of(shape, 700, 3);
+    runs.push_back(runs_of(shape, 257, 4).front());
+    runs.push_back(runs_of(shape, 2, 5).front());
+    const Eigen::VectorXd w = initial_weights(shape, 5);
+    Eigen::MatrixXd square = Eigen::MatrixXd::Zero(w.size(), w.size());
+    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(w.size());
+    double error = 0, count = 0;
+    Network network(shape, true);
+    for (const NetworkRun& run : runs) {
+      network.start(run.inputs.col(0).data(), run.outputs.col(0).data());
+      for (Eigen::Index k = 1; k < run.inputs.cols(); ++k, ++count) {
+        network.step(w.data(), run.inputs.col(k).data());
+        for (Eigen::Index o = 0; o < 2; ++o) {
+          const Eigen::VectorXd row = network.sensitivities().row(o).transpose();
+          const double e = run.outputs(o, k) - network.outputs()[o];
+          square += row * row.transpose();
+          gradient += row * e;
+          error += e * e;
+        }
+        network.take(run.outputs.col(k).data());
+      }
+    }
+    const NormalEquations found = normal_equations(shape, w, runs);
+    const Eigen::MatrixXd full = found.square.selfadjointView<Eigen::Lower>();
+    EXPECT_LT((full - square / count).cwiseAbs().maxCoeff(), 1e-12 * square.cwiseAbs().maxCoeff() / count);
+    EXPECT_LT((found.gradient - gradient / count).cwiseAbs().maxCoeff(), 1e-12 * gradient.cwiseAbs().maxCoeff());
+    EXPECT_NEAR(found.error, error / count, 1e-12 * error / count);
+    EXPECT_NEAR(mean_squares(shape, w, runs).sum(), error / count, 1e-12 * error / count);
+  }
+}
+
 TEST(Network, StepByHand) {
   const Settings settings(
       "test", Numbers{{"hidden", 1}, {"a_gain", 0.5}}, {},

@@ -257,6 +257,9 @@ void FaultResponses::forget_oldest() {
     const double kept = 1 - 1 / settings_.memory_stretches;
     doubt_ = kept * doubt_ + (recent_.front()->weighed ? 0 : unexplained(*recent_.front()));
     reference_ = kept * reference_ + recent_.front()->sums;
+  } else if (window_.change && recent_.size() > window_.stretches + 1 && recent_.front()->responded) {
+    // Of before the fault: without it the parameters would be free to explain a part of the fault.
+    reference_ += recent_.front()->sums;
   }
   if (!event_) keep_healthy(recent_.front()->run.recording);
   recent_.erase(recent_.begin());
@@ -419,6 +422,7 @@ void FaultResponses::judge(const Recording& recording) {
   }
   if (recent_.size() > settings_.recent_stretches && !recent_.front()->responded) forget_oldest();
   respond_all();
+  const Learnt before = learnt();
   learn_parameters();
   forget_oldest();
   if (event_ && over()) {
@@ -445,6 +449,31 @@ void FaultResponses::judge(const Recording& recording) {
     end_event();
     return;
   }
+  weigh_all();
+  const bool lasts = event_;
+  find_healthy_or_fault();
+  if (!lasts && event_ && window_.change) take_back(before);
+}
+
+// What is known before the parameters are learnt from the latest stretch as well.
+FaultResponses::Learnt FaultResponses::learnt() const {
+  Learnt known{point_, reference_, doubt_};
+  if (event_ || recent_.size() <= settings_.recent_stretches) return known;
+  const double kept = 1 - 1 / settings_.memory_stretches;
+  known.doubt = kept * doubt_ + (recent_.front()->weighed ? 0 : unexplained(*recent_.front()));
+  known.reference = kept * reference_ + recent_.front()->sums;
+  return known;
+}
+
+// The stretch that shows a change has moved the parameters as well: they made up for a part of the fault. They are as
+// they were before it, and the fault is found anew beside them.
+void FaultResponses::take_back(const Learnt& before) {
+  if ((before.point.shift - point_.shift).cwiseAbs().maxCoeff() < settings_.relinearise_tolerances) return;
+  point_ = before.point;
+  reference_ = before.reference;
+  doubt_ = before.doubt;
+  known_.forget_misfits();
+  for (auto& stretch : recent_) model_.follow(*stretch, point_);
   weigh_all();
   find_healthy_or_fault();
 }

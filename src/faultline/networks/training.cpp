@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "faultline/networks/one_step.h"
 #include "faultline/numerics/random.h"
 #include "faultline/signal/error.h"
 
@@ -74,6 +75,10 @@ bool run_through(Network& network, const Eigen::VectorXd& weights, const std::ve
   return true;
 }
 
+void check(NormalEquations& equations) {
+  if (!equations.gradient.allFinite() || !equations.square.diagonal().allFinite()) equations.error = kInfinity;
+}
+
 }  // namespace
 
 Eigen::VectorXd initial_weights(const NetworkShape& shape, std::uint64_t seed) {
@@ -97,6 +102,10 @@ Eigen::VectorXd initial_weights(const NetworkShape& shape, std::uint64_t seed) {
 
 Eigen::VectorXd mean_squares(const NetworkShape& shape, const Eigen::VectorXd& weights,
                              const std::vector<NetworkRun>& runs, const Beginnings& beginnings) {
+  if (is_one_step(shape) && beginnings.cold == 0) {
+    const Eigen::VectorXd found = one_step_mean_squares(shape, weights, runs);
+    return found.allFinite() ? found : Eigen::VectorXd::Constant(found.size(), kInfinity);
+  }
   Network network(shape);
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(static_cast<Index>(shape.outputs.size()));
   double count = 0;
@@ -110,8 +119,13 @@ Eigen::VectorXd mean_squares(const NetworkShape& shape, const Eigen::VectorXd& w
 
 NormalEquations normal_equations(const NetworkShape& shape, const Eigen::VectorXd& weights,
                                  const std::vector<NetworkRun>& runs, const Beginnings& beginnings) {
-  Network network(shape, true);
   NormalEquations equations;
+  if (is_one_step(shape) && beginnings.cold == 0) {
+    equations = one_step_equations(shape, weights, runs);
+    check(equations);
+    return equations;
+  }
+  Network network(shape, true);
   equations.square.setZero(weights.size(), weights.size());
   equations.gradient.setZero(weights.size());
   std::vector<Gram> grams;
@@ -136,8 +150,8 @@ NormalEquations normal_equations(const NetworkShape& shape, const Eigen::VectorX
   equations.square /= count;
   equations.gradient /= count;
   equations.error /= count;
-  if (!stays || !equations.gradient.allFinite() || !equations.square.diagonal().allFinite())
-    equations.error = kInfinity;
+  if (!stays) equations.error = kInfinity;
+  check(equations);
   return equations;
 }
 
