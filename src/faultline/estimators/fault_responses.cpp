@@ -211,24 +211,30 @@ Eigen::MatrixXd FaultResponses::known_from(const Eigen::VectorXd& step) const {
 }
 
 // One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model. The
-// first two reaches, one to each side, tell whether they do, since what the linear model foresees changes no loss.
-bool FaultResponses::search_parameters(const Stretches& all) {
+// first two reaches, one to each side, tell whether they do, since what the linear model foresees changes no loss. To
+// second order both sides change it alike, so one that changes it by less than half of what counts spares the other.
+// `straight`: parameters that did not bend before the last move, which are left out; takes those of this time too.
+bool FaultResponses::search_parameters(const Stretches& all, std::vector<bool>& straight) {
   const double now = model_.loss(known_from(Eigen::VectorXd::Zero(point_.shift.size())), all);
   const double bent = settings_.bent_fraction * settings_.worthwhile_evidence;
   double least = now - settings_.worthwhile_evidence;
   Eigen::VectorXd best = Eigen::VectorXd::Zero(point_.shift.size());
+  straight.resize(model_.free_parameters(), false);
   for (std::size_t i = 0; i < model_.free_parameters(); ++i) {
-    bool bends = false;
-    for (std::size_t k = 0; k < settings_.reach_tolerances.size() && (k < 2 || bends); ++k) {
+    if (straight[i]) continue;
+    bool bends = false, hardly = false;
+    for (std::size_t k = 0; k < settings_.reach_tolerances.size() && (k < 2 ? !hardly : bends); ++k) {
       Eigen::VectorXd step = Eigen::VectorXd::Zero(point_.shift.size());
       step[static_cast<Eigen::Index>(i)] = settings_.reach_tolerances[k];
       const ModelPoint tried = model_.at(point_.shift + step);
       const double found = model_.loss(known_from(step), all, tried, {}, k < 2 ? now + bent : least);
       bends = bends || std::abs(found - now) > bent;
+      hardly = k == 0 && std::abs(found - now) < 0.5 * bent;
       if (found >= least) continue;
       least = found;
       best = step;
     }
+    straight[i] = !bends;
   }
   if (best.isZero()) return false;
   move(best);
@@ -497,11 +503,12 @@ void FaultResponses::find_healthy_or_fault() {
     return stretches;
   };
   const auto loss = [&] { return model_.loss(known_to_tolerance(point_.shift), all()); };
+  std::vector<bool> straight;
   for (std::size_t i = 0; i < settings_.parameter_moves && !event_ && (early || !past.empty()) && !screened.empty() &&
                           screened.front().evidence > doubtful;
        ++i) {
     const double before = loss();
-    if (!search_parameters(all())) break;
+    if (!search_parameters(all(), straight)) break;
     if (early) relinearise();
     for (auto& stretch : past) model_.follow(*stretch, point_);
     weigh_all();

@@ -88,7 +88,7 @@ class FaultResponses {
   void weigh_all();
   void learn_parameters();  // around what they seem to be, the model is made linear anew
   bool relinearise();       // whether anything moved
-  bool search_parameters(const Stretches& all);
+  bool search_parameters(const Stretches& all, std::vector<bool>& straight);
   void keep_healthy(const Recording& recording);
   Eigen::MatrixXd known_from(const Eigen::VectorXd& step) const;
   void move(const Eigen::VectorXd& step);

@@ -48,7 +48,7 @@ std::unique_ptr<Integrator> make_in_place(OdeSystem& system, std::index_sequence
 }  // namespace
 
 std::unique_ptr<Integrator> make_integrator(OdeSystem& system) {
-  if (system.stiff()) return std::make_unique<Rosenbrock>(system);
+  if (system.stiff()) return make_rosenbrock(system);
   if (system.states() >= 1 && system.states() <= kMostInPlace)
     return make_in_place(system, std::make_index_sequence<kMostInPlace>());
   const std::vector<double> zero(static_cast<std::size_t>(system.states()));

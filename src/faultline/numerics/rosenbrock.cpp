@@ -1,7 +1,12 @@
 #include "faultline/numerics/rosenbrock.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
+
+#include "faultline/numerics/small_lu.h"
+#include "faultline/numerics/sparse_lu.h"
 
 namespace faultline {
 namespace {
@@ -11,40 +16,95 @@ constexpr double kGrowth = 1.6;      // from step to step
 constexpr double kLastStep = 1e5;    // s
 constexpr double kAtRest = 1e-6;     // of a state's largest value: its last step, which is a Newton step
 
-}  // namespace
+// As SparseLu, for a matrix of kSize states of which every entry may be there.
+template <std::size_t kSize>
+class SmallLu {
+ public:
+  explicit SmallLu(OdeSystem& system) {
+    for (const auto& [row, column] : system.jacobian_entries())
+      places_.push_back(static_cast<std::size_t>(column) * kSize + static_cast<std::size_t>(row));
+  }
+  void factor(double diagonal, const double* values) {
+    matrix_.fill(0);
+    for (std::size_t i = 0; i < kSize; ++i) matrix_[i * kSize + i] = diagonal;
+    for (std::size_t i = 0; i < places_.size(); ++i) matrix_[places_[i]] -= values[i];
+    factor_in_place<kSize>(matrix_.data(), order_.data());
+  }
+  void solve(double* right_side) const { solve_in_place<kSize>(matrix_.data(), order_.data(), right_side); }
 
-Rosenbrock::Rosenbrock(OdeSystem& system)
-    : system_(system),
-      states_(static_cast<std::size_t>(system.states())),
-      lu_(system.states(), system.jacobian_entries()),
-      state_(states_),
-      stage_(states_),
-      rate_(states_),
-      time_rate_(states_),
-      jacobian_(system.jacobian_entries().size()) {
-  for (auto& u : u_) u.resize(states_);
+ private:
+  std::array<double, kSize * kSize> matrix_{};
+  std::array<int, kSize> order_{};
+  std::vector<std::size_t> places_;  // of the entries
+};
+
+class AnyLu : public SparseLu {
+ public:
+  explicit AnyLu(OdeSystem& system) : SparseLu(system.states(), system.jacobian_entries()) {}
+};
+
+// State: a vector, or an array of as many doubles as there are states.
+template <class State, class Lu>
+class Rosenbrock : public Integrator {
+ public:
+  Rosenbrock(OdeSystem& system, const State& zero)
+      : system_(system),
+        lu_(system),
+        state_(zero),
+        stage_(zero),
+        rate_(zero),
+        time_rate_(zero),
+        u_{zero, zero, zero, zero},
+        jacobian_(system.jacobian_entries().size()) {}
+
+  void step(double time, double dt, const double* inputs) override {
+    auto& [u1, u2, u3, u4] = u_;
+    const std::size_t states = state_.size();
+    const double per_step = 1 / dt;
+    system_.jacobian(time, state_.data(), inputs, rate_.data(), time_rate_.data(), jacobian_.data());
+    lu_.factor(2 / dt, jacobian_.data());
+    for (std::size_t s = 0; s < states; ++s) u1[s] = rate_[s] + 0.5 * dt * time_rate_[s];
+    lu_.solve(u1.data());
+    for (std::size_t s = 0; s < states; ++s) {
+      u2[s] = rate_[s] + 4 * per_step * u1[s] + 1.5 * dt * time_rate_[s];
+      stage_[s] = state_[s] + 2 * u1[s];
+    }
+    lu_.solve(u2.data());
+    system_.derivative(time + dt, stage_.data(), inputs, rate_.data());
+    for (std::size_t s = 0; s < states; ++s) u3[s] = rate_[s] + (u1[s] - u2[s]) * per_step;
+    lu_.solve(u3.data());
+    for (std::size_t s = 0; s < states; ++s) stage_[s] += u3[s];
+    system_.derivative(time + dt, stage_.data(), inputs, rate_.data());
+    for (std::size_t s = 0; s < states; ++s) u4[s] = rate_[s] + (u1[s] - u2[s] - 8.0 / 3 * u3[s]) * per_step;
+    lu_.solve(u4.data());
+    for (std::size_t s = 0; s < states; ++s) state_[s] = stage_[s] + u4[s];
+    system_.after_step(time + dt, state_.data(), inputs);
+  }
+  double* state() override { return state_.data(); }
+
+ private:
+  OdeSystem& system_;
+  Lu lu_;
+  State state_, stage_, rate_, time_rate_;
+  std::array<State, 4> u_;
+  std::vector<double> jacobian_;
+};
+
+template <int kMost = kFewStates>
+std::unique_ptr<Integrator> make_small(OdeSystem& system) {
+  using State = std::array<double, kMost>;
+  if (system.states() == kMost)
+    return std::make_unique<Rosenbrock<State, SmallLu<static_cast<std::size_t>(kMost)>>>(system, State{});
+  if constexpr (kMost > 1) return make_small<kMost - 1>(system);
+  return nullptr;
 }
 
-void Rosenbrock::step(double time, double dt, const double* inputs) {
-  auto& [u1, u2, u3, u4] = u_;
-  system_.jacobian(time, state_.data(), inputs, rate_.data(), time_rate_.data(), jacobian_.data());
-  lu_.factor(2 / dt, jacobian_.data());
-  for (std::size_t s = 0; s < states_; ++s) u1[s] = rate_[s] + 0.5 * dt * time_rate_[s];
-  lu_.solve(u1.data());
-  for (std::size_t s = 0; s < states_; ++s) {
-    u2[s] = rate_[s] + 4 / dt * u1[s] + 1.5 * dt * time_rate_[s];
-    stage_[s] = state_[s] + 2 * u1[s];
-  }
-  lu_.solve(u2.data());
-  system_.derivative(time + dt, stage_.data(), inputs, rate_.data());
-  for (std::size_t s = 0; s < states_; ++s) u3[s] = rate_[s] + (u1[s] - u2[s]) / dt;
-  lu_.solve(u3.data());
-  for (std::size_t s = 0; s < states_; ++s) stage_[s] += u3[s];
-  system_.derivative(time + dt, stage_.data(), inputs, rate_.data());
-  for (std::size_t s = 0; s < states_; ++s) u4[s] = rate_[s] + (u1[s] - u2[s] - 8.0 / 3 * u3[s]) / dt;
-  lu_.solve(u4.data());
-  for (std::size_t s = 0; s < states_; ++s) state_[s] = stage_[s] + u4[s];
-  system_.after_step(time + dt, state_.data(), inputs);
+}  // namespace
+
+std::unique_ptr<Integrator> make_rosenbrock(OdeSystem& system) {
+  if (system.states() >= 1 && system.states() <= kFewStates) return make_small(system);
+  const std::vector<double> zero(static_cast<std::size_t>(system.states()));
+  return std::make_unique<Rosenbrock<std::vector<double>, AnyLu>>(system, zero);
 }
 
 std::vector<int> settle(OdeSystem& system, const double* inputs, double* state) {

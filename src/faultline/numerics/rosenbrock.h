@@ -9,27 +9,15 @@
 // Environment 31, 1997). Nothing is allocated after construction.
 #pragma once
 
-#include <array>
+#include <memory>
 #include <vector>
 
 #include "faultline/numerics/integrator.h"
-#include "faultline/numerics/sparse_lu.h"
 
 namespace faultline {
 
-class Rosenbrock : public Integrator {
- public:
-  explicit Rosenbrock(OdeSystem& system);
-  void step(double time, double dt, const double* inputs) override;
-  double* state() override { return state_.data(); }
-
- private:
-  OdeSystem& system_;
-  std::size_t states_;
-  SparseLu lu_;
-  std::vector<double> state_, stage_, rate_, time_rate_, jacobian_;
-  std::array<std::vector<double>, 4> u_;
-};
+// The system must outlive it. Up to kFewStates states the matrix counts as full.
+std::unique_ptr<Integrator> make_rosenbrock(OdeSystem& system);
 
 // Brings `state` to rest for held inputs at time 0: implicit Euler steps that grow until they are Newton steps.
 // Returns the states that did not come to rest, none if all did: those whose last step was not below 1e-6 of the

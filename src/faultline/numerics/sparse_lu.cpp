@@ -1,8 +1,6 @@
 #include "faultline/numerics/sparse_lu.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <limits>
 #include <map>
 #include <new>
@@ -12,52 +10,16 @@
 
 #include <klu.h>
 
+#include "faultline/numerics/small_lu.h"
+
 namespace faultline {
-
 namespace {
-
-constexpr int kFewStates = 8;
 
 // Loops whose length the compiler knows: calls work(n) with n a constant.
 template <int kMost, class Work>
 void with_size(int size, Work&& work) {
   if (size == kMost) return work(std::integral_constant<std::size_t, kMost>());
   if constexpr (kMost > 1) with_size<kMost - 1>(size, work);
-}
-
-// L (unit diagonal) and U in place of A, column by column, of rows in `order`; the diagonal holds 1/U.
-template <std::size_t kSize>
-void factor_in_place(std::vector<double>& matrix, std::vector<int>& order) {
-  double* const a = matrix.data();
-  for (std::size_t i = 0; i < kSize; ++i) order[i] = static_cast<int>(i);
-  for (std::size_t k = 0; k < kSize; ++k) {
-    std::size_t pivot = k;
-    for (std::size_t i = k + 1; i < kSize; ++i)
-      if (std::abs(a[k * kSize + i]) > std::abs(a[k * kSize + pivot])) pivot = i;
-    if (pivot != k) {
-      std::swap(order[k], order[pivot]);
-      for (std::size_t j = 0; j < kSize; ++j) std::swap(a[j * kSize + k], a[j * kSize + pivot]);
-    }
-    const double over = a[k * kSize + k] != 0 ? 1 / a[k * kSize + k] : std::numeric_limits<double>::quiet_NaN();
-    for (std::size_t i = k + 1; i < kSize; ++i) a[k * kSize + i] *= over;
-    for (std::size_t j = k + 1; j < kSize; ++j)
-      for (std::size_t i = k + 1; i < kSize; ++i) a[j * kSize + i] -= a[k * kSize + i] * a[j * kSize + k];
-    a[k * kSize + k] = over;
-  }
-}
-
-template <std::size_t kSize>
-void solve_in_place(const std::vector<double>& factors, const std::vector<int>& order, double* right_side) {
-  const double* const a = factors.data();
-  std::array<double, kSize> x;
-  for (std::size_t i = 0; i < kSize; ++i) x[i] = right_side[order[i]];
-  for (std::size_t k = 0; k < kSize; ++k)
-    for (std::size_t i = k + 1; i < kSize; ++i) x[i] -= a[k * kSize + i] * x[k];
-  for (std::size_t k = kSize; k-- > 0;) {
-    x[k] *= a[k * kSize + k];
-    for (std::size_t i = 0; i < k; ++i) x[i] -= a[k * kSize + i] * x[k];
-  }
-  std::copy(x.begin(), x.end(), right_side);
 }
 
 }  // namespace
@@ -121,11 +83,11 @@ void SparseLu::factor(double diagonal, const double* values) {
 }
 
 void SparseLu::factor_full() {
-  with_size<kFewStates>(size_, [&](auto n) { factor_in_place<n()>(values_, order_); });
+  with_size<kFewStates>(size_, [&](auto n) { factor_in_place<n()>(values_.data(), order_.data()); });
 }
 
 void SparseLu::solve_full(double* right_side) const {
-  with_size<kFewStates>(size_, [&](auto n) { solve_in_place<n()>(values_, order_, right_side); });
+  with_size<kFewStates>(size_, [&](auto n) { solve_in_place<n()>(values_.data(), order_.data(), right_side); });
 }
 
 void SparseLu::solve(double* right_side) {

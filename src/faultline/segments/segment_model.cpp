@@ -191,13 +191,30 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
   const double largest = options_.largest_residual_sigma;
   Eigen::MatrixXf result = Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(run.recording.rows()),
                                                  static_cast<Eigen::Index>(outputs_.size()));
-  const auto residual = [&](std::size_t row, std::size_t output, const double* channels) {
-    const auto c = static_cast<std::size_t>(outputs_[output]);
+  struct Compared {
+    std::size_t channel;
+    double minimum, maximum, per_sigma;
+    const double* unsmoothed;  // null: what the recording holds
+    float* result;
+  };
+  std::vector<Compared> compared;
+  for (std::size_t i = 0; i < outputs_.size(); ++i) {
+    const auto c = static_cast<std::size_t>(outputs_[i]);
     const Channel& channel = sheet_->channels[c];
-    const double r = (std::clamp(run.reading(row, c), channel.minimum, channel.maximum) -
-                      std::clamp(channels[c], channel.minimum, channel.maximum)) /
-                     sigma[output];
-    return static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
+    compared.push_back({c, channel.minimum, channel.maximum, 1 / sigma[i],
+                        run.unsmoothed[c].empty() ? nullptr : run.unsmoothed[c].data(),
+                        result.data() + static_cast<Eigen::Index>(i) * result.rows()});
+  }
+  const auto compare = [&](std::size_t row, const double* channels) {
+    const double* const measured = run.recording.row(row);
+    for (const Compared& one : compared) {
+      if (!std::isfinite(measured[one.channel])) continue;  // as counts() says
+      const double reading = one.unsmoothed ? one.unsmoothed[row] : measured[one.channel];
+      const double r = (std::clamp(reading, one.minimum, one.maximum) -
+                        std::clamp(channels[one.channel], one.minimum, one.maximum)) *
+                       one.per_sigma;
+      one.result[row] = static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
+    }
   };
   // A state that no start puts back goes on as well, and is what the effects before have made of it.
   const bool goes_on = std::any_of(starts.begin(), starts.end(), [](double value) { return std::isnan(value); });
@@ -210,9 +227,7 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
     driven.run(run.recording, own.front(), last - own.front(), own, first, [&](std::size_t k, const double* channels) {
       const bool shows_the_last = (next != own.end() && *next == k) || (lead > 0 && k == own.front());
       next += next != own.end() && *next == k;
-      for (std::size_t i = 0; i < outputs_.size(); ++i)
-        if (counts(run, k, i) && !(shows_the_last && restarted == Restarted::left_out))
-          result(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) = residual(k, i, channels);
+      if (!(shows_the_last && restarted == Restarted::left_out)) compare(k, channels);
       ended = enough && enough(k, result);
       return !ended;
     });

@@ -83,7 +83,11 @@ double ControlValve::twist(const double* state, double torque) const {
 }
 
 ControlValve::MassFlows ControlValve::mass_flows(double time, const double* state, const double* channels) const {
-  const double root = std::sqrt(2 / (gas_constant_ * channels[temperature_]));
+  if (channels[temperature_] != root_at_) {
+    root_at_ = channels[temperature_];
+    root_ = std::sqrt(2 / (gas_constant_ * root_at_));
+  }
+  const double root = root_;
   const double prestage = state[kPrestage] + ambient_, cylinder = state[kCylinder] + ambient_;
   MassFlows flows;
   flows.supply = spool_valve_.supply(time, state[kSpool], cylinder, channels[supply_], root);

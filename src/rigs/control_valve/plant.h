@@ -62,6 +62,8 @@ class ControlValve : public Rig {
   int out_flapper_, out_prestage_, out_spool_, out_cylinder_, out_torque_, out_position_, out_flow_;
   int out_prestage_flow_, out_cylinder_flow_;  // -1 where they are not recorded
 
+  mutable double root_at_ = 0, root_ = 0;  // sqrt(2/(R T_a)) at the last temperature
+
   int contact_ = 0;  // flank of the play: 1 pushes the valve open, -1 closed, 0 is none
   MassFlows last_;   // for what is recorded of them
 };

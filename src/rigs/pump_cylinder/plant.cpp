@@ -6,7 +6,7 @@
 namespace faultline {
 namespace {
 
-enum { kPosition, kVelocity, kPressureA, kPressureB };
+enum { kPosition, kVelocity, kPressureA, kPressureB, kNominalStates };
 
 constexpr double kRodMass = 0.7;             // kg, of the moving mass; Table 1
 constexpr double kFrictionShare = 0.5;       // of rod and of plate, where they part
@@ -33,6 +33,24 @@ double beyond(double x, double play) { return x > play ? x - play : x < -play ? 
 double contact_beyond(double x, double play, double speed) {
   const double apart = beyond(x, play);
   return apart == 0 ? 0.0 : contact(apart, speed);
+}
+
+// d(rate of one flow path)/d(pressure) by the pressure on side a or b, of a path from one to the other.
+struct PathSlope {
+  double by_a = 0, by_b = 0;
+};
+
+PathSlope slope_between(const EffectChain& chain, double a, double b, double speed) {
+  if (chain.empty()) return {};
+  const double step = kDifference * kSizes[kPressureA], now = chain.flow({a - b, a, speed});
+  return {(chain.flow({a + step - b, a + step, speed}) - now) / step,
+          (chain.flow({a - b - step, a, speed}) - now) / step};
+}
+
+double slope_to_tank(const EffectChain& chain, double pressure, double speed) {
+  if (chain.empty()) return 0;
+  const double step = kDifference * kSizes[kPressureA];
+  return (chain.flow({pressure + step, pressure + step, speed}) - chain.flow({pressure, pressure, speed})) / step;
 }
 
 }  // namespace
@@ -212,13 +230,58 @@ void PumpCylinder::after_step(double, double* state, const double*) {
     if (pressure > 0) state[pressure] = std::max(state[pressure], kLowestPressure);
 }
 
+double PumpCylinder::modulus_slope(const EffectChain& port, double pressure, double modulus) const {
+  if (port.empty()) return p_.oil.slope(pressure, modulus);
+  const double step = kDifference * kSizes[kPressureA];
+  return (port.bulk_modulus(p_.oil.value(pressure + step), pressure + step + kAtmosphere) - modulus) / step;
+}
+
 void PumpCylinder::jacobian(double time, const double* state, const double* channels, double* rate, double* time_rate,
                             double* entries) {
   derivative(time, state, channels, rate);
+  std::fill_n(time_rate, count_, 0.0);
+  if (count_ > kNominalStates || has_force_ || std::abs(state[kPosition]) > kStroke)
+    return by_differences(time, state, channels, rate, entries);
+  const double a = state[kPressureA], b = state[kPressureB], velocity = state[kVelocity];
+  const double factor = oil_port_.viscosity().factor, thin = 1 / factor;
+  const PathSlope across = slope_between(leak_2ab_, a, b, channels[speed2_]), seal = slope_between(seal_, a, b, 0);
+  // Of what flows into A and out of B, by the pressures.
+  const double a_by_a = -thin * 2 * (p_.internal + p_.external_a) - across.by_a - seal.by_a -
+                        slope_to_tank(leak_2a_, a, channels[speed2_]) - slope_to_tank(leak_1a_, a, channels[speed1_]);
+  const double a_by_b = thin * p_.internal - across.by_b - seal.by_b;
+  const double b_by_a = -thin * p_.internal - across.by_a - seal.by_a;
+  const double b_by_b =
+      thin * (p_.internal + p_.external_b) - across.by_b - seal.by_b + slope_to_tank(leak_2b_, b, channels[speed2_]);
+  const double modulus_a = this->modulus_a(a, oil_a_), modulus_b = this->modulus_b(b, oil_b_);
+  const double volume_a = p_.volume_a + p_.cap_area * state[kPosition];
+  const double volume_b = p_.volume_b - p_.rod_area * state[kPosition];
+  const double stiff_a = modulus_a / volume_a, stiff_b = modulus_b / volume_b;
+  const double direction = direction_.at(velocity, [this](double v) { return std::tanh(v / width_); });
+  const double friction = factor * p_.viscous + p_.coulomb * (1 - direction * direction) / width_;
+  const auto by = [entries](int column, int row) -> double& { return entries[column * kNominalStates + row]; };
+  std::fill_n(entries, kNominalStates * kNominalStates, 0.0);
+  by(kVelocity, kPosition) = 1;
+  by(kVelocity, kVelocity) = -friction / p_.mass;
+  by(kPressureA, kVelocity) = p_.cap_area / p_.mass;
+  by(kPressureB, kVelocity) = -p_.rod_area / p_.mass;
+  by(kPosition, kPressureA) = -rate[kPressureA] * p_.cap_area / volume_a;
+  by(kVelocity, kPressureA) = -stiff_a * p_.cap_area;
+  by(kPressureA, kPressureA) =
+      modulus_slope(compliance_a_, a, modulus_a) * rate[kPressureA] / modulus_a + stiff_a * a_by_a;
+  by(kPressureB, kPressureA) = stiff_a * a_by_b;
+  by(kPosition, kPressureB) = rate[kPressureB] * p_.rod_area / volume_b;
+  by(kVelocity, kPressureB) = stiff_b * p_.rod_area;
+  by(kPressureA, kPressureB) = -stiff_b * b_by_a;
+  by(kPressureB, kPressureB) =
+      modulus_slope(compliance_b_, b, modulus_b) * rate[kPressureB] / modulus_b - stiff_b * b_by_b;
+}
+
+void PumpCylinder::by_differences(double time, const double* state, const double* channels, const double* rate,
+                                  double* entries) {
   std::copy_n(state, count_, probe_.begin());
   for (int column = 0; column < count_; ++column) {
     const auto place = static_cast<std::size_t>(column);
-    double size = column < 4 ? kSizes[column] : 1.0;
+    double size = column < kNominalStates ? kSizes[column] : 1.0;
     if (side_a_ > 0 && column == side_a_) size = kSizes[kPressureA];
     if (side_b_ > 0 && column == side_b_) size = kSizes[kPressureB];
     if ((side_a_ > 0 && column == side_a_ + 1) || (side_b_ > 0 && column == side_b_ + 1)) size = kFlowSize;
@@ -229,7 +292,6 @@ void PumpCylinder::jacobian(double time, const double* state, const double* chan
     probe_[place] = state[column];
     for (int row = 0; row < count_; ++row) *entries++ = (moved_[static_cast<std::size_t>(row)] - rate[row]) / step;
   }
-  std::fill_n(time_rate, count_, 0.0);
 }
 
 void PumpCylinder::outputs(double, const double* state, double* channels) const {

@@ -14,7 +14,7 @@
 // with the pumps and their leaks, and I q' = P_pump - P - 50 I q; with backlash the rod (0.7 kg) and the plate part:
 // states position and velocity are the plate's, as the transducer shows them, and each bears half of the friction. SI
 // units throughout; states as in the datasheet, then [P, q of line a], [of line b], [x, v of the rod], [angle of pump
-// 2], where they exist. Stiff through friction near standstill; the Jacobian is taken by differences. Outside of what a
+// 2], where they exist. Stiff through friction near standstill. Outside of what a
 // run of the datasheet reaches, covers stop the piston at +-50 mm (V_B would reach 0 at 77 mm) and no pressure falls
 // below -90 kPa; oil that comes out of solution on the way is not modelled.
 #pragma once
@@ -79,6 +79,10 @@ class PumpCylinder : public Rig {
   double resistance(double position, double velocity, double load, double share, bool loaded) const;
   double modulus_a(double pressure, Kept& oil) const;
   double modulus_b(double pressure, Kept& oil) const;
+  // d(modulus)/d(pressure) with what the port makes of the oil; `modulus`: there.
+  double modulus_slope(const EffectChain& port, double pressure, double modulus) const;
+  // The Jacobian where effects add states or forces.
+  void by_differences(double time, const double* state, const double* channels, const double* rate, double* entries);
 
   CylinderParameters p_;
   double width_;
