@@ -49,6 +49,24 @@ class LaunchFiles(unittest.TestCase):
         )
         self.assertEqual(ran.returncode, 0, ran.stderr)
 
+    def test_arguments_that_no_launch_file_has_are_refused(self):
+        for file, *arguments in (
+            ("servo_actuator.launch",),
+            ("replay.launch", f"rig:={RIG}", "bag:=x.bag", "rate:=2"),
+            ("view.launch", f"rig:={RIG}", "frame_rate:=5"),
+            ("view.launch", f"rig:={RIG}", "bag:=x.bag"),
+            ("record.launch", f"rig:={RIG}", "bag:=x.bag"),
+            ("diagnostics.launch",),
+        ):
+            for misspelt in ("", "ratte:=3"):
+                with self.subTest(file=file, misspelt=misspelt):
+                    words = [*arguments, misspelt] if misspelt else arguments
+                    code, said = self.graph.wait(
+                        self.graph.start(["roslaunch", "--nodes", "faultline", file, *words]), 30
+                    )
+                    self.assertEqual("no such argument: ratte" in said, bool(misspelt), said)
+                    self.assertEqual(f"/{RIG}/" in said or "aggregator" in said, not misspelt, said)
+
     def test_a_live_leak_is_found(self):
         heard, listener = self.listen("alarms")
         code, said = self.graph.wait(
