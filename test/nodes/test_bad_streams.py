@@ -105,6 +105,20 @@ class BadStreams(unittest.TestCase):
         told = {alarm["text"] for entry in lines if entry["topic"] == "alarms" for alarm in entry["alarms"]}
         self.assertFalse([text for text in told if "no sample" in text], told)
 
+    def test_the_end_of_a_source_is_told_though_its_last_samples_are_never_judged(self):
+        for kind in ("short", "zero"):
+            with self.subTest(kind):
+                self.source.say("good")
+                self.wait_until_well()
+                self.wait_for(lambda status: "Not judged" not in status[1] and "no sample" not in status[1], "verdict")
+                self.source.say(kind)
+                self.wait_for_words("Not judged yet", "verdict")
+                self.source.say("silent")
+                self.wait_for_words("no sample for more than 0.1 s", "verdict")
+        self.source.say("good")
+        self.wait_until_well()
+        self.wait_for(lambda status: "no sample" not in status[1], "verdict")
+
     def test_a_description_of_another_rate(self):
         self.source.say("good")
         self.source.say("described_at_half_the_rate")

@@ -11,6 +11,7 @@ from graph import ROOT, Graph
 
 RIG = "control_valve"
 LISTEN = str(pathlib.Path(__file__).resolve().parent / "listen.py")
+VARIABLES = 11
 QUICKER = {"minimum": 2, "memory": 100, "learn": 20}  # s, than the datasheet's hours
 
 
@@ -46,7 +47,15 @@ class HistogramNode(unittest.TestCase):
         )
         code, said = graph.wait(simulator, 90)
         self.assertEqual(code, 0, said)
-        time.sleep(2.5)
+        # They are told once a second: until the same is told twice, all samples are in.
+        limit = time.monotonic() + 40
+        while True:
+            lines = heard.read_text().splitlines() if heard.exists() else []
+            times = [json.loads(line)["time"] for line in lines if line.endswith("}")]
+            if len(times) >= 2 * VARIABLES and len(set(times[-2 * VARIABLES :])) == 1:
+                break
+            self.assertLess(time.monotonic(), limit, times[-2 * VARIABLES :])
+            time.sleep(0.2)
         for process in (node, listener):
             graph.end(process)
         self.assertEqual(node.returncode, 0, graph.said(node))
@@ -58,7 +67,7 @@ class HistogramNode(unittest.TestCase):
             kept = graph.path / "valve.histograms"
             heard = self.run_rig(graph, config, kept, seed=1, duration=60.0)
             last = {entry["variable"]: entry for entry in heard}
-            self.assertEqual(len(last), 11)
+            self.assertEqual(len(last), VARIABLES)
             spool = last["spool_position"]
             self.assertEqual((spool["axes"], spool["axis_bins"], spool["sections"]), (["valve_setpoint"], [32], 32))
             self.assertEqual(len(spool["counts"]), 32 * 32)
