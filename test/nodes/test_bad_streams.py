@@ -83,6 +83,9 @@ class BadStreams(unittest.TestCase):
             ("rate", "samples come every 0.01 s, the rig's datasheet says 0.001 s"),
             ("jitter", "stamps jitter"),
             ("uncounted", "do not count (all are 7)"),
+            ("down", "numbers count down"),
+            ("by_tens", "numbers count in steps of 10"),
+            ("at_random", "numbers jump about"),
             ("short", "a sample has 11 values, its description names 12 channels"),
         ):
             with self.subTest(kind):
