@@ -3,7 +3,9 @@
 
 Standard input: one line of JSON {"node": NAME, "time": "auto" | "header" | "receipt", "fields": ["/topic/field"...]};
 the script ends when standard input does. Standard output: records, see message_fields.py; a note says what is waited
-for, an empty one that nothing is. Types come from the publishers themselves, so their packages need not be installed.
+for or left out, an empty one that nothing is. The first publisher that gives a field is the one that counts, as long
+as it is connected; joints, for example, may come from several on one topic. Types come from the publishers themselves,
+so their packages need not be installed.
 Callbacks only put bytes into a queue that a thread writes out.
 """
 
@@ -29,6 +31,8 @@ class TopicReader:
     def __init__(self, topic, wanted_clock):
         self.topic, self.clock = topic, Clock(topic, wanted_clock)
         self.fields, self.types, self.absent = [], {}, {}
+        self.subscriber = None
+        self.sources, self.others = {}, {}  # of each field: the publisher that counts, one that does not
         self.delivered = False
         self.lock = threading.Lock()  # rospy calls back from a thread for each publisher
 
@@ -40,6 +44,27 @@ class TopicReader:
             made = genpy.dynamic.generate_dynamic(header["type"], header["message_definition"])
             self.types[key] = made[header["type"]]
         return self.types[key]
+
+    def connected(self):
+        connections = self.subscriber.impl.connections if self.subscriber else ()
+        return {connection.callerid_pub for connection in connections or ()}
+
+    def counts(self, number, publisher):
+        source = self.sources.setdefault(number, publisher)
+        if source != publisher and source in self.connected():
+            self.others[number] = publisher
+            return False
+        self.sources[number] = publisher
+        return True
+
+    def left_out(self):
+        """What to say of those that send a field too, while they are there; empty: there are none."""
+        connected = self.connected()
+        for number, field in self.fields:
+            other, source = self.others.get(number), self.sources.get(number)
+            if other in connected and other != source:
+                return f"{other} publishes {field.path} too and is left out, {source} counts; end one of the two"
+        return ""
 
     def take(self, raw):
         import rospy
@@ -54,8 +79,10 @@ class TopicReader:
                 block = bytearray()
                 for number, field in self.fields:
                     try:
-                        block += RECORD.pack(number, stamp, field.read(message))
+                        value = field.read(message)
                         self.absent.pop(number, None)
+                        if self.counts(number, raw._connection_header["callerid"]):
+                            block += RECORD.pack(number, stamp, value)
                     except Absent as problem:
                         self.absent[number] = str(problem)
                 waiting.put(bytes(block))
@@ -83,12 +110,13 @@ def watch(request):
             readers.setdefault(topic, TopicReader(topic, request["time"])).fields.append((number, Field(path, topic)))
             del left[number]
         for reader in readers.values():
-            if not hasattr(reader, "subscriber"):
+            if reader.subscriber is None:
                 reader.subscriber = rospy.Subscriber(
                     reader.topic, rospy.AnyMsg, reader.take, queue_size=None, buff_size=BUFFER, tcp_nodelay=True
                 )
         absent = [text for reader in readers.values() for text in list(reader.absent.values())]
-        note = absent[0] if absent else ""
+        left_out = [text for text in (reader.left_out() for reader in readers.values()) if text]
+        note = "; ".join(absent[:1] + left_out[:1])
         if left:
             note = f"nobody publishes {listed(left.values())}"
             close = [unknown_topic(path, topics, "the graph") for path in left.values()]

@@ -2,6 +2,7 @@
 """Faults drawn at random over all rigs, and what `faultline diagnose` makes of them.
 
     scripts/studies/random_faults.py [--rigs RIG ...] [--faults 20] [--first 1001] [--work FOLDER] [--print] [--list]
+        [--oracle]
 
 A seed fixes rig parameters (off nominal, with the small effects of every recording), the profile, the effect (any that
 the datasheet lists at any of its ports), its size (over the datasheet's whole range, evenly in the logarithm where that
@@ -10,7 +11,13 @@ for reporting. What is done stays in FOLDER: stopped, it goes on where it was.
 
 right: the alarm to read first has the effect and its port. alike: it says that it cannot tell another from that. place:
 another effect at that port. wrong: another port. unnamed: it names none. missed: no alarm. before: there was an alarm
-before the fault, whatever came then."""
+before the fault, whatever came then.
+
+--oracle tells which of the faults cannot be seen in their run, whatever one knows: the run is simulated again without
+the fault, with the same noise and set points, and what is different is taken over each channel's noise (of a command,
+that is recorded as it is: over a thousandth of its range). A difference whose root of the sum of squares over all
+channels and samples is below SEEN could not be told from noise by one who knew rig, parameters and fault exactly. With
+it, `missed` is split: `hidden` are those that cannot be seen."""
 
 import argparse
 import collections
@@ -20,11 +27,13 @@ import pathlib
 import random
 import tempfile
 
-from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, faultline, named_alarms, on_all_cores, record
+import numpy as np
+from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, faultline, named_alarms, on_all_cores, record, simulate
 
 GRADES = ("right", "alike", "place", "wrong", "unnamed", "missed", "before")
 RUN = 90  # s, at most; a table in time has its own length
 WIDE = 5  # of a range's ends
+SEEN = 5  # sigma
 
 
 def drawn_size(parameter, generator):
@@ -77,6 +86,28 @@ def run(rig, ports, profiles, seed):
     return {**entry, "grade": grade(name, onset, entry)}
 
 
+def oracle(rig, ports, profiles, seed):
+    """The fault's difference in sigma, and the channel that shows the most of it."""
+    profile, seconds, _, _, effect, _ = draw(ports, profiles, seed)
+    with tempfile.TemporaryDirectory() as folder:
+        more = ["--profile", profile, "--duration", seconds, "--off-nominal", "--nuisance", "--seed", seed]
+        well = simulate(rig, folder, *more, name="well")
+        ill = simulate(rig, folder, *more, "--effect", effect, name="ill")
+    shown = {}
+    for channel in datasheet(rig)["channels"]:
+        if channel["role"] not in ("output", "input", "command"):
+            continue
+        low, high = map(float, channel["range"])
+        scale = math.hypot(float(channel["noise_std"]), float(channel["resolution"]) / math.sqrt(12))
+        if channel["role"] == "command" or scale == 0:
+            scale = max(scale, 1e-3 * (high - low))
+        rows = min(len(well[channel["name"]]), len(ill[channel["name"]]))
+        step = (ill[channel["name"]][:rows] - well[channel["name"]][:rows]) / scale
+        shown[channel["name"]] = float(np.sqrt(np.nansum(step**2)))
+    most = max(shown, key=shown.get)
+    return {"effect": effect, "sigma": math.sqrt(sum(s * s for s in shown.values())), "channel": most}
+
+
 def grade(name, onset, entry):
     alarms = entry["alarms"]
     if any(a["raised"] < onset for a in alarms):
@@ -104,8 +135,10 @@ def main():
     parser.add_argument("--work", default=str(ROOT / "catkin_ws/reliability/random_faults"))
     parser.add_argument("--print", action="store_true", help="run nothing")
     parser.add_argument("--list", action="store_true", help="every fault, too")
+    parser.add_argument("--oracle", action="store_true", help="which faults cannot be seen at all")
     options = parser.parse_args()
-    print("| rig | faults | " + " | ".join(GRADES) + " |\n|" + "---|" * (len(GRADES) + 2))
+    grades_told = (*GRADES, "hidden") if options.oracle else GRADES
+    print("| rig | faults | " + " | ".join(grades_told) + " |\n|" + "---|" * (len(grades_told) + 2))
     listed, total = [], collections.Counter()
     for rig in options.rigs:
         described = json.loads(faultline("rigs", rig, "--json", "-"))["rigs"][0]
@@ -119,12 +152,18 @@ def main():
         def once(seed):
             return results.once(str(seed), lambda: run(rig, described["ports"], profiles, seed))
 
+        known = Results(pathlib.Path(options.work) / f"{rig}_oracle.jsonl") if options.oracle else None
         for seed, entry in zip(seeds, on_all_cores(once, [(seed,) for seed in seeds])):
+            if known and entry["grade"] == "missed":
+                seen = known.once(str(seed), lambda: oracle(rig, described["ports"], profiles, seed))
+                entry = {**entry, "grade": "missed" if seen["sigma"] >= SEEN else "hidden"}
+                entry["sentence"] += f" ({seen['sigma']:.3g} sigma, most in {seen['channel']})"
             grades[entry["grade"]] += 1
             listed.append((rig, seed, entry))
         total += grades
-        print(f"| `{rig}` | {sum(grades.values())} | " + " | ".join(str(grades[g]) for g in GRADES) + " |", flush=True)
-    print(f"| all | {sum(total.values())} | " + " | ".join(str(total[g]) for g in GRADES) + " |")
+        told = " | ".join(str(grades[g]) for g in grades_told)
+        print(f"| `{rig}` | {sum(grades.values())} | {told} |", flush=True)
+    print(f"| all | {sum(total.values())} | " + " | ".join(str(total[g]) for g in grades_told) + " |")
     if options.list:
         for rig, seed, entry in listed:
             print(f"- {rig} {seed} {entry['profile']}: {entry['effect']}: {entry['grade']}: {entry['sentence']}")

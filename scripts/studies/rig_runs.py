@@ -129,8 +129,9 @@ class Results:
 
 
 def on_all_cores(function, tasks):
-    """What function(*task) gives, in the order of the tasks; Ctrl-C leaves those that run their end."""
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+    """What function(*task) gives, in the order of the tasks; FAULTLINE_JOBS at once, else as many as there are cores.
+    Ctrl-C leaves those that run their end."""
+    with concurrent.futures.ThreadPoolExecutor(int(os.environ.get("FAULTLINE_JOBS") or os.cpu_count())) as pool:
         try:
             yield from pool.map(lambda task: function(*task), tasks)
         except BaseException:

@@ -20,6 +20,7 @@ using diagnostic_msgs::DiagnosticStatus;
 
 constexpr double kBehind = 1;             // s of judgements behind samples: what a person at the stand should know
 constexpr std::uint64_t kUnjudged = 100;  // samples without a judgement, whatever their stamps say
+constexpr double kAwaited = 5;            // s; the longest judgement takes 0.8 s of a processor
 
 }  // namespace
 
@@ -87,18 +88,23 @@ void AlarmPublisher::take_pairs() {
 
 void AlarmPublisher::hear(double sample_time) {
   heard_ = sample_time;
+  heard_at_ = steady_seconds();
   keeper_.heard(sample_time);
   ++unjudged_;
-  silence_.arrived(heard_, steady_seconds(), simulated_seconds());
+  silence_.arrived(heard_, heard_at_, simulated_seconds());
 }
 
 double AlarmPublisher::behind() const { return heard_ > 0 ? std::max(0.0, heard_ - judged_) : 0; }
 
 bool AlarmPublisher::pending() const { return behind() > 0 || unjudged_ > kUnjudged; }
 
+bool AlarmPublisher::awaited() const {
+  return pending() && steady_seconds() - std::max(heard_at_, judged_at_) < kAwaited;
+}
+
 void AlarmPublisher::watch() {
   const double now = silence_.now(steady_seconds(), simulated_seconds());
-  if (std::isnan(now) || pending() || (heard_ > 0 && heard_ == run_end_)) return;
+  if (std::isnan(now) || awaited() || (heard_ > 0 && heard_ == run_end_)) return;
   keeper_.advance(now);
   if (keeper_.changes() != published_changes_) publish();
 }
@@ -111,7 +117,11 @@ void AlarmPublisher::publish() {
   closed_.close(array);
   array.header.stamp = ros::Time::now();
   const double waited = steady_seconds() - judged_at_;
-  if (monitor_.counts().received == 0) {
+  const bool silent = std::any_of(report.alarms.begin(), report.alarms.end(),
+                                  [](const Alarm& alarm) { return alarm.active && alarm.level == AlarmLevel::stale; });
+  if (silent && !awaited()) {
+    // The verdict says it.
+  } else if (monitor_.counts().received == 0) {
     array.status[0].level = DiagnosticStatus::STALE;
     array.status[0].message = "No sample has been judged yet.";
   } else if (behind() > kBehind || (pending() && waited > kBehind)) {

@@ -2,7 +2,9 @@
 // once when an alarm is raised, ends or changes level, when a run is judged to its end (/RIG/end), and once a second of
 // wall time. Alarms follow from the samples' stamps alone; see silence_watch.h for silence. Whether it is silent is
 // judged by /RIG/sample: an estimator may think longer than the rig pauses. While judgements are behind the samples,
-// /diagnostics says so (STALE) and nobody calls the rig silent; neither is it after a run that its source ended.
+// /diagnostics says so (STALE) and nobody calls the rig silent; neither is it after a run that its source ended. The
+// last samples of a source that dies may have come here and not to the estimators, so a judgement is awaited for a few
+// seconds without a sample or a judgement, and then no longer.
 #pragma once
 
 #include <cstdint>
@@ -32,6 +34,7 @@ class AlarmPublisher {
   // s of the samples' clock; 0 while no sample was heard.
   double behind() const;
   bool pending() const;  // samples came that are not judged
+  bool awaited() const;  // and their judgements may still come
   void watch();          // ten times a second
   void publish();
   void each_second();
@@ -51,6 +54,7 @@ class AlarmPublisher {
   ros::Subscriber detections_, hypotheses_, samples_, end_;
   ros::WallTimer watch_timer_, second_timer_;
   double heard_ = 0, judged_ = 0;  // s, the last sample's time and the last judgement's
+  double heard_at_ = 0;            // s, steady time of the former
   std::uint64_t unjudged_ = 0;     // samples heard since the last judgement
   double run_end_ = 0;             // s, the time of the last sample of a run that its source said is over
   double judged_at_ = 0;           // s, steady time of the latter

@@ -165,6 +165,55 @@ TEST_F(Silence, OneThatSamplesOnTheirWayDisproveIsTakenBack) {
   EXPECT_TRUE(silences().empty());
 }
 
+TEST_F(Silence, IsDatedFromTheLastSampleThatWasHeardWhoseJudgementComesLater) {
+  hear(10, 11);
+  keeper_.heard(11);  // to the last digit
+  judge(10.9);
+  keeper_.advance(12);
+  const std::uint64_t changes = keeper_.changes();
+  for (const double time : {10.95, 11.0}) {
+    judge(time);
+    ASSERT_EQ(silences().size(), 1u);
+    EXPECT_NEAR(silences()[0].first, 11.1, 1e-9);
+    EXPECT_TRUE(keeper_.report().alarms[0].active);
+  }
+  EXPECT_EQ(keeper_.changes(), changes);
+  hear(12, 12);
+  judge(12);
+  ASSERT_EQ(silences().size(), 1u);
+  EXPECT_DOUBLE_EQ(silences()[0].second, 12);
+  EXPECT_FALSE(keeper_.report().alarms[0].active);
+}
+
+TEST_F(Silence, AJudgementOfASampleThatWasNotHeardHereCounts) {
+  hear(10, 11);
+  judge(11.001);
+  keeper_.advance(12);
+  ASSERT_EQ(silences().size(), 1u);
+  EXPECT_NEAR(silences()[0].first, 11.101, 1e-9);
+}
+
+TEST_F(Silence, IsToldWhereNothingWasEverJudged) {
+  keeper_.advance(12);
+  EXPECT_TRUE(silences().empty());
+  hear(10, 11);
+  keeper_.advance(12);
+  ASSERT_EQ(silences().size(), 1u);
+  EXPECT_NEAR(silences()[0].first, 11.1, 1e-9);
+}
+
+TEST_F(Silence, AfterStampsOfZeroIsTold) {
+  hear(10, 11);
+  judge(11);
+  for (int i = 0; i < 10; ++i) keeper_.heard(0);
+  keeper_.advance(1);
+  ASSERT_EQ(silences().size(), 1u);
+  EXPECT_NEAR(silences()[0].first, 0.1, 1e-9);
+  hear(20, 21);
+  judge(21);
+  for (const Alarm& alarm : keeper_.report().alarms) EXPECT_FALSE(alarm.active) << alarm.text;
+}
+
 TEST_F(Silence, IsToldInARunThatBeganAnew) {
   hear(10, 20);
   judge(10);

@@ -57,7 +57,7 @@ class Graph:
         port = self.environment["ROS_MASTER_URI"].rsplit(":", 1)[1]
         self.start(["rosmaster", "--core", "-p", port])
         master = xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"])
-        limit = time.monotonic() + 15
+        limit = time.monotonic() + 60
         while True:
             try:
                 master.getPid("/test")

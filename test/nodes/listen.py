@@ -158,6 +158,7 @@ def diagnostics(message, topic="diagnostics"):
     }
     with lock:
         file.write(json.dumps(entry) + "\n")
+        file.flush()  # once a second: who reads the file while it grows need not wait for a full buffer
 
 
 rospy.init_node("listener", disable_signals=True)

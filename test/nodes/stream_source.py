@@ -42,6 +42,9 @@ KINDS = {
     "rate": lambda k: (k, stamp(10 * k), values),
     "jitter": lambda k: (k, stamp(k + (0.4 if k % 2 else 0)), values),
     "uncounted": lambda k: (7, stamp(k), values),
+    "down": lambda k: ((1 << 40) - k, stamp(k), values),
+    "by_tens": lambda k: (10 * k, stamp(k), values),
+    "at_random": lambda k: (k**3 % 997, stamp(k), values),
     "short": lambda k: (k, stamp(k), values[:-1]),
     "silent": None,
 }

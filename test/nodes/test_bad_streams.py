@@ -83,6 +83,9 @@ class BadStreams(unittest.TestCase):
             ("rate", "samples come every 0.01 s, the rig's datasheet says 0.001 s"),
             ("jitter", "stamps jitter"),
             ("uncounted", "do not count (all are 7)"),
+            ("down", "numbers count down"),
+            ("by_tens", "numbers count in steps of 10"),
+            ("at_random", "numbers jump about"),
             ("short", "a sample has 11 values, its description names 12 channels"),
         ):
             with self.subTest(kind):
@@ -104,6 +107,20 @@ class BadStreams(unittest.TestCase):
         lines = [json.loads(line) for line in self.heard.read_text().splitlines()[since:] if line.endswith("}")]
         told = {alarm["text"] for entry in lines if entry["topic"] == "alarms" for alarm in entry["alarms"]}
         self.assertFalse([text for text in told if "no sample" in text], told)
+
+    def test_the_end_of_a_source_is_told_though_its_last_samples_are_never_judged(self):
+        for kind in ("short", "zero"):
+            with self.subTest(kind):
+                self.source.say("good")
+                self.wait_until_well()
+                self.wait_for(lambda status: "Not judged" not in status[1] and "no sample" not in status[1], "verdict")
+                self.source.say(kind)
+                self.wait_for_words("Not judged yet", "verdict")
+                self.source.say("silent")
+                self.wait_for_words("no sample for more than 0.1 s", "verdict")
+        self.source.say("good")
+        self.wait_until_well()
+        self.wait_for(lambda status: "no sample" not in status[1], "verdict")
 
     def test_a_description_of_another_rate(self):
         self.source.say("good")

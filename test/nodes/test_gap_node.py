@@ -32,7 +32,10 @@ class GapNode(unittest.TestCase):
             )
             code, said = graph.wait(simulator, 60)
             self.assertEqual(code, 0, said)
-            time.sleep(2.2)  # the worker's rest, and a report
+            limit = time.monotonic() + 40  # the worker's rest, and two reports: it is not waited for by the source
+            while not self.told_to_the_end(heard, 2000 + parameters["duration"]):
+                self.assertLess(time.monotonic(), limit)
+                time.sleep(0.2)
             for process in (gap, listener):
                 graph.end(process)
             self.assertEqual(gap.returncode, 0, graph.said(gap))
@@ -44,6 +47,15 @@ class GapNode(unittest.TestCase):
             [status for status in statuses if status["name"] == f"{RIG}/gap: gap"],
             [s for s in statuses if s["name"] == f"{RIG}/gap: input"],
         )
+
+    @staticmethod
+    def told_to_the_end(heard, end):
+        lines = heard.read_text().splitlines() if heard.exists() else []
+        entries = [json.loads(line) for line in lines if line.endswith("}")]
+        last = [i for i, entry in enumerate(entries) if entry["topic"] == "gap" and entry["time"] > (end - 0.1) * 1e9]
+        after = entries[last[0] :] if last else []
+        reports = [s for e in after if e["topic"] == "diagnostics" for s in e["status"]]
+        return sum(status["name"] == f"{RIG}/gap: gap" for status in reports) > 1
 
     def test_a_healthy_rig_stays_normal(self):
         gaps, states, inputs = self.run_rig(seed=12, duration=10.0)

@@ -12,6 +12,7 @@ from graph import ROOT, Graph
 RIG = "control_valve"
 LISTEN = str(pathlib.Path(__file__).resolve().parent / "listen.py")
 DRAW = str(ROOT / "scripts/draw_histograms.py")
+VARIABLES = 11
 QUICKER = {"minimum": 2, "memory": 100, "learn": 20}  # s, than the datasheet's hours
 
 
@@ -51,9 +52,17 @@ class HistogramNode(unittest.TestCase):
         self.assertEqual(code, 0, said)
         code, said = graph.wait(drawer, 60)
         self.assertEqual(code, 0, said)
-        self.assertIn("11 variables", said)
+        self.assertIn(f"{VARIABLES} variables", said)
         self.assertEqual(picture.read_bytes()[:4], b"\x89PNG")
-        time.sleep(2.5)
+        # They are told once a second: until the same is told twice, all samples are in.
+        limit = time.monotonic() + 40
+        while True:
+            lines = heard.read_text().splitlines() if heard.exists() else []
+            times = [json.loads(line)["time"] for line in lines if line.endswith("}")]
+            if len(times) >= 2 * VARIABLES and len(set(times[-2 * VARIABLES :])) == 1:
+                break
+            self.assertLess(time.monotonic(), limit, times[-2 * VARIABLES :])
+            time.sleep(0.2)
         for process in (node, listener):
             graph.end(process)
         self.assertEqual(node.returncode, 0, graph.said(node))
@@ -65,7 +74,7 @@ class HistogramNode(unittest.TestCase):
             kept = graph.path / "valve.histograms"
             heard = self.run_rig(graph, config, kept, seed=1, duration=60.0)
             last = {entry["variable"]: entry for entry in heard}
-            self.assertEqual(len(last), 11)
+            self.assertEqual(len(last), VARIABLES)
             spool = last["spool_position"]
             self.assertEqual((spool["axes"], spool["axis_bins"], spool["sections"]), (["valve_setpoint"], [32], 32))
             self.assertEqual(len(spool["counts"]), 32 * 32)

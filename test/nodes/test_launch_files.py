@@ -49,6 +49,26 @@ class LaunchFiles(unittest.TestCase):
         )
         self.assertEqual(ran.returncode, 0, ran.stderr)
 
+    def test_arguments_that_no_launch_file_has_are_refused(self):
+        for file, *arguments in (
+            ("servo_actuator.launch",),
+            ("replay.launch", f"rig:={RIG}", "bag:=x.bag", "rate:=2"),
+            ("view.launch", f"rig:={RIG}", "frame_rate:=5"),
+            ("view.launch", f"rig:={RIG}", "bag:=x.bag"),
+            ("record.launch", f"rig:={RIG}", "bag:=x.bag"),
+            ("diagnostics.launch",),
+        ):
+            with self.subTest(file):
+                command = ["roslaunch", "--nodes", "faultline", file, *arguments]
+                code, said = self.graph.wait(self.graph.start([*command, "ratte:=3"]), 60)
+                self.assertIn("no such argument: ratte", said)
+                self.assertNotIn(f"/{RIG}/", said)
+        # Of a file whose arguments go through all others, none is refused.
+        command = ["roslaunch", "--nodes", "faultline", "view.launch", f"rig:={RIG}", "bag:=x.bag", "rate:=2"]
+        code, said = self.graph.wait(self.graph.start(command), 60)
+        self.assertEqual(code, 0, said)
+        self.assertIn(f"/{RIG}/player", said)
+
     def test_a_live_leak_is_found(self):
         heard, listener = self.listen("alarms")
         code, said = self.graph.wait(

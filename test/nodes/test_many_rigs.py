@@ -85,6 +85,10 @@ class ManyRigs(unittest.TestCase):
         launched = self.launch("servo_actuator.launch", "rate:=2", "seed:=3", "respawn:=true", OFFSET)
         entries = self.wait_for(heard, lambda found: any(ports(e) for e in found if e["topic"] == "alarms"), launched)
         raised = [e for e in entries if e["topic"] == "alarms" and ports(e)][-1]["alarms"][-1]
+        limit = time.monotonic() + 30
+        while self.graph.master.getParam("/test", f"/{RIG}/alarms/history")[0] != 1:
+            self.assertLess(time.monotonic(), limit)
+            time.sleep(0.1)
         time.sleep(2)  # the history is written once a second
         node = xmlrpc.client.ServerProxy(self.graph.master.lookupNode("/test", f"/{RIG}/alarms")[2])
         os.kill(node.getPid("/test")[2], signal.SIGKILL)

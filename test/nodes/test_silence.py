@@ -29,7 +29,7 @@ class Silence(unittest.TestCase):
         statuses = [s for entry in self.entries() if entry["topic"] == "diagnostics" for s in entry["status"]]
         return [status["message"] for status in statuses if status["name"] == f"{RIG}: verdict"]
 
-    def wait_for(self, holds, seconds=30):
+    def wait_for(self, holds, seconds=90):
         limit = time.monotonic() + seconds
         while not holds():
             self.assertLess(time.monotonic(), limit, self.verdicts()[-5:])
@@ -47,21 +47,24 @@ class Silence(unittest.TestCase):
         """The replay leaves its master in simulated time, in which nothing would go on."""
         bag = self.graph.path / "session.bag"
         command = [str(devel_space() / "lib/faultline/faultline"), "simulate", RIG, "--duration", "4", "-o", str(bag)]
-        subprocess.run(command, env=self.graph.environment, stdout=subprocess.DEVNULL, check=True, timeout=60)
+        subprocess.run(command, env=self.graph.environment, stdout=subprocess.DEVNULL, check=True, timeout=120)
         replay = self.graph.start(["roslaunch", "faultline", "replay.launch", f"rig:={RIG}", f"bag:={bag}", "rate:=2"])
-        code, said = self.graph.wait(replay, 40)
+        code, said = self.graph.wait(replay, 120)
         self.assertEqual(code, 0, said)
         self.assertIs(self.graph.master.getParam("/test", "/use_sim_time")[2], True)
         listener = self.graph.start(["python3", LISTEN, RIG, "60", str(self.heard), "alarms", "diagnostics"])
         launch = self.graph.start(["roslaunch", "faultline", f"{RIG}.launch", "respawn:=true", "seed:=3"])
         self.wait_for(lambda: "No fault found." in self.verdicts())
         os.kill(self.pid("simulator"), signal.SIGKILL)
-        self.wait_for(lambda: any("no sample for more than 0.1 s" in said for said in self.verdicts()), 10)
+        self.wait_for(lambda: any("no sample for more than 0.1 s" in said for said in self.verdicts()))
         for process in (launch, listener):
             self.graph.end(process)
         last = [entry for entry in self.entries() if entry["topic"] == "alarms"][-1]
         self.assertEqual([alarm["level"] for alarm in last["alarms"] if alarm["active"]], [3], last)
-        self.assertAlmostEqual((last["alarms"][-1]["since"] - last["time"]) * 1e-9, 0.1, delta=1e-3)
+        # From the last sample that the alarms heard. Who is killed may have sent it to them and not to the estimator.
+        since = (last["alarms"][-1]["since"] - last["time"]) * 1e-9
+        self.assertGreater(since, 0.099)
+        self.assertLess(since, 0.2)
 
     def test_a_restart_of_the_isolator_is_no_silence_of_the_rig(self):
         listener = self.graph.start(["python3", LISTEN, RIG, "60", str(self.heard), "alarms", "diagnostics"])

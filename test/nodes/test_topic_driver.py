@@ -171,6 +171,47 @@ class TopicDriver(unittest.TestCase):
         # rostopic keeps its rate to a few percent only: the measured period may be 0.04999 s.
         self.wait_for_status(r"samples come every 0\.0[45]\d* s, .* says 0\.01 s: say resample: true")
 
+    def test_a_second_publisher_of_a_topic_is_left_out_and_told(self):
+        self.map.write_text(MAPPING.replace("/command/point/x", "/volts/data"))
+        self.driver()
+        publishers = {
+            "/joints": ("sensor_msgs/JointState", "{name: [lift], position: [1.0]}"),
+            "/load": ("geometry_msgs/WrenchStamped", "{}"),
+            "/supply": ("sensor_msgs/FluidPressure", "{}"),
+            "/volts": ("std_msgs/Float64", "{}"),
+        }
+        for topic, (kind, fields) in publishers.items():
+            self.publish(topic, kind, fields)
+        # Of /joints another one, whose element is no field of the mapping: that is as it should be.
+        self.publish("/joints", "sensor_msgs/JointState", "{name: [turn], position: [1.0]}")
+        self.graph.start(["rostopic", "pub", "-r", "20", "/motor/voltage", "std_msgs/Float64", "1.0"])
+        heard = self.graph.path / "samples"
+        self.graph.start(["python3", str(HERE / "listen.py"), "stand", "60", str(heard), "sample"])
+
+        def strokes(since=0):
+            lines = heard.read_text().splitlines()[since:] if heard.exists() else []
+            told = [json.loads(line)["values"][0] for line in lines if line.endswith("}")]
+            return set(filter(math.isfinite, told))
+
+        limit = time.monotonic() + 30
+        while 1.0 not in strokes():
+            self.assertLess(time.monotonic(), limit)
+            time.sleep(0.1)
+        since = len(heard.read_text().splitlines())
+        second = self.graph.start(
+            ["rostopic", "pub", "-r", "20", "/motor/voltage", "std_msgs/Float64", "2.0", "__name:=second"]
+        )
+        self.wait_for_status("/second publishes /motor/voltage/data too and is left out, /rostopic_[0-9_]+ counts")
+        told = self.graph.path / "status"
+        self.assertNotIn("publishes /joints", told.read_text())
+        self.assertEqual(strokes(since), {1.0})
+        self.graph.end(second)
+        before = len(told.read_text().splitlines())
+        limit = time.monotonic() + 30
+        while not any("driver" in line and "left out" not in line for line in told.read_text().splitlines()[before:]):
+            self.assertLess(time.monotonic(), limit)
+            time.sleep(0.2)
+
     def test_the_launch_files_start_the_driver_in_the_simulators_place(self):
         for file, *more in (("graph.launch", "rig:=servo_actuator", "estimators:=kalman"), ("servo_actuator.launch",)):
             ran = subprocess.run(

@@ -65,7 +65,7 @@ void AlarmKeeper::reset() {
 }
 
 void AlarmKeeper::advance(double now) {
-  if (running_) data_.advance(last_time_, now, book_);
+  if (running_ || data_.any_heard()) data_.advance(data_.latest(last_time_), now, book_);
 }
 
 void AlarmKeeper::check(const Assessment& a) const {

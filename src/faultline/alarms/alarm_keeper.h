@@ -34,9 +34,9 @@ class AlarmKeeper {
   // A sample came, whose assessment may come later or never: where the diagnosis pauses, samples alone tell whether the
   // rig was silent. Need not be called where every sample is assessed.
   void heard(double time) { data_.heard(time); }
-  // The time went on to `now` [s] without a sample; raises the stale alarm where it is due. If the next sample shows
-  // that there was no such silence, the alarm is taken back, so that what is told never depends on how long a sample
-  // was on its way.
+  // The time went on to `now` [s] without a sample; raises the stale alarm where it is due, dated from the last sample
+  // that was heard, be it judged or not. If the next sample shows that there was no such silence, the alarm is taken
+  // back, so that what is told never depends on how long a sample was on its way.
   void advance(double now);
   void reset();
 

@@ -136,9 +136,22 @@ void DataWatch::heard(double time) {
   if (heard_.size() > kMostStretches) heard_.pop_front();
 }
 
+double DataWatch::latest(double judged) const {
+  if (heard_.empty()) return judged;
+  // Whoever judges hears samples on a path of its own: the very last may have come there only.
+  const double heard = heard_.back().to;
+  return judged > heard && judged - heard <= stale_after_ ? judged : heard;
+}
+
+bool DataWatch::is_ahead_of(double time, const AlarmBook& book) const {
+  return stale_ >= 0 && !heard_.empty() && time <= heard_.back().to &&
+         book.report.alarms[static_cast<std::size_t>(stale_)].since == heard_.back().to + stale_after_;
+}
+
 void DataWatch::arrived(double last, double time, AlarmBook& book) {
   const auto came = [&](double at) {
     advance(last, at, book);
+    if (is_ahead_of(at, book)) return;
     if (at - last > stale_after_ || !book.take_back(stale_)) book.end(stale_, at);
     last = at;
   };

@@ -23,9 +23,13 @@ class DataWatch {
   // A sample came, be it judged or not; live only, where judgements may pause while samples go on. Where it is never
   // called, what is judged is what came.
   void heard(double time);
+  bool any_heard() const { return !heard_.empty(); }
+  // Time of the last sample, be it judged or not, where the last that is judged is of `judged`.
+  double latest(double judged) const;
   // No sample came until `now` [s], the last at `last`.
   void advance(double last, double now, AlarmBook& book);
   // One is judged at `time`: a silence ends. If there was none because it was only on its way, the alarm is taken back.
+  // A judgement of a sample that came before the silence does nothing to it.
   void arrived(double last, double time, AlarmBook& book);
   void check_channels(double time, const std::vector<ChannelStatus>& status, AlarmBook& book);
   // Whether this very trouble of a transducer is told here, or that it gives no reading at all.
@@ -42,6 +46,7 @@ class DataWatch {
     double from, to;
   };
   void tell(Watched& w, ChannelStatus status, double time, AlarmBook& book) const;
+  bool is_ahead_of(double time, const AlarmBook& book) const;  // a silence that is told
 
   std::vector<Watched> channels_;
   std::deque<Stretch> heard_;  // that are not judged to their end, and the latest

@@ -14,6 +14,12 @@ constexpr double kLeast = 10, kMost = 100;
 constexpr double kRate = 0.01, kOff = 0.25, kJitter = 0.1;
 constexpr double kPause = 5;  // medians: a longer step is a pause of the source and says nothing about its pace
 
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 }  // namespace
 
 StreamWatch::StreamWatch(double period)
@@ -27,8 +33,8 @@ void StreamWatch::add(std::uint64_t sequence, double stamp) {
   if (any_) {
     if (stamp == last_stamp_) ++still_;
     if (sequence == last_sequence_) ++not_counting_;
-    const double counted = sequence > last_sequence_ ? static_cast<double>(sequence - last_sequence_) : 1;
-    if (stamp > last_stamp_) steps_.push_back((stamp - last_stamp_) / counted);
+    if (stamp > last_stamp_)
+      steps_.push_back({stamp - last_stamp_, static_cast<double>(sequence) - static_cast<double>(last_sequence_)});
   }
   any_ = true;
   last_stamp_ = stamp;
@@ -37,6 +43,25 @@ void StreamWatch::add(std::uint64_t sequence, double stamp) {
   trouble_ = judge();
   samples_ = zero_ = still_ = not_counting_ = 0;
   steps_.clear();
+}
+
+std::string StreamWatch::judge_numbers() const {
+  std::vector<double> stamps, numbers;
+  for (const Step& step : steps_) {
+    stamps.push_back(step.stamp);
+    numbers.push_back(step.number);
+  }
+  const auto back =
+      static_cast<std::size_t>(std::count_if(numbers.begin(), numbers.end(), [](double number) { return number < 0; }));
+  const double usual = median(numbers);
+  const bool alike = 2 * static_cast<std::size_t>(std::count(numbers.begin(), numbers.end(), usual)) > numbers.size();
+  constexpr const char* kOneByOne = "so no loss can be seen; the source must number its samples one by one";
+  if (static_cast<double>(back) > kJitter * static_cast<double>(numbers.size()))
+    return fmt::format("the samples' numbers {}, {}", alike && usual < 0 ? "count down" : "jump about", kOneByOne);
+  if (usual > 1 && std::abs(median(stamps) - period_) <= kOff * period_)
+    return fmt::format("the samples' numbers {}, {}",
+                       alike ? fmt::format("count in steps of {:.0f}", usual) : "jump about", kOneByOne);
+  return "";
 }
 
 std::string StreamWatch::judge() {
@@ -49,7 +74,9 @@ std::string StreamWatch::judge() {
         "its samples",
         last_sequence_);
   if (steps_.empty()) return "";
-  std::vector<double>& steps = steps_;
+  if (std::string numbers = judge_numbers(); !numbers.empty()) return numbers;
+  std::vector<double> steps;
+  for (const Step& step : steps_) steps.push_back(step.stamp / std::max(1.0, step.number));
   std::sort(steps.begin(), steps.end());
   const double longest = kPause * steps[steps.size() / 2];  // of the median
   while (steps.back() > longest) steps.pop_back();
