@@ -78,7 +78,8 @@ def main():
     while not heard and time.monotonic() < end:
         time.sleep(0.05)
     if not heard:
-        sys.exit("draw_histograms: nothing came on {} in {:g} s; is histogram_node running?".format(topic, options.wait))
+        problem = "draw_histograms: nothing came on {} in {:g} s; is histogram_node running?"
+        sys.exit(problem.format(topic, options.wait))
     time.sleep(1.5)  # a message a variable comes once a second
     messages = list(heard.values())
     columns = min(4, len(messages))

@@ -26,9 +26,9 @@ TEST(DriftCourse, APlainLineIsFollowedToItsLevel) {
   EXPECT_EQ(Crossing().after(10).value, kNever);
 }
 
-// Drifts that begin at 600 s, grow slower or faster than a line, reach the end after 1500 to 4000 s and are asked for when
-// 30 to 90 % of that have passed, at blocks whose scatter is correlated with the one before or not. Larger where the end
-// is: blocks lie at z 0.2 and 0.4.
+// Drifts that begin at 600 s, grow slower or faster than a line, reach the end after 1500 to 4000 s and are asked for
+// when 30 to 90 % of that have passed, at blocks whose scatter is correlated with the one before or not. Larger where
+// the end is: blocks lie at z 0.2 and 0.4.
 TEST(DriftCourse, TheIntervalHoldsTheTruthOfEveryShape) {
   for (const double power : {0.5, 0.7, 1.0, 1.5, 2.0, 3.0})
     for (const double correlation : {0.0, 0.5}) {
