@@ -8,8 +8,10 @@ namespace {
 
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
 
-double loss_of(const GapTrials& work, const ModelChange& model) {
-  return find_discrepancy(work.model(), model, work.learned(), work.jobs(), Places::none).loss;
+// Around the start states of its own: those of hidden states may lie far from what fits the model that stands.
+double loss_of(const GapTrials& work, const Structure& structure) {
+  const ResidualModel& residuals = structure.around.residuals ? *structure.around.residuals : work.model();
+  return find_discrepancy(residuals, structure.fit.model, work.learned(), work.jobs(), Places::none).loss;
 }
 
 // Among those that close the gap as well over segments, the one that leaves the likeliest recording from sample to
@@ -19,10 +21,10 @@ void likeliest_first(const GapTrials& work, const std::vector<double>& now, std:
   if (!restarts_freely(best.fit.effects.back().effect)) return;
   const double close = work.options().search.close_rival_gain_fraction * (sum(now) - sum(best.score));
   std::size_t likeliest = 0;
-  double least = loss_of(work, best.fit.model);
+  double least = loss_of(work, best);
   for (std::size_t i = 1; i < structures.size() && sum(structures[i].score) - sum(best.score) < close; ++i) {
     if (!restarts_freely(structures[i].fit.effects.back().effect)) continue;
-    const double loss = loss_of(work, structures[i].fit.model);
+    const double loss = loss_of(work, structures[i]);
     if (loss < least) least = loss, likeliest = i;
   }
   const auto first = structures.begin();
@@ -57,7 +59,7 @@ bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best)
   const GapOptions::Search& options = work.options().search;
   const std::vector<double> gain = minus(now.score, best.score);
   if (sum(gain) <= options.significance_standard_errors * work.standard_error(gain)) return false;
-  const double loss = loss_of(work, best.fit.model);
+  const double loss = loss_of(work, best);
   const double won = now.after.loss - loss, before = now.before.loss - now.after.loss;
   return won > options.evidence_fraction * now.after.loss && won > options.further_evidence_fraction * before;
 }
@@ -97,7 +99,7 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
           if (same_effect(s.fit.effects.back(), rival.fit.effects.back())) s.score = beside;
       if (sum(gain) <= 0) continue;
       if (restarts_freely(rival.fit.effects.back().effect) && restarts_freely(winner.fit.effects.back().effect) &&
-          loss_of(work, swapped.front().fit.model) >= search.after.loss)
+          loss_of(work, swapped.front()) >= search.after.loss)
         continue;
       standing = beside;
       search.base = work.refit(swapped.front());
