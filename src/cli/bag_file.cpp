@@ -7,10 +7,10 @@
 #include <set>
 
 #include <fmt/format.h>
+#include <rosbag/bag.h>
 
 #include "cli/bag_reader.h"
 #include "faultline/signal/error.h"
-#include "faultline/signal/late_library.h"
 #include "nodes/conversion.h"
 
 namespace faultline {
@@ -18,6 +18,18 @@ namespace {
 
 constexpr char kSampleType[] = "faultline/Sample";
 constexpr char kDescriptionType[] = "faultline/RigDescription";
+
+rosbag::CompressionType of(BagCompression compression) {
+  switch (compression) {
+    case BagCompression::none:
+      return rosbag::compression::Uncompressed;
+    case BagCompression::lz4:
+      return rosbag::compression::LZ4;
+    case BagCompression::bz2:
+      break;
+  }
+  return rosbag::compression::BZ2;
+}
 
 // Straight from the time since kBagEpoch, so that no digit is lost to the epoch.
 ros::Time stamp_of(double time) {
@@ -123,15 +135,70 @@ BagCompression bag_compression(const std::string& name) {
   throw InputError(fmt::format("the compression '{}' is not known; there are none, lz4 and bz2", name));
 }
 
+struct BagWriter::Parts {
+  std::string shown, rig, sample_topic;
+  std::unique_ptr<rosbag::Bag> bag;
+  faultline_msgs::Sample message;
+
+  // A bag that failed once must not be closed again: its destructor would throw. What it holds is lost with the
+  // program.
+  [[noreturn]] void fail(const std::string& why) {
+    static_cast<void>(bag.release());
+    throw InputError(
+        fmt::format("{}: writing failed ({}); nothing is kept; make room or choose another place", shown, why));
+  }
+};
+
 BagWriter::BagWriter(const std::string& file, const std::string& shown, const Datasheet& sheet,
-                     const std::string& made_by, double first_time, BagCompression compression) {
-  using Make = BagSink*(const std::string&, const std::string&, const Datasheet&, const std::string&, const ros::Time&,
-                        BagCompression);
-  static Make* const make = late<Make>("faultline_bag_writer", "faultline_make_bag_sink");
-  sink_.reset(make(file, shown, sheet, made_by, stamp_of(first_time), compression));
+                     const std::string& made_by, double first_time, BagCompression compression)
+    : parts_(std::make_unique<Parts>()) {
+  parts_->shown = shown;
+  parts_->rig = sheet.rig;
+  parts_->sample_topic = "/" + sheet.rig + "/sample";
+  parts_->bag = std::make_unique<rosbag::Bag>();
+  try {
+    parts_->bag->open(file, rosbag::bagmode::Write);
+    parts_->bag->setCompression(of(compression));
+    faultline_msgs::RigDescription description = to_message(sheet, made_by);
+    description.header.stamp = stamp_of(first_time);
+    parts_->bag->write("/" + sheet.rig + "/description", description.header.stamp, description);
+  } catch (const rosbag::BagException& error) {
+    parts_->fail(error.what());
+  }
 }
 
-void BagWriter::write(const Sample& sample) { sink_->write(sample, stamp_of(sample.time)); }
+BagWriter::~BagWriter() {
+  if (!parts_->bag) return;
+  try {
+    parts_->bag->close();
+  } catch (const rosbag::BagException&) {
+    static_cast<void>(parts_->bag.release());
+  }
+}
+
+void BagWriter::write(const Sample& sample) {
+  faultline_msgs::Sample& message = parts_->message;
+  const ros::Time stamp = stamp_of(sample.time);
+  message.header.stamp = stamp;
+  message.header.frame_id = parts_->rig;
+  message.header.seq = static_cast<std::uint32_t>(sample.sequence);
+  message.sequence = sample.sequence;
+  message.values = sample.values;
+  try {
+    parts_->bag->write(parts_->sample_topic, stamp, message);
+  } catch (const rosbag::BagException& error) {
+    parts_->fail(error.what());
+  }
+}
+
+void BagWriter::close() {
+  try {
+    parts_->bag->close();
+  } catch (const rosbag::BagException& error) {
+    parts_->fail(error.what());
+  }
+  parts_->bag.reset();
+}
 
 std::string read_bag(const std::string& file, const std::string& rig, BagTaker& taker) {
   std::string chosen = rig;

@@ -25,25 +25,18 @@ std::int64_t stamp_in_bag(double time);  // ns since 1970
 enum class BagCompression { none, lz4, bz2 };
 BagCompression bag_compression(const std::string& name);  // InputError that lists them
 
-// What a bag is written with: of the library faultline_bag_writer (late_library.h), since rosbag brings more libraries
-// than reading needs.
-class BagSink {
- public:
-  virtual ~BagSink() = default;
-  virtual void write(const Sample& sample, const ros::Time& stamp) = 0;
-  virtual void close() = 0;
-};
-
 class BagWriter {
  public:
   // Writes to `file`, which need not be the final name; messages name `shown`.
   BagWriter(const std::string& file, const std::string& shown, const Datasheet& sheet, const std::string& made_by,
             double first_time, BagCompression compression);
+  ~BagWriter();
   void write(const Sample& sample);  // its time counts from kBagEpoch
-  void close() { sink_->close(); }
+  void close();
 
  private:
-  std::unique_ptr<BagSink> sink_;
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
 };
 
 // One sample of a bag, as it stands there: time absolute, values in the order of the description.

@@ -9,9 +9,9 @@
 #include <system_error>
 #include <vector>
 
-#include <bzlib.h>
 #include <fmt/format.h>
-#include <roslz4/lz4s.h>
+#include <rosbag/chunked_file.h>
+#include <rosbag/exceptions.h>
 
 #include "faultline/signal/error.h"
 
@@ -22,9 +22,6 @@ constexpr char kVersion[] = "#ROSBAG V2.0\n";
 enum Op : std::uint8_t { kMessage = 2, kBagHeader = 3, kIndex = 4, kChunk = 5, kChunkInfo = 6, kConnection = 7 };
 
 struct CutOff {};
-struct Damaged {
-  std::string why;
-};
 
 // A stretch of memory that is read from its front.
 struct Bytes {
@@ -113,9 +110,9 @@ class Reader {
     } catch (const CutOff&) {
       throw InputError(fmt::format(
           "{}: the bag is cut off or damaged near byte {}; run `rosbag reindex {}` and try again", file_, at_, file_));
-    } catch (const Damaged& damaged) {
+    } catch (const rosbag::BagException& damaged) {
       throw InputError(fmt::format("{}: the bag is damaged near byte {} ({}); run `rosbag reindex {}` and try again",
-                                   file_, at_, damaged.why, file_));
+                                   file_, at_, damaged.what(), file_));
     }
   }
 
@@ -175,19 +172,9 @@ class Reader {
     // decompressor leaves of it is zeros, which are no record.
     chunk_.reset(static_cast<std::uint8_t*>(std::calloc(chunk.size, 1)));
     if (!chunk_) throw CutOff();
-    decompress(bz2, data, chunk.size);
+    decompressor_.decompress(bz2 ? rosbag::compression::BZ2 : rosbag::compression::LZ4, chunk_.get(), chunk.size,
+                             data.at, static_cast<unsigned int>(data.left()));
     read_messages({chunk_.get(), chunk_.get() + chunk.size});
-  }
-
-  // Into chunk_. A bz2 stream may be shorter than that.
-  void decompress(bool bz2, Bytes data, std::uint32_t size) {
-    auto* const to = reinterpret_cast<char*>(chunk_.get());
-    auto* const from = reinterpret_cast<char*>(data.at);
-    unsigned int got = size;
-    const int said = bz2 ? BZ2_bzBuffToBuffDecompress(to, &got, from, static_cast<unsigned int>(data.left()), 0, 0)
-                         : roslz4_buffToBuffDecompress(from, static_cast<unsigned int>(data.left()), to, &got);
-    if (said != (bz2 ? BZ_OK : ROSLZ4_OK)) throw Damaged{fmt::format("{} error {}", bz2 ? "bz2" : "lz4", said)};
-    if (!bz2 && got != size) throw Damaged{"an lz4 chunk is shorter than it says"};
   }
 
   void read_messages(Bytes records) {
@@ -230,6 +217,7 @@ class Reader {
   std::vector<std::uint8_t> header_, data_;
   std::unique_ptr<std::uint8_t, void (*)(void*)> chunk_{nullptr, std::free};
   std::map<std::uint32_t, BagConnection> connections_;
+  rosbag::ChunkedFile decompressor_;
 };
 
 }  // namespace

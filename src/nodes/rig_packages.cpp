@@ -1,14 +1,10 @@
 #include "nodes/rig_packages.h"
 
-#include <algorithm>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
+#include <utility>
 
 #include <fmt/format.h>
-
-#include "faultline/signal/late_library.h"
+#include <ros/package.h>
 
 namespace faultline {
 namespace {
@@ -25,20 +21,15 @@ std::vector<std::string> listed(const char* variable) {
   return folders;
 }
 
-bool is_this_package(const std::string& folder) {
-  std::ifstream stream(std::filesystem::path(folder) / "package.xml");
-  const std::string text(std::istreambuf_iterator<char>(stream), {});
-  return text.find("<name>faultline</name>") != std::string::npos;
-}
-
 std::vector<std::string> ros_packages() {
-  // A folder of the path that is a package holds no others: where all are this one, rospack, which brings Python, need
-  // not be asked.
-  const std::vector<std::string> path = listed("ROS_PACKAGE_PATH");
-  if (std::all_of(path.begin(), path.end(), is_this_package)) return {};
-  using Packages = void(std::vector<std::string>&);
   std::vector<std::string> folders;
-  late<Packages>("faultline_rospack", "faultline_ros_packages")(folders);
+  if (listed("ROS_PACKAGE_PATH").empty()) return folders;
+  std::vector<std::pair<std::string, std::string>> exports;  // package, rig; one for every rig
+  ros::package::getPlugins("faultline", "rig", exports);
+  for (const auto& [package, rig] : exports) {
+    const std::string folder = ros::package::getPath(package);
+    if (!folder.empty() && (folders.empty() || folders.back() != folder)) folders.push_back(folder);
+  }
   return folders;
 }
 

@@ -4,12 +4,85 @@
 #include <algorithm>
 #include <cmath>
 
+#include <ceres/ceres.h>
 #include <Eigen/QR>
 
-#include "faultline/fit/least_squares.h"
 #include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
+
+// Ceres asks for the residual blocks one by one; all are computed at once when it moves.
+class SegmentCosts : public ceres::EvaluationCallback {
+ public:
+  SegmentCosts(const SegmentSolver& solver, std::vector<double> values, const std::vector<std::size_t>& free)
+      : solver_(solver), values_(std::move(values)), free_(free), z(free.size()) {
+    for (std::size_t j = 0; j < free_.size(); ++j) z[j] = solver_.coordinate(free_[j], values_[free_[j]]);
+  }
+  void PrepareForEvaluation(bool derivatives, bool moved) override {
+    if (!moved && (have_derivatives_ || !derivatives)) return;
+    for (std::size_t j = 0; j < free_.size(); ++j) values_[free_[j]] = solver_.value(free_[j], z[j]);
+    solver_.triangles(values_, free_,
+                      derivatives ? SegmentSolver::Derivatives::forward : SegmentSolver::Derivatives::none, triangles);
+    have_derivatives_ = derivatives;
+  }
+  const std::vector<double>& values() const { return values_; }
+
+ private:
+  const SegmentSolver& solver_;
+  std::vector<double> values_;
+  const std::vector<std::size_t>& free_;
+  bool have_derivatives_ = false;
+
+ public:
+  std::vector<double> z;
+  std::vector<Eigen::MatrixXd> triangles;
+};
+
+namespace {
+
+class SegmentCost : public ceres::CostFunction {
+ public:
+  SegmentCost(const std::vector<Eigen::MatrixXd>& triangles, std::size_t at, int parameters)
+      : triangles_(triangles), at_(at), parameters_(parameters) {
+    set_num_residuals(parameters + 1);
+    mutable_parameter_block_sizes()->push_back(parameters);
+  }
+  bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
+    const Eigen::MatrixXd& t = triangles_[at_];
+    const Eigen::Index n = parameters_;
+    Eigen::Map<Eigen::VectorXd> r(residuals, n + 1);
+    r = t.col(t.cols() - 1).head(n + 1);
+    if (jacobians && jacobians[0])
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(jacobians[0], n + 1, n) =
+          t.leftCols(n);
+    return r.allFinite();
+  }
+
+ private:
+  const std::vector<Eigen::MatrixXd>& triangles_;
+  std::size_t at_;
+  int parameters_;
+};
+
+// sqrt(k) z: what the tolerances know.
+class ToleranceCost : public ceres::CostFunction {
+ public:
+  explicit ToleranceCost(const Eigen::VectorXd& weights) : roots_(weights.cwiseSqrt()) {
+    set_num_residuals(static_cast<int>(roots_.size()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(roots_.size()));
+  }
+  bool Evaluate(double const* const* z, double* residuals, double** jacobians) const override {
+    const Eigen::Index n = roots_.size();
+    Eigen::Map<Eigen::VectorXd>(residuals, n) = roots_.cwiseProduct(Eigen::Map<const Eigen::VectorXd>(z[0], n));
+    if (jacobians && jacobians[0]) Eigen::Map<Eigen::MatrixXd>(jacobians[0], n, n) = roots_.asDiagonal();
+    return true;
+  }
+
+ private:
+  Eigen::VectorXd roots_;
+};
+
+}  // namespace
 
 SegmentSolver::SegmentSolver(const SegmentModel& model, std::vector<SegmentedRun> runs, std::vector<double> noise,
                              std::vector<double> scales, const FitOptions& options, int jobs)
@@ -224,29 +297,37 @@ void SegmentSolver::triangles(const std::vector<double>& values, const std::vect
 
 bool SegmentSolver::solve(std::vector<double>& values, const std::vector<std::size_t>& free,
                           std::size_t iterations) const {
-  LeastSquares problem;
-  problem.blocks = segments_;
-  problem.huber = options_.huber_sigma * std::sqrt(segment_values());
-  problem.iterations = static_cast<int>(iterations);
-  problem.cost_tolerance = options_.cost_tolerance_fraction;
-  problem.step_tolerance = options_.step_tolerance_fraction;
-  std::vector<double> z;
-  for (const std::size_t parameter : free) {
-    z.push_back(coordinate(parameter, values[parameter]));
-    problem.weights.push_back(weights_[parameter]);
-    problem.lowest.push_back(std::log(options_.lowest_ratio) / scales_[parameter]);
-    problem.highest.push_back(std::log(options_.highest_ratio) / scales_[parameter]);
+  SegmentCosts costs(*this, values, free);
+  ceres::Problem::Options problem_options;
+  problem_options.evaluation_callback = &costs;
+  ceres::Problem problem(problem_options);
+  const int n = static_cast<int>(free.size());
+  costs.triangles.assign(segments_, Eigen::MatrixXd::Zero(n + 1, n + 1));
+  for (std::size_t s = 0; s < segments_; ++s)
+    problem.AddResidualBlock(new SegmentCost(costs.triangles, s, n),
+                             new ceres::HuberLoss(options_.huber_sigma * std::sqrt(segment_values())), costs.z.data());
+  Eigen::VectorXd weights(n);
+  for (int j = 0; j < n; ++j) weights[j] = weights_[free[static_cast<std::size_t>(j)]];
+  problem.AddResidualBlock(new ToleranceCost(weights), nullptr, costs.z.data());
+  for (int j = 0; j < n; ++j) {
+    const double scale = scales_[free[static_cast<std::size_t>(j)]];
+    problem.SetParameterLowerBound(costs.z.data(), j, std::log(options_.lowest_ratio) / scale);
+    problem.SetParameterUpperBound(costs.z.data(), j, std::log(options_.highest_ratio) / scale);
   }
-  const auto take = [&](const std::vector<double>& at) {
-    for (std::size_t j = 0; j < free.size(); ++j) values[free[j]] = value(free[j], at[j]);
-  };
-  problem.triangles = [&](const std::vector<double>& at, bool derivatives, std::vector<Eigen::MatrixXd>& result) {
-    take(at);
-    triangles(values, free, derivatives ? Derivatives::forward : Derivatives::none, result);
-  };
-  const bool converged = minimise(problem, z);
-  take(z);
-  return converged;
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  options.max_num_iterations = static_cast<int>(iterations);
+  options.function_tolerance = options_.cost_tolerance_fraction;
+  options.parameter_tolerance = options_.step_tolerance_fraction;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  for (int j = 0; j < n; ++j) {
+    const std::size_t index = free[static_cast<std::size_t>(j)];
+    values[index] = value(index, costs.z[static_cast<std::size_t>(j)]);
+  }
+  return summary.termination_type == ceres::CONVERGENCE;
 }
 
 SegmentSolver::Information SegmentSolver::information(const std::vector<double>& values,

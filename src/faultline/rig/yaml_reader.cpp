@@ -83,23 +83,6 @@ void refuse_what_follows(const std::string& file, const std::string& kind, const
                   file, start.mark.line + 1, kind, example));
 }
 
-// Whether something may stand behind the first document. A block mapping from the first column on ends where the text
-// does, or at a line that begins with a marker of documents: then the text need not be parsed a second time.
-bool may_go_on(const YAML::Node& document, const std::string& text) {
-  if (!document.IsMap() || document.Style() != YAML::EmitterStyle::Block || document.Mark().column != 0) return true;
-  for (std::size_t line = 0; line != std::string::npos && line < text.size(); line = text.find('\n', line)) {
-    line += line > 0 || text[0] == '\n';
-    if (text.compare(line, 3, "---") == 0 || text.compare(line, 3, "...") == 0 || text.compare(line, 1, "%") == 0)
-      return true;
-  }
-  return text.find('\r') != std::string::npos;
-}
-
-// The tag of a quoted scalar is "!": that is text, whatever it looks like.
-bool reads_as_number(const YAML::Node& node, double& value) {
-  return node.IsScalar() && node.Tag() != "!" && YAML::convert<double>::decode(node, value);
-}
-
 std::string range_text(double minimum, double maximum) {
   if (maximum >= YamlValue::kAny) return fmt::format("{:g} or more", minimum);
   if (minimum <= -YamlValue::kAny) return fmt::format("{:g} or less", maximum);
@@ -133,7 +116,7 @@ YamlValue YamlValue::load(const std::string& file, const std::string& kind, cons
   YAML::Node document;
   try {
     document = YAML::Load(text);
-    if (may_go_on(document, text)) refuse_what_follows(file, kind, example, text);
+    refuse_what_follows(file, kind, example, text);
   } catch (const YAML::Exception& e) {
     throw InputError(fmt::format("{}:{}: this is not valid YAML: {}; correct the syntax there", file, e.mark.line + 1,
                                  one_line(e.msg)));
@@ -231,7 +214,8 @@ std::string YamlValue::name() const {
 
 bool YamlValue::is_number() const {
   double value = 0;
-  return reads_as_number(node_, value);
+  // The tag of a quoted scalar is "!": that is text, whatever it looks like.
+  return node_.IsScalar() && node_.Tag() != "!" && YAML::convert<double>::decode(node_, value);
 }
 
 double YamlValue::bound() const {
@@ -239,11 +223,11 @@ double YamlValue::bound() const {
     allow(file_->branches, {});
     return at(branch_).bound();
   }
-  double value = 0;
-  if (!reads_as_number(node_, value)) {
+  if (!is_number()) {
     const bool is_text = node_.IsScalar() && !node_.Scalar().empty();
     fail(fmt::format("must be a number, it is {}{}", one_line(kind_of(node_)), is_text ? ", which is text" : ""));
   }
+  const double value = node_.as<double>();
   if (std::isnan(value)) fail("must be a number, it is NaN");
   return value;
 }
