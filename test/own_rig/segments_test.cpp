@@ -215,6 +215,24 @@ TEST(Gap, OfTanksNamesThePumpThatStartsLate) {
   EXPECT_NEAR(result.effects.front().parameters.at("width"), 1.6, 0.2);
 }
 
+// Where nothing but the lower level is known, the model without the cause puts both tanks elsewhere: what a cause wins
+// must be weighed around starts of its own.
+TEST(Gap, OfTanksOfWhichNoChannelShowsAStateNamesTheOutlet) {
+  const Datasheet sheet = tanks_without_shown_states();
+  const EffectSpec clogged = parse_effect("clogging@restriction.lower_outlet:fraction=0.3");
+  const Recording first = tank_run({sheet.nominal(), {clogged}}, 768, 7, 0.2).recording,
+                  second = tank_run({sheet.nominal(), {clogged}}, 768, 8, 0.1).recording;
+  const double segment = segment_length(sheet, {&first, &second});
+  GapSettings settings;
+  settings.jobs = 2;
+  const GapResult result = diagnose_gap(
+      sheet, {cut_run(sheet, "a", first, segment), cut_run(sheet, "b", second, segment)}, {}, settings, {});
+  ASSERT_EQ(result.verdict, "named") << result.sentence;
+  ASSERT_EQ(result.effects.front().effect, "clogging") << result.sentence;
+  EXPECT_EQ(result.effects.front().port, "restriction.lower_outlet");
+  EXPECT_NEAR(result.effects.front().parameters.at("fraction"), 0.3, 0.05);
+}
+
 TEST(Gap, OfTanksAsTheDatasheetHasThemIsNone) {
   const Recording first = tank_run({tanks().nominal(), {}}, 1024, 7, 0.2).recording,
                   second = tank_run({tanks().nominal(), {}}, 1024, 8, 0.1).recording;

@@ -321,7 +321,7 @@ const Case kCases[] = {
     {"lag: {time", "clogging: {time", "ports.command.valve.effects.clogging", "an effect for other kinds of ports"},
     {"time_constant: [0, 1]", "time_constnt: [0, 1]", "effects.lag.time_constnt", "did you mean 'time_constant'?"},
     {"time_constant: [0, 1]", "time_constant: [-1, 1]", "effects.lag.time_constant",
-     "beyond what lag allows: 0 to 1000 s"},
+     "beyond what lag allows: 0 to 1e+06 s"},
     {"coefficient: [0, 1.0e-4]", "coefficient: [0, .inf]", "orifice_leakage.coefficient", "beyond what"},
     {"flow.a_ambient:", "flow.a_ambiant:", "faults[0].effects[0]", "did you mean 'flow.a_ambient'?"},
     {"coefficient=1e-5", "coefficient=-1", "faults[0].effects[0]", "outside 0..1000"},

@@ -35,7 +35,7 @@ FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, co
     at = tried;
     return true;
   };
-  attempt(scanned.level, scanned.memory);
+  for (const double ratio : {1.0, 10.0, 0.1}) attempt(ratio * scanned.level, scanned.memory);
   if (at.level > 0)
     for (double step = 3; step > 1.05; step = std::sqrt(step)) {
       while (attempt(at.level * step, at.memory) || attempt(at.level / step, at.memory)) {
@@ -59,8 +59,8 @@ std::vector<FreePlace> free_places(const StochasticModel& model, const GatheredR
   const std::size_t few = std::min(kPolished, places.size());
   in_parallel(few, jobs, [&](std::size_t i) { places[i] = best_signal(model, rows, q, loss, scanned[i].signal); });
   std::stable_sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), by_gain);
-  // What enters with a command goes on through the place that it drives: where both win alike, that place is told, since
-  // a cause there may depend on more than the command.
+  // What enters with a command goes on through the place that it drives: where both win alike, that place is told,
+  // since a cause there may depend on more than the command.
   const auto is_command = [](const FreePlace& place) { return port_kind(place.port) == PortKind::command; };
   const auto driven = std::find_if_not(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), is_command);
   if (driven != places.begin() + static_cast<std::ptrdiff_t>(few) && driven->gain > places.front().gain - kAlike)

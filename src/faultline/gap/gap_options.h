@@ -113,7 +113,7 @@ struct GapOptions {
     std::size_t finalists = 10;           // candidates that are fitted after screening
     std::size_t followed = 5;             // ... and that are refined, at most
     double followed_gain_fraction = 0.5;  // of the best quick gain, from which a finalist is refined
-    // Of the most that a finalist wins once it has sensitivities of its own, what the others must win to be followed on.
+    // Of the most that a finalist wins once it has sensitivities of its own, what others must win to be followed on.
     double kept_gain_fraction = 0.6;
     double significance_standard_errors = 3;  // by which the held-out gain of an effect must exceed 0
     // Of the log likelihood that a perfect model would still win, what an effect must win to be taken ...

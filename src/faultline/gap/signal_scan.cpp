@@ -10,10 +10,12 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kBumpsPerBlock = 10;         // as fine as a signal's shape shows in what a block says
-constexpr std::size_t kChunk = 20;                 // bumps; two blocks, over which a filter forgets an error
+constexpr std::size_t kBumpsPerBlock = 10;  // as fine as a signal's shape shows in what a block says
+constexpr std::size_t kChunk = 20;          // bumps; two blocks, over which a filter forgets an error
+constexpr std::size_t kSpan = 4;            // blocks over which what a bump does is told apart: a chunk, and after
 constexpr double kWeakest = 1e-7, kStrongest = 1;  // levels that are tried, in the port's unit
 constexpr double kMiddleMemory = 0.3;              // of a block: a memory between bumps and blocks
+constexpr double kShortest = 0.1, kLongest = 100;  // memories that are tried, over the middle one
 
 // What serves all ports: the filter's loop along a stretch.
 struct Loop {
@@ -24,6 +26,7 @@ struct Loop {
   std::vector<Eigen::VectorXd> news;       // H'v, per row
   std::vector<std::size_t> heads;          // first row of each bump
   std::vector<Eigen::MatrixXd> bump_step;  // L over a bump
+  std::vector<Eigen::MatrixXd> bump_seen;  // information of a bump's rows about an error at its head
 };
 
 Loop close_loop(const StochasticModel& model, const StochasticStretch& stretch, const std::vector<GatheredRow>& rows,
@@ -54,6 +57,8 @@ Loop close_loop(const StochasticModel& model, const StochasticStretch& stretch, 
     loop.heads.push_back(head);
     Eigen::MatrixXd over = Eigen::MatrixXd::Identity(states, states);
     for (std::size_t i = head; i < std::min(head + bump, count - 1); ++i) over = loop.step[i] * over;
+    loop.bump_seen.push_back(loop.ahead[head]);
+    if (head + bump < count) loop.bump_seen.back().noalias() -= over.transpose() * (loop.ahead[head + bump] * over);
     loop.bump_step.push_back(std::move(over));
   }
   return loop;
@@ -64,6 +69,7 @@ struct Normal {
   std::vector<Eigen::MatrixXd> own, next;
   Eigen::VectorXd b;
   std::vector<std::size_t> block;     // of each bump
+  Eigen::MatrixXd told;               // bumps x kSpan: fraction of what a bump does in its own block and the next ones
   std::vector<double> square, count;  // per block, without a signal
 };
 
@@ -78,6 +84,7 @@ Normal normal_of(const StochasticModel& model, const StochasticStretch& stretch,
   for (const std::size_t head : loop.heads) normal.block.push_back(head / model.block);
   normal.square = filtered.square;
   normal.count = filtered.count;
+  normal.told = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(bumps), static_cast<Eigen::Index>(kSpan));
   std::vector<double> own(bumps, 0);
   std::vector<Eigen::VectorXd> left(bumps), said(bumps);  // error behind a bump; what the bump's readings say of one
   std::vector<Eigen::VectorXd> errors, crossed;
@@ -108,6 +115,7 @@ Normal normal_of(const StochasticModel& model, const StochasticStretch& stretch,
       errors.push_back(loop.step[i] * error + enters);
     }
     Eigen::VectorXd back = Eigen::VectorXd::Zero(states);
+    normal.told(static_cast<Eigen::Index>(k), 0) = own[k];
     if (end < count) {
       back = loop.ahead[end] * errors.back();
       own[k] += errors.back().dot(back);
@@ -130,8 +138,11 @@ Normal normal_of(const StochasticModel& model, const StochasticStretch& stretch,
       const auto column = static_cast<Eigen::Index>(j);
       here(column, column) = own[first + j];
       Eigen::VectorXd error = left[first + j];
+      auto told = normal.told.row(static_cast<Eigen::Index>(first + j));
       for (std::size_t lag = 1; lag <= kChunk && first + j + lag < bumps; ++lag) {
         const std::size_t k = first + j + lag;
+        const std::size_t later = std::min(normal.block[k] - normal.block[first + j], kSpan - 1);
+        told[static_cast<Eigen::Index>(later)] += error.dot(loop.bump_seen[k] * error);
         const double both = error.dot(said[k]) * (1 - static_cast<double>(lag) / static_cast<double>(kChunk + 1));
         if (j + lag < size)
           here(static_cast<Eigen::Index>(j + lag), column) = both;
@@ -139,6 +150,8 @@ Normal normal_of(const StochasticModel& model, const StochasticStretch& stretch,
           beside(static_cast<Eigen::Index>(j + lag - size), column) = both;
         error = loop.bump_step[k] * error;
       }
+      told[static_cast<Eigen::Index>(kSpan - 1)] += std::max(0.0, own[first + j] - told.sum());
+      if (own[first + j] > 0) told /= told.sum();
     }
     normal.own.push_back(std::move(here));
     normal.next.push_back(std::move(beside));
@@ -173,7 +186,9 @@ double won(const Normal& normal, double level, double memory, double bump) {
     logs += 2 * factor.matrixLLT().diagonal().array().log().sum();
     solved = factor.matrixL().solve(rest);
     for (Eigen::Index i = 0; i < size; ++i)
-      taken[normal.block[static_cast<std::size_t>(at + i)]] += solved[i] * solved[i];
+      for (std::size_t later = 0; later < kSpan; ++later)
+        taken[std::min(normal.block[static_cast<std::size_t>(at + i)] + later, taken.size() - 1)] +=
+            normal.told(at + i, static_cast<Eigen::Index>(later)) * solved[i] * solved[i];
     at += size;
     if (at == bumps) break;
     below = normal.next[c];
@@ -209,6 +224,7 @@ std::vector<ScannedSignal> scan_signals(const StochasticModel& model, const Gath
     best.signal.port = static_cast<int>(p);
     best.signal.memory = middle;
     const auto attempt = [&](double level, double memory) {
+      if (memory < kShortest * middle || memory > kLongest * middle) return false;
       double gain = 0;
       for (const Normal& normal : normals) gain += won(normal, level, memory, bump);
       if (!(gain > best.gain)) return false;
@@ -218,7 +234,7 @@ std::vector<ScannedSignal> scan_signals(const StochasticModel& model, const Gath
       return true;
     };
     for (double level = kWeakest; level <= kStrongest; level *= 10)
-      for (const double ratio : {0.1, 1.0, 10.0, 100.0}) attempt(level, ratio * middle);
+      for (const double ratio : {kShortest, 1.0, 10.0, kLongest}) attempt(level, ratio * middle);
     if (best.signal.level == 0) return;
     for (double step = 3; step > 1.2; step = std::sqrt(step)) {
       while (attempt(best.signal.level * step, best.signal.memory) ||
