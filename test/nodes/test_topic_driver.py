@@ -143,7 +143,10 @@ class TopicDriver(unittest.TestCase):
     def wait_for_status(self, *says):
         """Until every one of these patterns stands in what was heard."""
         heard = self.graph.path / "status"
-        self.graph.start(["python3", str(HERE / "listen.py"), "stand", "60", str(heard), "diagnostics"])
+        # Under a name of its own: of two listeners of one name the master ends the first.
+        self.graph.start(
+            ["python3", str(HERE / "listen.py"), "stand", "60", str(heard), "diagnostics", "__name:=status_listener"]
+        )
         limit = time.monotonic() + 40
         while time.monotonic() < limit:
             text = heard.read_text() if heard.exists() else ""
