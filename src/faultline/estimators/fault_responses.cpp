@@ -428,7 +428,6 @@ void FaultResponses::judge(const Recording& recording) {
   }
   if (recent_.size() > settings_.recent_stretches && !recent_.front()->responded) forget_oldest();
   respond_all();
-  const Learnt before = learnt();
   learn_parameters();
   forget_oldest();
   if (event_ && over()) {
@@ -455,31 +454,6 @@ void FaultResponses::judge(const Recording& recording) {
     end_event();
     return;
   }
-  weigh_all();
-  const bool lasts = event_;
-  find_healthy_or_fault();
-  if (!lasts && event_ && window_.change) take_back(before);
-}
-
-// What is known before the parameters are learnt from the latest stretch as well.
-FaultResponses::Learnt FaultResponses::learnt() const {
-  Learnt known{point_, reference_, doubt_};
-  if (event_ || recent_.size() <= settings_.recent_stretches) return known;
-  const double kept = 1 - 1 / settings_.memory_stretches;
-  known.doubt = kept * doubt_ + (recent_.front()->weighed ? 0 : unexplained(*recent_.front()));
-  known.reference = kept * reference_ + recent_.front()->sums;
-  return known;
-}
-
-// The stretch that shows a change has moved the parameters as well: they made up for a part of the fault. They are as
-// they were before it, and the fault is found anew beside them.
-void FaultResponses::take_back(const Learnt& before) {
-  if ((before.point.shift - point_.shift).cwiseAbs().maxCoeff() < settings_.relinearise_tolerances) return;
-  point_ = before.point;
-  reference_ = before.reference;
-  doubt_ = before.doubt;
-  known_.forget_misfits();
-  for (auto& stretch : recent_) model_.follow(*stretch, point_);
   weigh_all();
   find_healthy_or_fault();
 }

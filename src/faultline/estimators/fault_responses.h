@@ -92,14 +92,6 @@ class FaultResponses {
   void keep_healthy(const Recording& recording);
   Eigen::MatrixXd known_from(const Eigen::VectorXd& step) const;
   void move(const Eigen::VectorXd& step);
-  // Of the parameters, and from which stretches before the recent ones.
-  struct Learnt {
-    ModelPoint point;
-    Eigen::MatrixXd reference;
-    double doubt = 0;
-  };
-  Learnt learnt() const;
-  void take_back(const Learnt& before);
   void forget_oldest();
   double speaks_for() const;  // evidence of the latest stretch alone for the fault, as it was found
   bool over() const { return speaks_for() < -settings_.over_evidence; }  // it no longer shows it
