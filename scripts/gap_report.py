@@ -41,6 +41,7 @@ except ImportError as missing:
         file=sys.stderr,
     )
     sys.exit(2)
+report_signals.loaded()
 
 # Of a verdict: word, and class of its colour.
 WORDS = {"none": "NO GAP", "miscalibrated": "PARAMETERS OFF", "named": "CAUSE FOUND", "unknown": "UNKNOWN CAUSE"}

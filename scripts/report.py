@@ -53,6 +53,7 @@ except ImportError as missing:
         file=sys.stderr,
     )
     sys.exit(2)
+report_signals.loaded()
 
 # Of a whole run: word, and class of its colour. Worst first.
 VERDICTS = [

@@ -176,7 +176,7 @@ TEST(SignatureTable, SettingsThatMakeNoSenseAreRefused) {
 
 // ---- the isolator, on estimates of its own
 
-TEST(ParameterChange, WhatTheHealthyMotionDidNotShowIsLeftOut) {
+ParameterChangeOptions two_parameters() {
   ParameterChangeOptions options;
   options.period_s = 0.1;
   options.memory_s = options.block_s = 0.2;
@@ -185,6 +185,11 @@ TEST(ParameterChange, WhatTheHealthyMotionDidNotShowIsLeftOut) {
   options.inflation = {1, 1};
   options.shown = {1e3, 1e3};
   options.floor = {0.001, 0.001};
+  return options;
+}
+
+TEST(ParameterChange, WhatTheHealthyMotionDidNotShowIsLeftOut) {
+  const ParameterChangeOptions options = two_parameters();
   const auto chi2 = [&](double reference_std, double second) {
     ParameterChange change(2, options);
     const double theta[] = {1.0, second}, covariance[] = {1e-4, 0, 0, 1e-4};
@@ -197,6 +202,34 @@ TEST(ParameterChange, WhatTheHealthyMotionDidNotShowIsLeftOut) {
   EXPECT_GT(chi2(0.02, 1.5), 100);  // known to 2 %, moved by 50 %
   EXPECT_LT(chi2(0.15, 1.5), 1);    // known to 15 %
   EXPECT_LT(chi2(0.02, 1.001), 1);
+}
+
+TEST(ParameterChange, AReferenceThatWasHardlyShownIsBiased) {
+  ParameterChangeOptions options = two_parameters();
+  const double theta[] = {1.0, 1.1}, covariance[] = {1e-6, 0, 0, 1e-6};  // now shown well
+  const auto chi2 = [&](double shown) {
+    options.shown = {1e3, shown};
+    ParameterChange change(2, options);
+    for (int k = 0; k < 40; ++k) change.add(theta, covariance, true);
+    ParameterLevel reference;
+    reference.theta = Eigen::Vector2d(1, 1);
+    reference.covariance = Eigen::Vector2d(1e-6, 1e-4).asDiagonal();
+    return change.step_from(reference).chi2;
+  };
+  const double trusted = chi2(1e3);
+  EXPECT_NEAR(chi2(0.01), trusted / 2, 0.05 * trusted);  // as large as its scatter
+  EXPECT_LT(chi2(0.002), trusted / 20);
+}
+
+TEST(ParameterChange, ASilentBeginningIsNoTimeOfLearning) {
+  ParameterChange change(2, two_parameters());
+  const double theta[] = {1.0, 1.0}, covariance[] = {1e-4, 0, 0, 1e-4};
+  for (int k = 0; k < 20; ++k) change.add(theta, covariance, false);
+  EXPECT_EQ(change.seconds(), 0);
+  for (int k = 0; k < 20; ++k) change.add(theta, covariance, true);
+  EXPECT_NEAR(change.seconds(), 2, 1e-9);
+  for (int k = 0; k < 10; ++k) change.add(theta, covariance, false);  // later it is
+  EXPECT_NEAR(change.seconds(), 3, 1e-9);
 }
 
 constexpr double kTrue[] = {-8.8, 8.68e-4, -1.199e-3};

@@ -484,6 +484,28 @@ class Files(ReportCase):
                     self.assertEqual(errors, "faultline report: interrupted; nothing unfinished is left behind\n")
                     self.assertEqual(sorted(self.folder.iterdir()), before)
 
+    def test_interrupted_where_exceptions_are_lost(self):
+        # As libraries do while they are loaded: an exception in __del__ is printed and forgotten.
+        done = subprocess.run(
+            [
+                sys.executable,
+                "-c",
+                "import os, signal, sys\n"
+                "import report_signals\n"
+                "report_signals.end_on_signals('loading')\n"
+                "class Part:\n"
+                "    def __del__(self): os.kill(os.getpid(), signal.SIGTERM)\n"
+                "part = Part()\n"
+                "del part\n"
+                "print('went on')\n",
+            ],
+            env=dict(os.environ, PYTHONPATH=str(SCRIPTS)),
+            capture_output=True,
+            text=True,
+            timeout=20,
+        )
+        self.assertEqual((done.returncode, done.stdout), (128 + signal.SIGTERM, ""), done.stderr)
+
 
 class Parts(unittest.TestCase):
     def test_engineering_units(self):

@@ -54,6 +54,7 @@ bool ParameterChange::add(const double* theta, const double* covariance, bool ne
   }
   if (++samples_ < samples_per_block_) return false;
   samples_ = 0;
+  if (filled_ == 0 && current_.information.isZero(0)) return true;
   ring_[head_] = current_;
   head_ = (head_ + 1) % ring_.size();
   filled_ = std::min(filled_ + 1, ring_.size());
@@ -120,6 +121,7 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
     for (int i = 0; i < n_; ++i) {
       v(i, i) += std::pow(options_.floor[static_cast<std::size_t>(i)], 2);
       const double relative = std::sqrt(reference.covariance(i, i)) * std::abs(scale[i]);
+      v(i, i) += std::pow(relative * relative / options_.shown[static_cast<std::size_t>(i)], 2);
       if (!(relative <= kKnown)) v(i, i) += kUnknown * kUnknown;
     }
     return v;

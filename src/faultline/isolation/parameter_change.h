@@ -6,7 +6,8 @@
 // information (T/memory) P_k^-1 a sample of T s. It is summed in blocks of `block` s, of which the last `window` s are
 // kept. For a step before block j, the blocks since give
 //   theta_j = J_j^-1 b_j,   change_i = ln(theta_ji/theta_0i)
-//   V_j = W_j + diag((W_jii/shown_i)^2) + D P_0 D + diag(floor_i^2),   W_j = E J_j^-1 E
+//   V_j = W_j + diag((W_jii/shown_i)^2) + R + diag((R_ii/shown_i)^2) + diag(floor_i^2)
+//   W_j = E J_j^-1 E,  R = D P_0 D
 //   chi2_j = change' V_j^-1 change,   told: the j of the greatest chi2
 //   D = diag(1/theta_0i),  E = diag(1/min(theta_0i, theta_ji)): of what has fallen the logarithm is known less well
 // Estimates that still rest on samples from before the step are of neither rig (with two large terms that nearly cancel
@@ -20,10 +21,12 @@
 // covariance does not know: friction that is not viscous, entrained air, noise that is not white and so weighs less
 // in one parameter and more in another. `shown` is for motion that hardly shows a parameter: least squares over
 // regressors with noise are biased by the inverse square of the excitation, where the scatter has the inverse, so the
-// bias goes with the scatter's square and is as large at `shown` (relative). A parameter that the healthy motion did
-// not show, its reference known to more than a tenth of itself (`kKnown`), is left out: y and V are to first order, and
-// of a reference so bad they say nothing. The logarithm makes a factor on a parameter a shift of any size; a parameter
-// that changes its sign counts as fallen to `kLeastRatio` of the reference. Estimates that are not finite say nothing.
+// bias goes with the scatter's square and is as large at `shown` (relative); the reference has a bias of its own. A
+// parameter that the healthy motion did not show, its reference known to more than a tenth of itself (`kKnown`), is
+// left out: y and V are to first order, and of a reference so bad they say nothing. The logarithm makes a factor on a
+// parameter a shift of any size; a parameter that changes its sign counts as fallen to `kLeastRatio` of the reference.
+// Estimates that are not finite say nothing. Blocks before the first that says anything are not kept: a stage that has
+// yet to find its level gives no time over which one was seen.
 #pragma once
 
 #include <cstddef>
