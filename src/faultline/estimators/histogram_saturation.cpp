@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include <Eigen/Core>
 #include <Eigen/LU>
@@ -15,7 +16,10 @@ constexpr double kParameters = 4;         // a, b, c, tau
 constexpr double kQuantile = 1.645;       // two-sided 90 %
 constexpr double kSeen = 12;              // variances that a drift must win: beyond 3 sigma, for tau is sought
 constexpr double kMostCorrelation = 0.8;  // of one block with the next
-constexpr double kRidge = 1e-9;           // where all blocks lie at one operating point
+constexpr double kRidge = 1e-9;           // where all blocks lie at one operating point, or nothing bends
+constexpr int kFewestBent = 4;            // blocks behind a bend
+constexpr double kBend = 2;               // variances that a bend must win: two parameters
+constexpr double kFarthest = 5;           // horizons
 enum Exponent { kHalf, kThreeQuarters, kStraight, kThreeHalves, kSquare, kCube, kExponents };
 constexpr double kPrior[kExponents] = {1.0 / 4, 1.0 / 2, 1, 1.0 / 4, 1.0 / 16, 1.0 / 64};
 
@@ -65,9 +69,16 @@ Crossing Crossing::after(double passed) const {
 }
 
 struct DriftCourse::Fit {
-  Eigen::Vector3d theta;       // a, b, c; g in units of `scale`
-  Eigen::Matrix3d covariance;  // over the variance of a block
+  double tau = 0, bend = 0;
+  int exponent = kStraight;
+  Eigen::Vector4d theta;       // a, b, c, e; g and k in units of `scale`
+  Eigen::Matrix4d covariance;  // over the variance of a block
   double loss = 0, scale = 1;
+
+  Eigen::Vector4d row(double time, double z) const {
+    const double g = grown((time - tau) / scale, exponent);
+    return {1, g, g * z, std::max(0.0, (time - bend) / scale)};
+  }
 };
 
 template <class F>
@@ -105,27 +116,29 @@ void DriftCourse::add(double time, double drift, double z, double horizon) {
   }
 }
 
-DriftCourse::Fit DriftCourse::fit(double tau, double now, int exponent) const {
+DriftCourse::Fit DriftCourse::fit(double tau, double bend, double now, int exponent) const {
   Fit fit;
+  fit.tau = tau;
+  fit.bend = bend;
+  fit.exponent = exponent;
   fit.scale = std::max(now - tau, 1e-9);
-  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+  Eigen::Vector4d right = Eigen::Vector4d::Zero();
   double square = 0;
   for_each_block([&](const Block& block) {
-    const double g = grown((block.time - tau) / fit.scale, exponent);
-    const Eigen::Vector3d row(1, g, g * block.z);
+    const Eigen::Vector4d row = fit.row(block.time, block.z);
     normal += block.weight * row * row.transpose();
     right += block.weight * block.drift * row;
     square += block.weight * block.drift * block.drift;
   });
-  normal(2, 2) += kRidge * normal(1, 1) + 1e-300;
+  for (int i = 2; i < 4; ++i) normal(i, i) += kRidge * normal(1, 1) + 1e-300;
   fit.covariance = normal.inverse();
   fit.theta = fit.covariance * right;
   fit.loss = std::max(0.0, square - fit.theta.dot(right));
   return fit;
 }
 
-Crossing DriftCourse::reaches(double level, double now) const {
+Crossing DriftCourse::reaches(double left, double doubt, double now) const {
   Crossing result;
   const std::size_t count = tracks_[0].count + tracks_[1].count;
   if (count < kFewest) return result;
@@ -140,61 +153,71 @@ Crossing DriftCourse::reaches(double level, double now) const {
   const auto for_each_fit = [&](auto f) {
     for (int e = 0; e < kExponents; ++e)
       for_each_block([&](const Block& block) {
-        if (block.time < newest) f(block.time, e, fit(block.time, now, e));
+        if (block.time < newest) f(fit(block.time, kNever, now, e));
       });
   };
-  double best = constant, best_tau = 0;
-  int best_exponent = -1;
-  for_each_fit([&](double tau, int e, const Fit& f) {
-    if (!(f.loss < best) || f.theta[1] <= 0) return;
-    best = f.loss;
-    best_tau = tau;
-    best_exponent = e;
+  const auto for_each_bent_fit = [&](auto f) {
+    for_each_block([&](const Block& bend) {
+      int behind = 0;
+      for_each_block([&](const Block& block) { behind += block.time > bend.time; });
+      if (behind < kFewestBent) return;
+      for_each_block([&](const Block& block) {
+        if (block.time < bend.time) f(fit(block.time, bend.time, now, kStraight));
+      });
+    });
+  };
+  std::optional<Fit> best;
+  for_each_fit([&](const Fit& f) {
+    if (f.loss < (best ? best->loss : constant) && f.theta[1] > 0) best = f;
   });
-  const double variance = std::max(best / (static_cast<double>(count) - kParameters), 1e-30);
+  const double least = best ? best->loss : constant;
+  const double variance = std::max(least / (static_cast<double>(count) - kParameters), 1e-30);
   double correlation = 0;
-  if (best_exponent >= 0) {
-    const Fit f = fit(best_tau, now, best_exponent);
+  if (best) {
     double before = 0;
     for (std::size_t i = 0, j = 0; i + j < count;) {  // in their order in time
       const bool first =
           j == tracks_[1].count || (i < tracks_[0].count && tracks_[0].blocks[i].time < tracks_[1].blocks[j].time);
       const Block& block = first ? tracks_[0].blocks[i++] : tracks_[1].blocks[j++];
-      const double g = grown((block.time - best_tau) / f.scale, best_exponent);
-      const double off = std::sqrt(block.weight) * (block.drift - f.theta.dot(Eigen::Vector3d(1, g, g * block.z)));
+      const double off = std::sqrt(block.weight) * (block.drift - best->theta.dot(best->row(block.time, block.z)));
       correlation += off * before;
       before = off;
     }
     // What is left of a fit seems less correlated than it is, by some parameters/blocks.
-    correlation /= std::max(best, 1e-300);
+    correlation /= std::max(least, 1e-300);
     correlation += kParameters / static_cast<double>(count) * (1 + correlation);
     correlation = std::clamp(correlation, 0.0, kMostCorrelation);
   }
   const double widened = variance * (1 + correlation) / (1 - correlation);
-  const bool seen = best_exponent >= 0 && constant - best > kSeen * widened;
+  const bool seen = best && constant - least > kSeen * widened;
   const double allowed = kQuantile * kQuantile * widened;
   double low = kNever, high = 0, likelihoods = 0, rates = 0;
-  for_each_fit([&](double tau, int e, const Fit& f) {
-    const double worse = std::max(0.0, f.loss - best), k = allowed - worse;
+  // (p - q g)^2 <= k var(p - q g), p what is left at g = 0 (the line behind the bend, drawn on), q the climb
+  const auto count_in = [&](const Fit& f) {
+    const bool bent = f.bend < kNever;
+    const double worse = std::max(0.0, f.loss + (bent ? kBend * widened : 0) - least), k = allowed - worse;
     if (k < 0) return;
-    const double a = f.theta[0], b = f.theta[1], left = level - a;
-    const auto from_now = [&](double g) { return within(f.scale * time_of(g, e) - (now - tau)); };
-    // (left - b g)^2 <= k (Caa + 2 g Cab + g^2 Cbb)
-    const double A = b * b - k * f.covariance(1, 1), B = -2 * (b * left + k * f.covariance(0, 1)),
-                 C = left * left - k * f.covariance(0, 0);
+    const Eigen::Vector4d at_zero(1, 0, 0, bent ? (f.tau - f.bend) / f.scale : 0), climb(0, 1, 0, bent ? 1 : 0);
+    const double p = left - f.theta.dot(at_zero), q = f.theta.dot(climb);
+    const auto from_now = [&](double g) { return within(f.scale * time_of(g, f.exponent) - (now - f.tau)); };
+    const double A = q * q - k * climb.dot(f.covariance * climb),
+                 B = -2 * (p * q + k * at_zero.dot(f.covariance * climb)),
+                 C = p * p - k * (at_zero.dot(f.covariance * at_zero) + doubt * doubt / allowed);
     const double root = std::sqrt(std::max(0.0, B * B - 4 * A * C));
-    if (A > 0 && b > 0) {
+    if (A > 0 && q > 0) {
       low = std::min(low, from_now((-B - root) / (2 * A)));
       high = std::max(high, from_now((-B + root) / (2 * A)));
     } else if (A <= 0) {
       low = std::min(low, C <= 0 ? 0.0 : A < 0 ? from_now((-B - root) / (2 * A)) : kNever);
       high = kNever;
     }
-    if (b <= 0) return;
-    const double likelihood = kPrior[e] * std::exp(-0.5 * worse / widened);
+    if (q <= 0 || bent) return;
+    const double likelihood = kPrior[f.exponent] * std::exp(-0.5 * worse / widened);
     likelihoods += likelihood;
-    rates += likelihood / std::max(from_now(std::max(0.0, left) / b), 1e-3);
-  });
+    rates += likelihood / std::max(from_now(std::max(0.0, p) / q), 1e-3);
+  };
+  for_each_fit(count_in);
+  for_each_bent_fit(count_in);
   result.low = low;
   if (!seen || !(rates > 0)) return result;
   result.value = within(likelihoods / rates);
@@ -218,13 +241,15 @@ void SaturationWatch::anchor(std::size_t bin, double mean, double low, double hi
     least = std::min(least, a.low);
     most = std::max(most, a.high);
   }
+  sides_[0].left = least - ends_[0];
+  sides_[1].left = ends_[1] - most;
   for (Anchor& a : anchors_) {
+    if (a.low < a.high && a.low == least) sides_[0].doubt = a.mean - a.low;
+    if (a.low < a.high && a.high == most) sides_[1].doubt = a.high - a.mean;
     a.z[0] = (a.low - least) / (most - least);
     a.z[1] = (most - a.high) / (most - least);
     for (int k = 0; k < 2; ++k) a.near[k] = a.low < a.high && a.z[k] <= kNear;
   }
-  sides_[0].left = least - ends_[0];
-  sides_[1].left = ends_[1] - most;
 }
 
 void SaturationWatch::pass(double dt) { now_ += dt; }
@@ -241,7 +266,8 @@ void SaturationWatch::add(std::size_t bin, double value) {
     if (++sums.count < block_) continue;
     const double n = sums.count;
     side.course.add(sums.time / n, sums.drift / n, sums.z / n, horizon_);
-    side.crossing = side.course.reaches(side.left, now_);
+    side.crossing = side.course.reaches(side.left, side.doubt, now_);
+    if (side.crossing.value > kFarthest * horizon_) side.crossing.value = side.crossing.high = kNever;
     side.told = now_;
     sums = Sums();
   }

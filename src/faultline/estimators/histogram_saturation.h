@@ -3,19 +3,20 @@
 //
 // Each bin of the operating range has an anchor: mean m and limits l < m < h that it had when it was healthy. Towards
 // the high end H the near bins are those whose h lies in the upper half of all anchors' span; what is left is
-// H - max h. Towards the low end likewise. Samples y of these bins give d = y - m and z, how far h lies from max h as a
-// share of the span. Means of d and z over blocks are followed by
+// L = H - max h. Towards the low end likewise. Samples y of these bins give d = y - m and z, how far h lies from max h
+// as a share of the span. Means of d and z over blocks are followed by
 //
-//   d = a + (b + c z) g,   g = max(0, t - tau)^p,   p = 1/2, 3/4, 1, 3/2, 2, 3
+//   d = a + (b + c z) g + e k,   g = max(0, t - tau)^p,   p = 1/2, 3/4, 1, 3/2, 2, 3;   k = max(0, t - bend), p = 1 alone
 //
-// by least squares: a drift that began at tau, differs between operating points, and may grow slower or faster. The
-// end is reached where a + b g has climbed by what is left. The interval holds, of every tau and p, all g for which
-// that level lies in the 90 % band of the line over g (Fieller's), the band narrowed by what the blocks speak against
-// that tau and p: the profile likelihood of the crossing, the blocks' scatter widened by its correlation from one to
-// the next, of which a fit hides some parameters/blocks. What is told lies between, each tau and p counted by its
-// likelihood, a straight line before one that bends (p = 1/2: 1/4; 3/4: 1/2; 1: 1; 3/2: 1/4; 2: 1/16; 3: 1/64). Where
-// no drift beats a constant by what searching tau finds in noise, nothing is in sight (kNever), with the earliest time
-// that cannot be excluded as `low`.
+// by least squares: a drift that began at tau, differs between operating points, may grow slower or faster, or changes
+// its rate once. The end is reached where a + b g + e k has climbed by L. The interval holds, of every tau, p and bend,
+// all g for which L, known to the half width w of the healthy band (max h - its m, taken for a 90 % interval), lies in
+// the 90 % band of the course (Fieller's), the band narrowed by what the blocks speak against that tau, p and bend: the
+// profile likelihood of the crossing, the blocks' scatter widened by its correlation from one to the next, of which a
+// fit hides some parameters/blocks. What is told lies between, each tau and p counted by its likelihood, a straight
+// line before one that is curved (p = 1/2: 1/4; 3/4: 1/2; 1: 1; 3/2: 1/4; 2: 1/16; 3: 1/64); a bend widens only the
+// interval. Where no drift beats a constant by what searching tau finds in noise, or the end lies farther off than
+// five times the horizon, nothing is in sight (kNever), with the earliest time that cannot be excluded as `low`.
 //
 // Blocks grow as the drift lasts, so that memory is fixed; those older than `horizon` are forgotten. A drift during the
 // time in which anchors were learnt is not seen. Times in s, values in the variable's unit.
@@ -39,7 +40,8 @@ class DriftCourse {
  public:
   // Means over a block: when it was, the drift, and z; blocks of small and of large z each in their order.
   void add(double time, double drift, double z, double horizon);
-  Crossing reaches(double level, double now) const;
+  // Of what is left, known to that half width of a 90 % interval.
+  Crossing reaches(double left, double doubt, double now) const;
   void clear() { *this = DriftCourse(); }
 
  private:
@@ -55,7 +57,7 @@ class DriftCourse {
   };
   struct Fit;
 
-  Fit fit(double tau, double now, int exponent) const;
+  Fit fit(double tau, double bend, double now, int exponent) const;
   template <class F>
   void for_each_block(F f) const;
 
@@ -86,7 +88,7 @@ class SaturationWatch {
     int count = 0;
   };
   struct Side {
-    double left = 0;  // from the nearest anchor's limit to the end
+    double left = 0, doubt = 0;  // from the nearest anchor's limit to the end; from its mean to the limit
     DriftCourse course;
     Crossing crossing;  // as of the last block, at `told`
     double told = 0;

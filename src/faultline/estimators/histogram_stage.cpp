@@ -41,6 +41,7 @@ namespace {
 constexpr const char* kType = "histogram";
 constexpr int kVersion = 1;  // of the reference
 constexpr double kMostBins = 64;
+constexpr std::size_t kAll = static_cast<std::size_t>(-1);
 constexpr double kFarQuanta = 1e9;  // an explanatory channel far beyond its bins still fits an integer
 
 // A channel in quanta.
@@ -156,6 +157,7 @@ class HistogramStage : public Estimator {
       if (settings_.horizon > 0)
         watches_.emplace_back(histograms_.back().bins().size(), o.ends[0], o.ends[1], shape.minimum, settings_.horizon);
     }
+    points_.resize(watches_.size());
     explanatory_.resize(settings_.explanatory.size());
     bins_.assign(histograms_.size(), -1);
     values_.resize(histograms_.size());
@@ -167,6 +169,7 @@ class HistogramStage : public Estimator {
   void begin(const double*) override {
     for (Histogram<A>& h : histograms_) h.restart();
     for (SaturationWatch& w : watches_) w.restart();
+    for (Point& p : points_) p = Point();
     due_ = 0;
     judging_ = learnt_ >= settings_.learn;
   }
@@ -280,6 +283,11 @@ class HistogramStage : public Estimator {
   }
 
  private:
+  struct Point {
+    std::size_t bin = 0;
+    int count = 0;  // samples since it jumped
+  };
+
   static typename A::Value value(double quanta) {
     if constexpr (std::is_integral_v<typename A::Value>)
       return static_cast<typename A::Value>(std::clamp(std::floor(quanta + 0.5), -kFarQuanta, kFarQuanta));
@@ -295,13 +303,25 @@ class HistogramStage : public Estimator {
     watches_[i].anchor(bin, value(b.mean), value(b.low), value(b.high));
   }
 
+  // Whether the operating point has not jumped, from a bin to none of its neighbours, for twice the moving average: what
+  // a step leaves behind is no drift.
+  bool settled(std::size_t i, std::size_t bin) {
+    Point& last = points_[i];
+    const std::size_t wide = settings_.observed[i].by.size() > 1 ? static_cast<std::size_t>(settings_.bins) : kAll;
+    const auto apart = [](std::size_t a, std::size_t b) { return a > b ? a - b : b - a; };
+    if (std::max(apart(bin % wide, last.bin % wide), apart(bin / wide, last.bin / wide)) > 1) last.count = 0;
+    last.bin = bin;
+    last.count = std::min(last.count + 1, 2 << settings_.shape.average_shift);
+    return last.count == 2 << settings_.shape.average_shift;
+  }
+
   // All bins that know enough at the first judged sample, others when they do.
   void watch(std::size_t i, std::size_t bin) {
     if (!watches_[i].started())
       for (std::size_t b = 0; b < histograms_[i].bins().size(); ++b)
         if (histograms_[i].ready(b)) anchor(i, b);
     if (!watches_[i].anchored(bin)) anchor(i, bin);
-    watches_[i].add(bin, values_[i]);
+    if (settled(i, bin)) watches_[i].add(bin, values_[i]);
   }
 
   int bins_of(const Observed& o) const { return o.by.size() > 1 ? settings_.bins : settings_.single_bins; }
@@ -375,6 +395,7 @@ class HistogramStage : public Estimator {
   HistogramSettings settings_;
   std::vector<Histogram<A>> histograms_;
   std::vector<SaturationWatch> watches_;  // none without a horizon
+  std::vector<Point> points_;             // of each watch
   std::vector<typename A::Value> explanatory_;
   std::vector<int> bins_;  // of the last sample
   std::vector<double> values_;
