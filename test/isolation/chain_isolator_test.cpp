@@ -1,6 +1,8 @@
 // The isolator `chain` on shares made by hand: each kind of pattern, what it names, and when it says nothing.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "faultline/isolation/isolator.h"
 #include "faultline/signal/error.h"
 
@@ -108,7 +110,7 @@ TEST_F(Chain, TheLastShiftedVariableNamesThePlace) {
   EXPECT_EQ(of("..llb").text, "Valve and actuator: shifted are spool low, pressure low, torque high and low in turn");
   EXPECT_EQ(of("...l.").text, "Actuator: shifted are pressure low");
   EXPECT_EQ(finding_.effect, "");  // no effect is listed for that
-  EXPECT_EQ(finding_.kind, AlarmKind::fault);
+  EXPECT_EQ(finding_.kind, AlarmKind::unknown);
 }
 
 TEST_F(Chain, WhatNamesNoPlaceIsUnknown) {
@@ -118,6 +120,27 @@ TEST_F(Chain, WhatNamesNoPlaceIsUnknown) {
   EXPECT_EQ(f.kind, AlarmKind::unknown);
   EXPECT_EQ(f.effect + f.port, "");
   EXPECT_NE(f.text.find("names no place: shifted are demand high"), std::string::npos);
+}
+
+TEST_F(Chain, ALevelWithoutAPlaceIsNotTold) {
+  make({{"level", 0.1}});
+  pattern(".....");
+  hear();
+  set("demand.level", 0.3);
+  EXPECT_FALSE(hear().active);
+  set("pilot.level", 0.3);
+  EXPECT_EQ(hear().text, "Pilot stage: shifted are demand low, pilot low");
+}
+
+TEST_F(Chain, SaysUntilWhenItHasJudged) {
+  make({{"learn", 30}});
+  hear(35);  // settles for 10 s, learns for 30
+  EXPECT_FALSE(std::isfinite(isolator_->judged_until()));
+  hear(30);
+  EXPECT_EQ(isolator_->judged_until(), estimate_.time - 0.5);
+  set("judging", 0);
+  hear(5);
+  EXPECT_LT(isolator_->judged_until(), estimate_.time - 4);
 }
 
 TEST_F(Chain, OneThatNothingDrivesIsItsTransducer) {
@@ -136,12 +159,12 @@ TEST_F(Chain, OneThatNothingDrivesIsItsTransducer) {
   EXPECT_EQ(finding_.kind, AlarmKind::sensor);
   set("spool.above", 0.21);
   hear(1);
-  EXPECT_EQ(finding_.kind, AlarmKind::fault);
+  EXPECT_EQ(finding_.kind, AlarmKind::unknown);
   EXPECT_EQ(finding_.text, "Actuator: shifted are pressure low");
   EXPECT_EQ(of("h..l.").kind, AlarmKind::sensor);  // a loop that uses it moves what lies before
-  EXPECT_EQ(of("h.hl.").kind, AlarmKind::fault);
+  EXPECT_EQ(of("h.hl.").kind, AlarmKind::unknown);
   EXPECT_EQ(of("...lb").port, "force.valve");
-  EXPECT_EQ(of("...b.").kind, AlarmKind::fault);  // friction and play go both ways
+  EXPECT_EQ(of("...b.").kind, AlarmKind::unknown);  // friction and play go both ways
   EXPECT_EQ(of(".h...").kind, AlarmKind::fault);  // nothing is listed
   make({{"place", 2}}, with);
   EXPECT_FALSE(of("...l.").active);

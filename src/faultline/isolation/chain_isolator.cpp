@@ -14,7 +14,9 @@
 //                            shifted one way is another fault: the place of the last such variable is the second, if it
 //                            is not the same. Where just one variable goes both ways, the one before it in the chain is
 //                            what drives it and names nothing of its own.
-//   only variables without a place   unknown: the pattern fits no place
+//   only variables without a place   unknown: the pattern fits no place; by a share, for their levels wander with
+//                                    what they follow
+// A place without a cause that shifts it so is told as unknown, with the place in its words.
 // Where the one that names the place has shifted one way, while the one before it, which drives it, is not a third as
 // far towards its limits nor half way, nothing moved it: then it is its own transducer, where `alone` lists what that
 // does.
@@ -33,6 +35,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include <fmt/format.h>
@@ -46,6 +49,7 @@ namespace {
 
 constexpr const char* kType = "chain";
 constexpr int kVersion = 3;  // of the reference
+constexpr double kNotYet = -std::numeric_limits<double>::infinity();
 
 enum class Shift { none, high, low, both };
 constexpr std::array<const char*, 4> kWords = {"", "high", "low", "both"};
@@ -111,6 +115,7 @@ class ChainIsolator : public Isolator {
   }
 
   bool rests_on_model() const override { return false; }
+  double judged_until() const override { return judged_until_; }
 
   void reset() override {
     for (std::vector<Link>* links : {&chain_, &common_})
@@ -119,6 +124,7 @@ class ChainIsolator : public Isolator {
         link.high = link.low = {};
       }
     running_ = false;
+    judged_until_ = kNotYet;
   }
 
   void process(const Estimate& estimate, const std::vector<bool>&, Finding& finding) override {
@@ -140,6 +146,7 @@ class ChainIsolator : public Isolator {
       learn(estimate, dt);
       return;
     }
+    judged_until_ = estimate.time;
     const bool shifted = follow(chain_, estimate), explained = follow(common_, estimate);
     if (explained && finding.active) return;
     if (!shifted || explained) since_ = estimate.time;
@@ -289,6 +296,8 @@ class ChainIsolator : public Isolator {
     const std::string pattern = fmt::format("shifted are {}", fmt::join(shifts, ", "));
     const int at = second_ ? second : first;
     if (at < 0) {
+      finding.active =
+          std::any_of(chain_.begin(), chain_.end(), [](const Link& l) { return l.high.share || l.low.share; });
       finding.text = "Something shifted that names no place: " + pattern;
       return;
     }
@@ -299,13 +308,14 @@ class ChainIsolator : public Isolator {
       finding.text = fmt::format("Transducer of {}: {}", link.name, pattern);
       return;
     }
-    finding.kind = AlarmKind::fault;
+    const std::vector<std::string>& causes = link.causes[static_cast<std::size_t>(link.shift)];
+    finding.kind = causes.empty() ? AlarmKind::unknown : AlarmKind::fault;
     const int other = second_ ? first : second;
     const std::string place =
         other < 0 ? link.place : link.place + " and " + chain_[static_cast<std::size_t>(other)].place;
     finding.text = fmt::format("{}: {}", place, pattern);
     finding.text[0] = static_cast<char>(std::toupper(finding.text[0]));
-    claim(link.causes[static_cast<std::size_t>(link.shift)], finding);
+    claim(causes, finding);
   }
 
   // Confidence that the trouble is at the first cause's port: the ports that are listed count alike.
@@ -326,7 +336,7 @@ class ChainIsolator : public Isolator {
   double share_, both_, level_, sigmas_, learn_, settle_;
   bool second_, found_ = false, running_ = false;
   std::size_t judging_ = 0;
-  double learnt_ = 0, last_ = 0, begun_ = 0, since_ = 0;  // s
+  double learnt_ = 0, last_ = 0, begun_ = 0, since_ = 0, judged_until_ = kNotYet;  // s
 };
 
 FAULTLINE_ISOLATOR(chain, {"chain", make_isolator_of<ChainIsolator>});
