@@ -40,8 +40,8 @@ class Valve {
     HistogramShape shape;
     shape.minimum = 16;
     shape.memory = 30000;
-    shape.bins[0] = 8;
-    for (int i = 0; i < kVariables; ++i) {
+    for (int i = 0; i < kVariables; ++i) {  // as config/control_valve/stages.yaml has them
+      shape.bins[0] = i < kByTwo ? 8 : 32;
       shape.bins[1] = i < kByTwo ? 8 : 1;
       histograms_.emplace_back(shape);
     }

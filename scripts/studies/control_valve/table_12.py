@@ -2,15 +2,16 @@
 """Table 12 of the rig's source cell by cell, on valves whose parameters are drawn within their tolerances: each learns
 some hours of its own healthy run, then meets every fault of the datasheet, which grows and stays.
 
-table_12.py [--valves 3] [--first 101] [--learn 7] [--growth 1] [--size dn50] [--work FOLDER] [--keep FOLDER]
+table_12.py [--valves 3] [--first 101] [--learn 7] [--growth 1] [--slower 1] [--size dn50] [--work FOLDER]
+            [--keep FOLDER]
 
 Per fault and variable: 1 high, -1 low, ±1 both in turn at the end of the run, valve by valve (. is none), and in
 brackets what the source has. Per fault: modules named at the end, how often right (no other module at any time counts
 as wrong before), and where the ramp stood when it was told and when control was degraded, in shares of the datasheet's
-size. Degraded: the flow lies 1.5 times as far from its set point (RMS over 300 s, 15 s and more after each step) as in
+size (above 1: that part of the ramp's time after its end). Degraded: the flow lies 1.5 times as far from its set point (RMS over 300 s, 15 s and more after each step) as in
 the same run without the fault, in two stretches one after the other; position the same.
 
---growth K: grow on at the same rate to K times the size. --size: a valve of another size (valve_sizes.py) with the
+--growth K: grow on at the same rate to K times the size. --slower K: grow to it in K times the time. --size: a valve of another size (valve_sizes.py) with the
 stages that ship. What is done stays in FOLDER: stopped, it goes on where it was; a valve takes three minutes of
 processor time. The numbers in stages.yaml were chosen on valve 1."""
 
@@ -40,15 +41,15 @@ EXPECTED = {  # modules of Table 13
 DEGRADED = 1.5
 
 
-def grown(text, growth):
-    """An effect of the datasheet that grows on at the same rate."""
+def grown(text, growth, slower):
+    """An effect of the datasheet that grows on at the same rate, or more slowly."""
     head, _, rest = text.partition(":")
     words = []
     for word in rest.split(","):
         name, value = word.split("=")
         value = float(value)
         if name == "to":
-            value = FROM + growth * (TO - FROM)
+            value = FROM + slower * growth * (TO - FROM)
         elif name != "from":
             value *= growth
         words.append(f"{name}={value:g}")
@@ -69,9 +70,9 @@ def widened(sheet, growth):
     return {**sheet, "ports": ports}
 
 
-def one_run(valves, valve, effects, growth):
-    seconds = FROM + growth * (TO - FROM) + STAY
-    with valves.recording(valve, 10 * valve + 2, seconds, *[grown(effect, growth) for effect in effects]) as run:
+def one_run(valves, valve, effects, growth, slower):
+    seconds = FROM + slower * growth * (TO - FROM) + STAY
+    with valves.recording(valve, 10 * valve + 2, seconds, *[grown(effect, growth, slower) for effect in effects]) as run:
         report, rows = course(valves, valve, run, CONTROL, seconds)
     ends, errors = control_error(rows, valves.demand_flow)
     named, signs, ever = set(), {}, set()
@@ -86,16 +87,16 @@ def one_run(valves, valve, effects, growth):
             "ends": list(ends), "errors": errors.tolist()}  # fmt: skip
 
 
-def share(time):
-    return None if time is None else max(0.0, (time - FROM) / (TO - FROM))
+def share(time, slower=1):
+    return None if time is None else max(0.0, (time - FROM) / (slower * (TO - FROM)))
 
 
-def degraded(answer, healthy, which):
+def degraded(answer, healthy, which, slower):
     """Share of the size at which control was degraded, or None."""
     bad = np.array(answer["errors"])[:, which] > DEGRADED * np.array(healthy["errors"])[:, which]
     for i in range(2, len(bad)):
         if bad[i] and bad[i - 1]:
-            return share(answer["ends"][i - 1])
+            return share(answer["ends"][i - 1], slower)
     return None
 
 
@@ -109,6 +110,7 @@ def main():
     parser.add_argument("--first", type=int, default=101)
     parser.add_argument("--learn", type=float, default=7, help="hours; histograms and shares take six")
     parser.add_argument("--growth", type=float, default=1)
+    parser.add_argument("--slower", type=float, default=1)
     parser.add_argument("--faults", help="of the datasheet, with commas between (default: all)")
     parser.add_argument("--size", choices=sorted(SIZES))
     parser.add_argument("--keep", help="a folder: recordings stay there, to be judged by other stages")
@@ -127,12 +129,15 @@ def main():
     always = [] if options.growth > 1 else ["--substep", 0.001]
     valves = Valves(options.work, options.learn, sheet, always, options.keep)
     seeds = range(options.first, options.first + options.valves)
-    growth, results, healthy = options.growth, {fault: [] for fault in faults}, []
+    growth, slower, results, healthy = options.growth, options.slower, {fault: [] for fault in faults}, []
+    mark = f"{growth:g}" + (f"_{slower:g}" if slower != 1 else "")
     for valve in seeds:
-        healthy.append(valves.once(f"{valve}_none_{growth:g}", lambda: one_run(valves, valve, [], growth)))
+        healthy.append(valves.once(f"{valve}_none_{mark}", lambda: one_run(valves, valve, [], growth, slower)))
         for fault in faults:
-            name = f"{valve}_{fault}_{growth:g}"
-            results[fault].append(valves.once(name, lambda: one_run(valves, valve, effects[fault], growth)))
+            name = f"{valve}_{fault}_{mark}"
+            results[fault].append(
+                valves.once(name, lambda: one_run(valves, valve, effects[fault], growth, slower))
+            )
             answer = results[fault][-1]
             print(valve, fault, answer["modules"], answer["raised"], answer["signs"], file=sys.stderr, flush=True)
 
@@ -151,9 +156,9 @@ def main():
         right = sum(a["modules"] == EXPECTED[fault] for a in answers)
         ever = sum(set(a["ever"]) <= set(EXPECTED[fault]) for a in answers)
         cells += [modules, f"{right} of {len(answers)}, at any time {ever}"]
-        cells.append(several([share(answer["raised"]) for answer in answers]))
+        cells.append(several([share(answer["raised"], slower) for answer in answers]))
         for which in (1, 0):
-            cells.append(several([degraded(answer, before, which) for answer, before in zip(answers, healthy)]))
+            cells.append(several([degraded(answer, before, which, slower) for answer, before in zip(answers, healthy)]))
         print(f"| {number} {fault} | {' | '.join(cells)} |")
     flow = [np.median(np.array(answer["errors"])[:, 1]) for answer in healthy]
     parts = several(100 * f for f in flow)
