@@ -17,6 +17,7 @@ and the median error; with --rows also each time that was asked."""
 import argparse
 import json
 import pathlib
+import sys
 import tempfile
 
 import matplotlib
@@ -49,17 +50,14 @@ def columns(file, names):
 
 
 def truth(study, entry, rig):
-    """When the end is reached in the run of `held`, which nothing needs to judge."""
+    """When the end is reached in the run of `held`, which nothing needs to judge; None: not in that time."""
     file = study.folder / "held.csv"
     how = ["--config", study.made_by, *entry["held"].format(rig=rig).split()[1:]]
     rig_runs.faultline("simulate", study.rig, *how, "--quiet", "-o", file)
     series = columns(file, ["t", entry["variable"]])
     time, values = series["t"], series[entry["variable"]]
     upwards = entry["end"] >= np.median(values[: len(values) // 10])
-    at = reached(time, values, entry["end"], upwards, study.study["share"], study.study["stay"])
-    if at is None:
-        raise SystemExit(f"{entry['variable']} did not reach {entry['end']:g}; simulate longer")
-    return at
+    return reached(time, values, entry["end"], upwards, study.study["share"], study.study["stay"])
 
 
 def score(series, entry, at):
@@ -100,6 +98,9 @@ def measure(study, rig, show):
     sheet, learnt = study.learn(rig, **study.study["settings"])
     for name, entry in study.study["judge"].items():
         at = truth(study, entry, rig)
+        if at is None:
+            print(f"{name}, rig {rig}: left out, the end is not reached; simulate longer", file=sys.stderr)
+            continue
         for seed in entry["seeds"]:
             run = study.recording(entry["run"].format(rig=rig, seed=seed))
             file = study.folder / "judged.csv"
@@ -132,7 +133,8 @@ def main():
     print(f"\n{heads}\n{'|---' * 7}|")
     for name in study.study["judge"]:
         rows = [r for key, entry in measured.items() if key[0] == name for r in entry["rows"]]
-        print(f"| {name} | {' | '.join(summary(rows))} |")
+        if rows:
+            print(f"| {name} | {' | '.join(summary(rows))} |")
     print(f"| all | {' | '.join(summary([r for entry in measured.values() for r in entry['rows']]))} |")
     result = {", ".join(str(part) for part in key if part is not None): entry for key, entry in measured.items()}
     if arguments.picture:

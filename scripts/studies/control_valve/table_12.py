@@ -2,18 +2,20 @@
 """Table 12 of the rig's source cell by cell, on valves whose parameters are drawn within their tolerances: each learns
 some hours of its own healthy run, then meets every fault of the datasheet, which grows and stays.
 
-table_12.py [--valves 3] [--first 101] [--learn 7] [--growth 1] [--slower 1] [--size dn50] [--work FOLDER]
-            [--keep FOLDER]
+table_12.py [--valves 3] [--first 101] [--learn 7] [--growth 1] [--slower 1] [--size dn50] [--set single_bins=16]
+            [--work FOLDER] [--keep FOLDER]
 
 Per fault and variable: 1 high, -1 low, ±1 both in turn at the end of the run, valve by valve (. is none), and in
 brackets what the source has. Per fault: modules named at the end, how often right (no other module at any time counts
 as wrong before), and where the ramp stood when it was told and when control was degraded, in shares of the datasheet's
-size (above 1: that part of the ramp's time after its end). Degraded: the flow lies 1.5 times as far from its set point (RMS over 300 s, 15 s and more after each step) as in
-the same run without the fault, in two stretches one after the other; position the same.
+size (above 1: that part of the ramp's time after its end). Degraded: the flow lies 1.5 times as far from its set point
+(RMS over 300 s, 15 s and more after each step) as in the same run without the fault, in two stretches one after the
+other; position the same.
 
---growth K: grow on at the same rate to K times the size. --slower K: grow to it in K times the time. --size: a valve of another size (valve_sizes.py) with the
-stages that ship. What is done stays in FOLDER: stopped, it goes on where it was; a valve takes three minutes of
-processor time. The numbers in stages.yaml were chosen on valve 1."""
+--growth K: grow on at the same rate to K times the size. --slower K: grow to it in K times the time. --size: a valve of
+another size (valve_sizes.py) with the stages that ship. --set: the histograms with another setting. What is done stays
+in FOLDER: stopped, it goes on where it was; a valve takes three minutes of processor time. The numbers in stages.yaml
+were chosen on valve 1."""
 
 import argparse
 import re
@@ -71,7 +73,7 @@ def widened(sheet, growth):
 
 
 def one_run(valves, valve, effects, growth, slower):
-    seconds = FROM + slower * growth * (TO - FROM) + STAY
+    seconds = round(FROM + slower * growth * (TO - FROM) + STAY)
     with valves.recording(valve, 10 * valve + 2, seconds, *[grown(effect, growth, slower) for effect in effects]) as run:
         report, rows = course(valves, valve, run, CONTROL, seconds)
     ends, errors = control_error(rows, valves.demand_flow)
@@ -113,10 +115,14 @@ def main():
     parser.add_argument("--slower", type=float, default=1)
     parser.add_argument("--faults", help="of the datasheet, with commas between (default: all)")
     parser.add_argument("--size", choices=sorted(SIZES))
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=NUMBER", help="of the histograms")
     parser.add_argument("--keep", help="a folder: recordings stay there, to be judged by other stages")
     parser.add_argument("--work", default="catkin_ws/valve_runs")
     options = parser.parse_args()
     sheet = rig_runs.datasheet(RIG)
+    changes = {key: float(value) for key, _, value in (text.partition("=") for text in options.set)}
+    for stage in sheet["estimators"]:
+        stage.update(changes if stage["type"] == "histogram" else {})
     if options.size:
         sheet = sized(sheet, options.size)
     if options.growth != 1:
