@@ -165,7 +165,7 @@ TEST_F(Chain, OneThatNothingDrivesIsItsTransducer) {
   EXPECT_EQ(of("h.hl.").kind, AlarmKind::unknown);
   EXPECT_EQ(of("...lb").port, "force.valve");
   EXPECT_EQ(of("...b.").kind, AlarmKind::unknown);  // friction and play go both ways
-  EXPECT_EQ(of(".h...").kind, AlarmKind::fault);  // nothing is listed
+  EXPECT_EQ(of(".h...").kind, AlarmKind::fault);    // nothing is listed
   make({{"place", 2}}, with);
   EXPECT_FALSE(of("...l.").active);
 }

@@ -303,8 +303,8 @@ class HistogramStage : public Estimator {
     watches_[i].anchor(bin, value(b.mean), value(b.low), value(b.high));
   }
 
-  // Whether the operating point has not jumped, from a bin to none of its neighbours, for twice the moving average: what
-  // a step leaves behind is no drift.
+  // Whether the operating point has not jumped, from a bin to none of its neighbours, for twice the moving average:
+  // what a step leaves behind is no drift.
   bool settled(std::size_t i, std::size_t bin) {
     Point& last = points_[i];
     const std::size_t wide = settings_.observed[i].by.size() > 1 ? static_cast<std::size_t>(settings_.bins) : kAll;
