@@ -190,6 +190,25 @@ TEST(Histogram, HalvingKeepsTheSumsUpToEverySection) {
   EXPECT_EQ(h.bins()[0].population, 100);
 }
 
+// A bin is first met while the rig moves through it, over 400 times the width at which it settles.
+TEST(Histogram, AFirstVisitDoesNotCoarsenItForGood) {
+  const auto learns = [](auto h) {
+    Random random(8);
+    for (int k = 0; k < 200; ++k) h.learn(0, static_cast<decltype(h.bins()[0].mean)>(100 * k));
+    for (int k = 0; k < 20000; ++k)
+      h.learn(0, static_cast<decltype(h.bins()[0].mean)>(std::floor(10000 + 50 * random.normal())));
+    // The quantiles of 5 and 95 %, as the normal distribution has them.
+    EXPECT_LE(h.bins()[0].shift, 5);
+    EXPECT_NEAR(h.bins()[0].mean, 10000, 10);
+    EXPECT_NEAR(h.bins()[0].high - h.bins()[0].mean, 82, 20);
+    EXPECT_NEAR(h.bins()[0].mean - h.bins()[0].low, 82, 20);
+  };
+  HistogramShape shape;
+  shape.memory = 4096;
+  learns(Histogram<FloatingArithmetic>(shape));
+  learns(Histogram<IntegerArithmetic>(shape));
+}
+
 TEST(Histogram, OutliersDoNotCoarsenIt) {
   Integer h(one_bin());
   Random random(6);

@@ -132,6 +132,29 @@ TEST_F(Chain, ALevelWithoutAPlaceIsNotTold) {
   EXPECT_EQ(hear().text, "Pilot stage: shifted are demand low, pilot low");
 }
 
+TEST_F(Chain, ACommonCauseHasLimitsOfItsOwn) {
+  make({{"level", 0.1}, {"common_share", 0.8}, {"common_level", 0.3}});
+  set("supply.below", 0.7);
+  set("supply.above", 0.25);  // both ways in turn is no shift of a common cause
+  set("supply.level", 0.3);
+  pattern("h....");
+  EXPECT_TRUE(hear().active);
+  pattern(".....");
+  hear();
+  set("supply.below", 0.81);
+  hear();
+  pattern("h....");
+  EXPECT_FALSE(hear().active);
+  set("supply.below", 0.3);
+  EXPECT_TRUE(hear().active);
+  pattern(".....");
+  hear();
+  set("supply.level", 0.1);
+  hear();
+  pattern("h....");
+  EXPECT_FALSE(hear().active);
+}
+
 TEST_F(Chain, SaysUntilWhenItHasJudged) {
   make({{"learn", 30}});
   hear(35);  // settles for 10 s, learns for 30

@@ -23,13 +23,15 @@
 // Once the variable that the loops hold has itself shifted, they have given way, and what lies behind it follows from
 // that: then it and what lies before it are looked at alone.
 //
-// While a common cause (a supply, a temperature) has itself shifted, by the same limits, shifts are laid to it: what
-// was named before stays, nothing else is named. Its histogram should forget no faster than those of what it moves:
-// give it the same explanatory channel.
+// While a common cause (a supply, a temperature) has itself shifted, by `common_share` on one side or `common_level`,
+// shifts are laid to it: what was named before stays, nothing else is named. What wanders slowly lies outside of nine
+// tenths of its own past for a while now and then, which is no shift; what was never met lies there for most of the
+// window. Its histogram should forget no faster than those of what it moves: give it the same explanatory channel.
 //
 // Settings: stage; chain, its observed channels in the order of cause, from the controller on; held, the one of them
-// that the loops hold [none]; common; share, both, level [1: it is not looked at], sigmas, learn [0 s], settle (s from
-// the first shift until it is named, and after a start); place [1] or 2; per channel CHANNEL_place, the module in words
+// that the loops hold [none]; common; share, both, level [1: it is not looked at], common_share [share], common_level
+// [level], sigmas, learn [0 s], settle (s from the first shift until it is named, and after a start); place [1] or 2;
+// per channel CHANNEL_place, the module in words
 // (none: it names none), and CHANNEL_high, CHANNEL_low, CHANNEL_both, CHANNEL_alone: the effect@port, with commas
 // between, that shift it so; the first is told, the others as what it cannot be told from.
 #include <algorithm>
@@ -61,6 +63,10 @@ struct Usual {  // what a quantity is on the healthy rig
   double std() const { return std::sqrt(std::max(0.0, square - mean * mean)); }
 };
 
+struct Limits {
+  double share = 1, both = 1, level = 1;
+};
+
 struct Side {  // whether a variable is beyond a limit
   bool share = false, level = false;
 };
@@ -81,9 +87,11 @@ class ChainIsolator : public Isolator {
     const Settings& s = spec.settings;
     s.word_or("stage", "");
     second_ = s.number_or("place", 1, 1, 2) > 1.5;
-    share_ = s.number("share", 0.001, 1);
-    both_ = s.number("both", 0.001, 1);
-    level_ = s.number_or("level", 1, 0.001, 1);
+    own_.share = s.number("share", 0.001, 1);
+    own_.both = s.number("both", 0.001, 1);
+    own_.level = s.number_or("level", 1, 0.001, 1);
+    of_common_.share = of_common_.both = s.number_or("common_share", own_.share, 0.001, 1);
+    of_common_.level = s.number_or("common_level", own_.level, 0.001, 1);
     sigmas_ = s.number_or("sigmas", 0, 0, 1000);
     learn_ = s.number_or("learn", 0, 0, 1e9);
     settle_ = s.number("settle", 0, 1e9);
@@ -147,7 +155,7 @@ class ChainIsolator : public Isolator {
       return;
     }
     judged_until_ = estimate.time;
-    const bool shifted = follow(chain_, estimate), explained = follow(common_, estimate);
+    const bool shifted = follow(chain_, own_, estimate), explained = follow(common_, of_common_, estimate);
     if (explained && finding.active) return;
     if (!shifted || explained) since_ = estimate.time;
     finding.active = false;
@@ -232,26 +240,26 @@ class ChainIsolator : public Isolator {
   }
 
   // Whether any has shifted.
-  bool follow(std::vector<Link>& links, const Estimate& estimate) const {
+  bool follow(std::vector<Link>& links, const Limits& limits, const Estimate& estimate) const {
     bool shifted = false;
     for (Link& link : links) {
-      link.shift = shift(link, estimate);
+      link.shift = shift(link, limits, estimate);
       shifted = shifted || link.shift != Shift::none;
     }
     return shifted;
   }
 
-  Shift shift(Link& link, const Estimate& estimate) const {
+  Shift shift(Link& link, const Limits& limits, const Estimate& estimate) const {
     const auto value = [&](const Usual& u) { return estimate.quantities[u.quantity].value; };
     const double above = value(link.above), below = value(link.below), level = value(link.level) - link.level.mean;
     const auto limit = [&](const Usual& u, double least) { return std::max(least, u.mean + sigmas_ * u.std()); };
-    const double most = std::max(level_, sigmas_ * link.level.std());
-    const double high = limit(link.above, share_), low = limit(link.below, share_);
+    const double most = std::max(limits.level, sigmas_ * link.level.std());
+    const double high = limit(link.above, limits.share), low = limit(link.below, limits.share);
     link.reach = std::max({std::abs(level) / most, (above - link.above.mean) / (high - link.above.mean),
                            (below - link.below.mean) / (low - link.below.mean)});
     const auto beyond = [](bool before, double x, double end) { return x > (before ? 0.5 : 1.0) * end; };
-    const bool both = beyond(link.high.share, above, limit(link.above, both_)) &&
-                      beyond(link.low.share, below, limit(link.below, both_));
+    const bool both = beyond(link.high.share, above, limit(link.above, limits.both)) &&
+                      beyond(link.low.share, below, limit(link.below, limits.both));
     link.high = {both || beyond(link.high.share, above, high), beyond(link.high.level, level, most)};
     link.low = {both || beyond(link.low.share, below, low), beyond(link.low.level, -level, most)};
     if (link.high.share && link.low.share) return Shift::both;
@@ -333,7 +341,8 @@ class ChainIsolator : public Isolator {
 
   std::vector<Link> chain_, common_;
   int held_ = 0;
-  double share_, both_, level_, sigmas_, learn_, settle_;
+  Limits own_, of_common_;
+  double sigmas_, learn_, settle_;
   bool second_, found_ = false, running_ = false;
   std::size_t judging_ = 0;
   double learnt_ = 0, last_ = 0, begun_ = 0, since_ = 0, judged_until_ = kNotYet;  // s
