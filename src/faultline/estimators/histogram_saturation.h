@@ -6,7 +6,7 @@
 // L = H - max h. Towards the low end likewise. Samples y of these bins give d = y - m and z, how far h lies from max h
 // as a share of the span. Means of d and z over blocks are followed by
 //
-//   d = a + (b + c z) g + e k,   g = max(0, t - tau)^p,   p = 1/2, 3/4, 1, 3/2, 2, 3;   k = max(0, t - bend), p = 1 alone
+//   d = a + (b + c z) g + e k,   g = max(0, t - tau)^p,   p = 1/2, 3/4, 1, 3/2, 2, 3;   k = max(0, t - bend), p = 1
 //
 // by least squares: a drift that began at tau, differs between operating points, may grow slower or faster, or changes
 // its rate once. The end is reached where a + b g + e k has climbed by L. The interval holds, of every tau, p and bend,

@@ -278,20 +278,23 @@ void name_effects(const EffectSearch& search, double ninety, const GapOptions::V
                     options.rival_standard_errors);
 }
 
-// A verdict of "none" or "miscalibrated" says that no cause is seen, not that nothing is left; and noise hides a gap.
-void remark_what_is_left(const Datasheet& sheet, GapResult& result) {
+// "none" and "miscalibrated" say that no cause is seen, not that nothing is left. In words; empty: nothing.
+std::string what_is_left(const GapResult& result) {
+  std::string left;
+  for (const ChannelGap& gap : result.gap[1].channels)
+    if (const double times = gap.rms.at("segment") / gap.noise_std; times > kMuchLeft)
+      left += fmt::format("{}{} {:.3g} times its noise", left.empty() ? "" : ", ", gap.channel, times);
+  return left;
+}
+
+// Noise hides a gap.
+void remark_noise(const Datasheet& sheet, GapResult& result) {
   for (const ChannelGap& gap : result.gap[1].channels) {
-    if (gap.rms.at("segment") > kMuchLeft * gap.noise_std)
-      result.remarks.push_back(fmt::format(
-          "{}: {:.2g} times the noise is left, and no place, and no effect at one, explains enough of it to "
-          "be told",
-          gap.channel, gap.rms.at("segment") / gap.noise_std));
     const Channel& channel = sheet.channels[static_cast<std::size_t>(sheet.channel(gap.channel))];
     if (channel.noise_std > 0 && gap.noise_std > kMuchNoise * std::max(channel.noise_std, channel.resolution))
       result.remarks.push_back(
-          fmt::format("{}: its noise is {:.2g} times the datasheet's; a gap that is smaller is not "
-                      "seen",
-                      gap.channel, gap.noise_std / channel.noise_std));
+          fmt::format("{}: its noise is {:.2g} times the datasheet's; a gap that is smaller is not seen", gap.channel,
+                      gap.noise_std / channel.noise_std));
   }
 }
 
@@ -410,8 +413,9 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
                                   best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port, options,
                                   settings.jobs, result.remarks);
   }
-  if (!answer.names && result.verdict != "unknown") remark_what_is_left(sheet, result);
-  describe(sheet, result);
+  const bool no_cause = !answer.names && result.verdict != "unknown";
+  if (no_cause) remark_noise(sheet, result);
+  describe(sheet, result, no_cause ? what_is_left(result) : "");
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

@@ -198,9 +198,10 @@ void measure_levels(const ResidualModel& model, const ModelChange& nominal, cons
   find_regions(model, residuals, remaining, result);
 }
 
-void describe(const Datasheet& sheet, GapResult& result) {
+void describe(const Datasheet& sheet, GapResult& result, const std::string& left) {
   if (result.verdict == "none") {
-    result.sentence = "No gap beyond the noise and the tolerances of the datasheet.";
+    result.sentence = left.empty() ? "No gap beyond the noise and the tolerances of the datasheet."
+                                   : "No place and no effect tells what is left: " + left + ".";
   } else if (result.verdict == "miscalibrated") {
     std::string moved;
     for (const auto& [name, factor] : result.gap[1].parameters) {
@@ -208,8 +209,9 @@ void describe(const Datasheet& sheet, GapResult& result) {
       if (std::abs(factor - 1) > p.tolerance)
         moved += fmt::format("{}{} x {:.3f}", moved.empty() ? "" : ", ", name, factor);
     }
-    result.sentence = "The structure fits; the parameters are off" +
+    result.sentence = (left.empty() ? "The structure fits; the parameters are off" : "The parameters are off") +
                       (moved.empty() ? std::string(" within their tolerances.") : ": " + moved + ".");
+    if (!left.empty()) result.sentence += " No place and no effect tells what is left: " + left + ".";
   } else if (result.verdict == "named") {
     std::string rounded;
     for (const NamedEffect& e : result.effects) {

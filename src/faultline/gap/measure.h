@@ -11,7 +11,7 @@ namespace faultline {
 void measure_levels(const ResidualModel& model, const ModelChange& nominal, const ModelChange& refitted,
                     const FitResult& explained, GapResult& result);
 
-// The verdict in one sentence.
-void describe(const Datasheet& sheet, GapResult& result);
+// The verdict in one sentence; `left`: in words, what no cause explains although it is far above the noise.
+void describe(const Datasheet& sheet, GapResult& result, const std::string& left);
 
 }  // namespace faultline
