@@ -74,7 +74,8 @@ def widened(sheet, growth):
 
 def one_run(valves, valve, effects, growth, slower):
     seconds = round(FROM + slower * growth * (TO - FROM) + STAY)
-    with valves.recording(valve, 10 * valve + 2, seconds, *[grown(effect, growth, slower) for effect in effects]) as run:
+    effects = [grown(effect, growth, slower) for effect in effects]
+    with valves.recording(valve, 10 * valve + 2, seconds, *effects) as run:
         report, rows = course(valves, valve, run, CONTROL, seconds)
     ends, errors = control_error(rows, valves.demand_flow)
     named, signs, ever = set(), {}, set()
