@@ -5,7 +5,9 @@
 
 One panel a variable. To the right runs the explanatory variable whose bins they are; where there are two, the last
 one, in the row of bins that was visited most, which the title names. Shaded: counts, each bin's largest the darkest.
-Lines: mean and limits. The dot is the last sample. Exit: 0; 1 if nothing is heard in time; 2 for bad usage.
+Lines: mean and limits. The dot is the last sample. The second line of the title is what isolation reads: the shares of
+the window beyond the limits, and the level (0.5 where nothing has shifted); "learning" while nothing is judged yet.
+Exit: 0; 1 if nothing is heard in time; 2 for bad usage.
 """
 import argparse
 import math
@@ -34,6 +36,13 @@ def row_of(message):
     return row * bins[1], bins[1], ", {} {:.4g} to {:.4g}".format(message.axes[0], *ends)
 
 
+def shift_of(message):
+    if not message.judging:
+        return "learning"
+    words = "beyond the limits: high {:.2f}, low {:.2f}; level {:.2f}"
+    return words.format(message.above, message.below, message.level)
+
+
 def draw(axis, message):
     first, number, words = row_of(message)
     low = message.axis_low[-1] if message.axes else 0
@@ -57,7 +66,7 @@ def draw(axis, message):
         axis.set_ylim(min(known) - margin, max(known) + margin)
     if first <= message.bin < first + number:
         axis.plot(low + (message.bin - first + 0.5) * step, message.value, "o", color="tab:orange", markersize=4)
-    axis.set_title(message.variable + words, fontsize=7)
+    axis.set_title(message.variable + words + "\n" + shift_of(message), fontsize=7)
     axis.yaxis.get_offset_text().set_fontsize(7)
     axis.set_ylabel(message.unit, fontsize=8)
     axis.set_xlabel("{} [{}]".format(message.axes[-1], message.axis_units[-1]) if message.axes else "", fontsize=8)

@@ -250,9 +250,14 @@ Estimate from_message(const faultline_msgs::Estimate& message) {
   return estimate;
 }
 
-faultline_msgs::Histogram to_message(const HistogramView& view, const EstimateNames& names, double time) {
+faultline_msgs::Histogram to_message(const HistogramView& view, const EstimateNames& names, const Estimate& estimate) {
+  const auto told = [&estimate](const std::string& name) {
+    for (const Quantity& quantity : estimate.quantities)
+      if (quantity.name == name) return quantity.value;
+    throw InputError(fmt::format("an estimate beside histograms lacks the quantity '{}'", name));
+  };
   faultline_msgs::Histogram message;
-  message.header.stamp = to_stamp(time);
+  message.header.stamp = to_stamp(estimate.time);
   message.header.frame_id = message.rig = names.rig;
   message.stage = names.stage;
   message.variable = view.variable;
@@ -277,6 +282,8 @@ faultline_msgs::Histogram to_message(const HistogramView& view, const EstimateNa
   message.average = view.average;
   message.above = view.above;
   message.below = view.below;
+  message.level = told(view.variable + ".level");
+  message.judging = told("judging") > 0;
   return message;
 }
 

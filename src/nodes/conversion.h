@@ -44,7 +44,8 @@ EstimateNames names_of(const Datasheet& sheet, const EstimatorStage& stage);
 faultline_msgs::Estimate to_message(const Estimate& estimate, const EstimateNames& names);
 Estimate from_message(const faultline_msgs::Estimate& message);
 ChannelStatus to_channel_status(std::uint8_t word);  // InputError where there is none
-faultline_msgs::Histogram to_message(const HistogramView& view, const EstimateNames& names, double time);
+// `estimate`: of the same stage and sample, which says how far the variable has shifted.
+faultline_msgs::Histogram to_message(const HistogramView& view, const EstimateNames& names, const Estimate& estimate);
 
 faultline_msgs::AlarmArray to_message(const AlarmReport& report);
 AlarmReport from_message(const faultline_msgs::AlarmArray& message);

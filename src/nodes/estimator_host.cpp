@@ -89,8 +89,7 @@ void EstimatorHost::publish_histograms() {
   if (histograms_.getNumSubscribers() == 0) return;
   for (const Hosted& h : hosted_) {
     if (h.estimate.channel_status.empty()) continue;  // no sample yet
-    for (const HistogramView& view : h.stage.histograms())
-      histograms_.publish(to_message(view, h.names, h.estimate.time));
+    for (const HistogramView& view : h.stage.histograms()) histograms_.publish(to_message(view, h.names, h.estimate));
   }
 }
 

@@ -233,6 +233,27 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   EXPECT_THROW(from_message(twice), InputError);
 }
 
+TEST(Conversion, HistogramsTakeTheirShiftFromTheEstimateOfTheSameSample) {
+  HistogramView view;
+  view.variable = "pressure";
+  view.above = 0.25;
+  view.below = 0.125;
+  Estimate estimate;
+  estimate.time = 12.5;
+  estimate.quantities = {{"judging", "1", 1, 0}, {"flow.level", "1", 0.5, 0}, {"pressure.level", "1", 0.75, 0}};
+  const EstimateNames names{"small", "points", {}, {}};
+  const faultline_msgs::Histogram message = to_message(view, names, estimate);
+  EXPECT_EQ(message.header.stamp, ros::Time(12, 500000000));
+  EXPECT_EQ(message.above, 0.25);
+  EXPECT_EQ(message.below, 0.125);
+  EXPECT_EQ(message.level, 0.75);
+  EXPECT_TRUE(message.judging);
+  estimate.quantities[0].value = 0;
+  EXPECT_FALSE(to_message(view, names, estimate).judging);
+  estimate.quantities.pop_back();
+  EXPECT_THROW(to_message(view, names, estimate), InputError);
+}
+
 TEST(Conversion, AlarmsGoAroundUnchanged) {
   Alarm alarm;
   alarm.kind = AlarmKind::fault;

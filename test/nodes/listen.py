@@ -139,6 +139,10 @@ def histogram(message):
             "mean": numbers(message.mean),
             "low": numbers(message.low),
             "high": numbers(message.high),
+            "above": message.above,
+            "below": message.below,
+            "level": message.level,
+            "judging": message.judging,
         }
     )
 

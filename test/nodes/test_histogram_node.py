@@ -13,7 +13,7 @@ RIG = "control_valve"
 LISTEN = str(pathlib.Path(__file__).resolve().parent / "listen.py")
 DRAW = str(ROOT / "scripts/draw_histograms.py")
 VARIABLES = 11
-QUICKER = {"minimum": 2, "memory": 100, "learn": 20}  # s, than the datasheet's hours
+QUICKER = {"minimum": 2, "memory": 100, "learn": 20, "window": 25.6}  # s, than the datasheet's hours
 
 
 def quicker_config(folder):
@@ -86,6 +86,12 @@ class HistogramNode(unittest.TestCase):
                 self.assertTrue(0 < spool["low"][i] < spool["mean"][i] < spool["high"][i] < 1)
             self.assertEqual(last["coil_voltage"]["axes"], ["ambient_temperature", "valve_setpoint"])
             self.assertEqual(last["supply_pressure"]["axes"], ["valve_setpoint"])
+            self.assertEqual({entry["judging"] for entry in last.values()}, {True})
+            # By the samples judged since, not the 0.5 at which it begins; none is cut off at an end for all of them.
+            for entry in last.values():
+                self.assertTrue(0 < entry["level"] < 1 and entry["level"] != 0.5, entry["level"])
+            self.assertFalse(heard[0]["judging"], heard[0]["time"])
+            self.assertEqual(heard[0]["level"], 0.5)
 
             text = kept.read_text()
             self.assertTrue(
