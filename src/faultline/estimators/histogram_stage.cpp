@@ -41,7 +41,7 @@ namespace {
 constexpr const char* kType = "histogram";
 constexpr int kVersion = 1;  // of the reference
 constexpr double kMostBins = 64;
-constexpr std::size_t kAll = static_cast<std::size_t>(-1);
+constexpr std::size_t kOneRow = static_cast<std::size_t>(-1);
 constexpr double kFarQuanta = 1e9;  // an explanatory channel far beyond its bins still fits an integer
 
 // A channel in quanta.
@@ -307,7 +307,7 @@ class HistogramStage : public Estimator {
   // what a step leaves behind is no drift.
   bool settled(std::size_t i, std::size_t bin) {
     Point& last = points_[i];
-    const std::size_t wide = settings_.observed[i].by.size() > 1 ? static_cast<std::size_t>(settings_.bins) : kAll;
+    const std::size_t wide = settings_.observed[i].by.size() > 1 ? static_cast<std::size_t>(settings_.bins) : kOneRow;
     const auto apart = [](std::size_t a, std::size_t b) { return a > b ? a - b : b - a; };
     if (std::max(apart(bin % wide, last.bin % wide), apart(bin / wide, last.bin / wide)) > 1) last.count = 0;
     last.bin = bin;
