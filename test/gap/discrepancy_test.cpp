@@ -3,12 +3,16 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
 #include <cmath>
 
+#include <fmt/format.h>
+#include <Eigen/Dense>
+
+#include "faultline/gap/linearisation.h"
 #include "faultline/gap/signal_scan.h"
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/random.h"
+#include "rigs/control_valve/runs.h"
 #include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
@@ -271,6 +275,54 @@ TEST(Discrepancy, ShowsThePlaceOfWhatIsMissing) {
     EXPECT_GT(before.loss - after.loss, 5 * after.places.front().gain);
     EXPECT_GT(before.loss - after.loss, before.places.front().gain);
   }
+}
+
+// As it is recorded at a plant: 10 Hz, flapper and spool not measured.
+Recording plant_recording(const SimulationSetup& setup, double duration) {
+  const Recording all = simulate(valve(), setup, duration);
+  Recording some;
+  some.rig = all.rig;
+  some.channels = all.channels;
+  const std::size_t channels = all.channels.size();
+  for (std::size_t k = 0; k < all.rows(); k += 10) {
+    some.time.push_back(all.time[k]);
+    some.sequence.push_back(k / 10);
+    for (std::size_t c = 0; c < channels; ++c) some.values.push_back(all.at(k, c));
+    for (const char* hidden : {"flapper_position", "spool_position"})
+      some.values[some.values.size() - channels + valve_column(hidden)] = std::nan("");
+  }
+  return some;
+}
+
+// A flow that is stuck asks for openings that no valve has, where the model's derivatives are nonsense: followed there,
+// the worst segment of these runs costs 1520 instead of 1012.
+TEST(Discrepancy, DoesNotFollowAStuckSensorToWhereNoRigIs) {
+  std::vector<SegmentedRun> runs;
+  for (const char* profile : {"steps", "prbs"}) {
+    SimulationSetup setup = off_nominal_valve(profile, 5);
+    setup.effects.push_back(parse_effect("stuck@sensor.flow:from=10"));
+    runs.push_back(cut_run(valve(), profile, plant_recording(setup, 30), 3.8));
+  }
+  const ResidualModel residuals(valve(), std::move(runs));
+  const Discrepancy found = find_discrepancy(residuals, {valve().nominal(), {}}, {0, 1}, 2, Places::free);
+  EXPECT_EQ(found.places.front().port, "sensor.flow");
+  for (const double loss : found.losses) EXPECT_LT(loss, 1200);
+}
+
+// A tolerance of a third may not take a parameter through 0.
+TEST(BoundedMove, KeepsTheSignOfAParameter) {
+  const auto index = static_cast<std::size_t>(valve().parameter("spool_coulomb"));
+  const Parameter& parameter = valve().parameters[index];
+  ASSERT_GT(parameter.tolerance, 0.28);
+  GapOptions::Linearisation options;
+  const Eigen::VectorXd lowest = lowest_deviations(valve(), {index}, options);
+  const Eigen::VectorXd z = Eigen::VectorXd::Constant(1, -1);
+  const auto move = [&](double gradient) {
+    return bounded_move(Eigen::MatrixXd::Identity(1, 1), Eigen::VectorXd::Constant(1, gradient), z, lowest, options)[0];
+  };
+  EXPECT_NEAR(1 + (z[0] + move(100)) * parameter.tolerance, 0.1, 1e-12);
+  EXPECT_NEAR(z[0] + move(-100), options.parameter_bound_tolerances, 1e-12);
+  EXPECT_NEAR(move(0.5), -0.5, 1e-12);
 }
 
 GapEvidence evidence() {

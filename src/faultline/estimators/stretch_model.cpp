@@ -5,6 +5,7 @@
 
 #include "faultline/attribution/screening.h"
 #include "faultline/estimators/estimate.h"
+#include "faultline/rig/parameter_range.h"
 #include "faultline/segments/segment_length.h"
 
 namespace faultline {
@@ -74,8 +75,11 @@ ModelPoint StretchModel::nominal() const { return {Eigen::VectorXd::Zero(paramet
 
 ModelPoint StretchModel::at(const Eigen::VectorXd& shift) const {
   ModelPoint point{shift, sheet_.nominal(), {}};
-  for (std::size_t i = 0; i < free_.size(); ++i)
-    point.parameters[free_[i]] *= 1 + shift[static_cast<Eigen::Index>(i)] * sheet_.parameters[free_[i]].tolerance;
+  for (std::size_t i = 0; i < free_.size(); ++i) {
+    const double tolerance = sheet_.parameters[free_[i]].tolerance;
+    point.parameters[free_[i]] *=
+        std::max(kLeastParameterFraction, 1 + shift[static_cast<Eigen::Index>(i)] * tolerance);
+  }
   return point;
 }
 

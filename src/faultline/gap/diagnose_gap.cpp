@@ -14,6 +14,7 @@
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/quantiles.h"
 #include "faultline/numerics/random.h"
+#include "faultline/rig/parameter_range.h"
 #include "faultline/segments/own_start.h"
 #include "faultline/signal/error.h"
 
@@ -75,15 +76,20 @@ std::string kind_of(const Datasheet& sheet, const std::string& port) {
   return sheet.port(port).kind == PortKind::sensor ? "sensor" : "process";
 }
 
-std::vector<std::string> parameters_at_bounds(const Datasheet& sheet, const ModelChange& model,
-                                              const GapOptions& options) {
-  std::vector<std::string> names;
+std::vector<std::string> told_at_bounds(const Datasheet& sheet, const ModelChange& model, const GapOptions& options) {
+  std::vector<std::string> remarks;
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
     const Parameter& p = sheet.parameters[i];
-    const double bound = options.linearisation.parameter_bound_tolerances * std::abs(p.nominal * p.tolerance);
-    if (bound > 0 && std::abs(model.parameters[i] - p.nominal) > 0.999 * bound) names.push_back(p.name);
+    if (p.tolerance <= 0) continue;
+    const double highest = options.linearisation.parameter_bound_tolerances;
+    const double z = (model.parameters[i] - p.nominal) / (p.nominal * p.tolerance);
+    if (z > 0.999 * highest || z < 0.999 * lowest_deviation(p, highest))
+      remarks.push_back(
+          fmt::format("{} is as far from the datasheet as it may go, {:.2g} tolerances: correct the datasheet, or give "
+                      "the parameter the tolerance that it has",
+                      p.name, std::abs(z)));
   }
-  return names;
+  return remarks;
 }
 
 std::vector<SegmentedRun> cut_in_two(const Datasheet& sheet, const SegmentedRun& run, const SegmentOptions& options) {
@@ -329,11 +335,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   work.tell(0.02, "refitting parameters");
   const EffectSearch search = search_effects(work, settings.most_effects, quiet);
   if (std::string text = work.runs_disagree(search.base); !text.empty()) result.remarks.push_back(std::move(text));
-  for (const std::string& name : parameters_at_bounds(sheet, search.base.model, options))
-    result.remarks.push_back(
-        fmt::format("{} is as far from the datasheet as it may go, {:g} tolerances: correct the "
-                    "datasheet, or give the parameter the tolerance that it has",
-                    name, options.linearisation.parameter_bound_tolerances));
+  for (std::string& remark : told_at_bounds(sheet, search.base.model, options))
+    result.remarks.push_back(std::move(remark));
   ModelChange nominal;
   nominal.parameters = sheet.nominal();
   const double nominal_excess = mean_excess(search.nominal, values);

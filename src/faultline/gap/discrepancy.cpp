@@ -88,13 +88,20 @@ FittedProcess fit_process(const ResidualModel& residuals, const ModelChange& cha
       count += 1;
     }
   q /= std::max(1.0, count);
-  for (int reference = 0; reference <= kReferences; ++reference) {
+  const auto loss = [&q](const StochasticModel& around) { return total(block_losses(around, gather(around), q, {})); };
+  for (int reference = 0;; ++reference) {
     Smoothing course;
     for (int i = 0; i < kExpectations; ++i) {
       course = smooth(model, q, {}, jobs);
       q = course.q.cwiseMax(kLeastVariance);
     }
-    if (reference < kReferences) move_reference(residuals, change, course.states, jobs, model);
+    if (reference == kReferences) break;
+    // What a linear model says of a course far away may be nonsense there: a flow sensor that is stuck asks for an
+    // opening that no valve has.
+    StochasticModel moved = model;
+    move_reference(residuals, change, course.states, jobs, moved);
+    if (!(loss(moved) < loss(model))) break;
+    model = std::move(moved);
   }
   return {std::move(model), std::move(q)};
 }

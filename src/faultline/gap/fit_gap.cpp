@@ -7,6 +7,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "faultline/rig/parameter_range.h"
+
 namespace faultline {
 namespace {
 
@@ -71,8 +73,8 @@ void shift_parameters(const ResidualModel& residuals, const std::vector<std::siz
   for (std::size_t i = 0; i < free.size(); ++i) {
     const Parameter& p = residuals.sheet().parameters[free[i]];
     const double unit = p.nominal * p.tolerance;
-    const double z =
-        std::clamp((parameters[free[i]] - p.nominal) / unit + step[static_cast<Eigen::Index>(i)], -bound, bound);
+    const double z = std::clamp((parameters[free[i]] - p.nominal) / unit + step[static_cast<Eigen::Index>(i)],
+                                lowest_deviation(p, bound), bound);
     parameters[free[i]] = p.nominal + z * unit;
   }
 }
@@ -107,6 +109,7 @@ FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, cons
     return sum + 0.5 * deviations(sheet, free, values).squaredNorm() + 0.5 * from_start(list).squaredNorm();
   };
 
+  const Eigen::VectorXd lowest = lowest_deviations(sheet, free, residuals.options().linearisation);
   FitResult result;
   result.effects = effects;
   result.model = with_effects(effects, start.parameters);
@@ -132,7 +135,7 @@ FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, cons
     for (std::size_t attempt = 0; attempt < options.attempts && !better; ++attempt) {
       Eigen::MatrixXd damped = hessian;
       damped.diagonal() *= 1 + damping;
-      Eigen::VectorXd move = bounded_move(damped, gradient, z, residuals.options().linearisation);
+      Eigen::VectorXd move = bounded_move(damped, gradient, z, lowest, residuals.options().linearisation);
       for (Eigen::Index i = 0; i < extra; ++i)
         move[parameters + i] =
             std::clamp(move[parameters + i], -options.largest_step_coordinate, options.largest_step_coordinate);

@@ -7,6 +7,7 @@
 
 #include "faultline/attribution/screening.h"
 #include "faultline/numerics/in_parallel.h"
+#include "faultline/rig/parameter_range.h"
 
 namespace faultline {
 
@@ -38,6 +39,15 @@ Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t
     z[static_cast<Eigen::Index>(i)] = (parameters[free[i]] - p.nominal) / (p.nominal * p.tolerance);
   }
   return z;
+}
+
+Eigen::VectorXd lowest_deviations(const Datasheet& sheet, const std::vector<std::size_t>& free,
+                                  const GapOptions::Linearisation& options) {
+  Eigen::VectorXd lowest(static_cast<Eigen::Index>(free.size()));
+  for (std::size_t i = 0; i < free.size(); ++i)
+    lowest[static_cast<Eigen::Index>(i)] =
+        lowest_deviation(sheet.parameters[free[i]], options.parameter_bound_tolerances);
+  return lowest;
 }
 
 Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& model, std::vector<std::size_t> runs,
@@ -146,16 +156,17 @@ std::vector<double> Linearisation::segment_losses(const std::vector<Eigen::Matri
 }
 
 Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
-                             const GapOptions::Linearisation& options) {
-  const double bound = options.parameter_bound_tolerances;
+                             const Eigen::VectorXd& lowest, const GapOptions::Linearisation& options) {
+  const double highest = options.parameter_bound_tolerances;
   Eigen::VectorXd move = -hessian.ldlt().solve(gradient);
   std::vector<bool> held(static_cast<std::size_t>(z.size()), false);
   for (std::size_t pass = 0; pass < options.bound_passes; ++pass) {
     bool left = false;
     for (Eigen::Index i = 0; i < z.size(); ++i) {
-      if (held[static_cast<std::size_t>(i)] || std::abs(z[i] + move[i]) <= bound) continue;
+      const double to = z[i] + move[i];
+      if (held[static_cast<std::size_t>(i)] || (to >= lowest[i] && to <= highest)) continue;
       held[static_cast<std::size_t>(i)] = left = true;
-      move[i] = std::copysign(bound, z[i] + move[i]) - z[i];
+      move[i] = std::clamp(to, lowest[i], highest) - z[i];
     }
     if (!left) break;
     Eigen::MatrixXd part = hessian;
@@ -171,7 +182,7 @@ Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::Vector
     }
     move = -part.ldlt().solve(rest);
   }
-  for (Eigen::Index i = 0; i < z.size(); ++i) move[i] = std::clamp(z[i] + move[i], -bound, bound) - z[i];
+  for (Eigen::Index i = 0; i < z.size(); ++i) move[i] = std::clamp(z[i] + move[i], lowest[i], highest) - z[i];
   return move;
 }
 
@@ -181,6 +192,7 @@ Adjusted adjusted(const Linearisation& linear, const std::vector<Eigen::MatrixXd
   const GapOptions::Screening& sizes = linear.options().screening;
   const Eigen::Index n = z.size(), all = products.empty() ? 1 + n : products.front().rows();
   const bool line = all > 1 + n;
+  const Eigen::VectorXd lowest = lowest_deviations(linear.sheet(), linear.free_parameters(), options);
   Adjusted best, now{0, Eigen::VectorXd::Zero(n), line ? fraction : 0};
   Eigen::VectorXd at = Eigen::VectorXd::Ones(all);
   for (std::size_t step = 0; step <= options.reweightings; ++step) {
@@ -201,7 +213,7 @@ Adjusted adjusted(const Linearisation& linear, const std::vector<Eigen::MatrixXd
           best_size(without_parameters(gram, n), 1, sizes.least_size_fraction, sizes.largest_size_fraction).size;
       gradient += now.fraction * gram.col(1 + n).segment(1, n);
     }
-    now.move = bounded_move(gram.block(1, 1, n, n), gradient, z, options);
+    now.move = bounded_move(gram.block(1, 1, n, n), gradient, z, lowest, options);
   }
   return best;
 }

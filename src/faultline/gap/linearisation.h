@@ -49,6 +49,7 @@ class Linearisation {
 
   const std::vector<Eigen::MatrixXf>& at_model() const { return at_model_; }
   const std::vector<Eigen::MatrixXf>& start_columns(std::size_t run) const { return around_[run]->starts.columns(); }
+  const Datasheet& sheet() const { return residuals_.sheet(); }
   const std::vector<std::size_t>& free_parameters() const { return free_; }
   const std::vector<std::size_t>& runs() const { return runs_; }
   // The same for some of the runs only (positions in runs()).
@@ -80,10 +81,10 @@ class Linearisation {
   std::vector<double> weights_;                        // per segment, runs one after the other
 };
 
-// Minimum of 1/2 move' hessian move + gradient' move with z + the first z.size() moves within the parameters' bound:
-// what leaves it is held there, the rest solved again.
+// Minimum of 1/2 move' hessian move + gradient' move with z + the first z.size() moves within the parameters' bound
+// (`lowest` on the low side): what leaves it is held there, the rest solved again.
 Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
-                             const GapOptions::Linearisation& options);
+                             const Eigen::VectorXd& lowest, const GapOptions::Linearisation& options);
 
 // L with the parameters, z at the linearisation, adjusted to first order within their bound. Where products have a
 // column C, residuals are r + fraction C, and the fraction, from `fraction` on, is adjusted within its range as well.
@@ -101,8 +102,10 @@ std::vector<Eigen::MatrixXf> residuals_of(const ResidualModel& model, const Mode
 std::vector<Eigen::MatrixXf> difference(const std::vector<Eigen::MatrixXf>& a, const std::vector<Eigen::MatrixXf>& b,
                                         double step);
 
-// Deviation of each free parameter in tolerances.
+// Deviation of each free parameter in tolerances, and the lowest that it may have (parameter_range.h).
 Eigen::VectorXd deviations(const Datasheet& sheet, const std::vector<std::size_t>& free,
                            const std::vector<double>& parameters);
+Eigen::VectorXd lowest_deviations(const Datasheet& sheet, const std::vector<std::size_t>& free,
+                                  const GapOptions::Linearisation& options);
 
 }  // namespace faultline

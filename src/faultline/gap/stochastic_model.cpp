@@ -197,6 +197,10 @@ void linearise(const ResidualModel& residuals, const ModelChange& change, int jo
         for (Eigen::Index s = 0; s < states; ++s)
           stretch.h[i](o, s) = (done[n * all + 1 + static_cast<std::size_t>(s)].outputs(at, o) - base.outputs(at, o)) /
                                moves[s] * model.size[s] / noise;
+        if (!stretch.h[i].row(o).allFinite()) {
+          stretch.h[i].row(o).setZero();
+          continue;
+        }
         // seen() belongs to where the step before ended.
         if (counts && i > 0)
           stretch.misfit[i][o] = (y - base.seen(at, o)) / noise + stretch.h[i].row(o).dot(stretch.defect[i - 1]);
