@@ -22,6 +22,8 @@ struct StepModel::Parts {
     rig = type->make(sheet, parameters.empty() ? sheet.nominal() : parameters, effects);
     integrator = make_integrator(*rig);
     substep = sheet.sample_period / model_substeps(sheet, {});
+    if (sheet.nominal_effects.empty()) even = std::max(1, static_cast<int>(type->even_substep / substep + 1e-9));
+    before.resize(static_cast<std::size_t>(rig->states()));
     held.resize(sheet.channels.size());
     state.resize(static_cast<std::size_t>(rig->states()));
     commands.resize(sheet.channels.size());
@@ -42,12 +44,34 @@ struct StepModel::Parts {
     return state.data();
   }
 
+  // Substeps `first` to `first` + `count` of `steps` over `dt`.
+  void step(const double* from, const double* to, double dt, int first, int count, int steps) {
+    const double share = (first + 0.5 * count) / steps;
+    for (std::size_t c = 0; c < held.size(); ++c)
+      if (sheet.channels[c].role == Role::input && sheet.channels[c].predicted_by.empty())
+        held[c] = from[c] + share * (to[c] - from[c]);
+    integrator->step(first * dt / steps, count * dt / steps, held.data());
+  }
+
+  // `even` substeps at once, where no event falls into them (RigType::even_substep).
+  bool step_evenly(const double* from, const double* to, double dt, int first, int steps) {
+    const int motion = rig->motion(integrator->state());
+    if (motion == Rig::kUneven) return false;
+    std::copy_n(integrator->state(), before.size(), before.begin());
+    step(from, to, dt, first, even, steps);
+    if (rig->motion(integrator->state()) == motion) return true;
+    std::copy_n(before.begin(), before.size(), integrator->state());
+    rig->set_modes(integrator->state());
+    return false;
+  }
+
   const Datasheet sheet;
   EffectSet effects;
   std::unique_ptr<Rig> rig;
   std::unique_ptr<Integrator> integrator;
   double substep;
-  std::vector<double> held, state;
+  int even = 1;  // substeps that a longer step takes
+  std::vector<double> held, state, before;
   std::vector<const EffectChain*> commands, sensors;  // per channel; null: none
 };
 
@@ -76,12 +100,10 @@ void StepModel::advance(const double* state, const double* from, const double* t
   std::copy_n(from, p.held.size(), p.held.begin());
   std::copy_n(p.at(state, from), p.state.size(), p.integrator->state());
   const int steps = std::max(1, static_cast<int>(std::ceil(dt / p.substep - 1e-6)));
-  for (int i = 0; i < steps; ++i) {
-    const double share = (i + 0.5) / steps;
-    for (std::size_t c = 0; c < p.held.size(); ++c)
-      if (p.sheet.channels[c].role == Role::input && p.sheet.channels[c].predicted_by.empty())
-        p.held[c] = from[c] + share * (to[c] - from[c]);
-    p.integrator->step(i * dt / steps, dt / steps, p.held.data());
+  for (int i = 0; i < steps;) {
+    const bool evenly = p.even > 1 && i + p.even <= steps && p.step_evenly(from, to, dt, i, steps);
+    if (!evenly) p.step(from, to, dt, i, 1, steps);
+    i += evenly ? p.even : 1;
   }
   std::copy_n(p.integrator->state(), p.sheet.states.size(), next);
 }
