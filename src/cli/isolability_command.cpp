@@ -12,6 +12,7 @@
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
 #include "faultline/estimators/response_core.h"
+#include "faultline/estimators/stretch_collector.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -39,6 +40,7 @@ void run(const Options& options) {
   const LoadedRecording loaded = load_recording(options.run, options.rig, options.config);
   print_remarks("isolability", loaded.remarks);
   const ResponseSettings settings = settings_of(loaded.sheet);
+  StretchCollector collector(loaded.sheet, settings);
   FaultResponses responses(loaded.sheet, settings);
   std::size_t stretches = 0;
   for (std::size_t k = 0; k < loaded.recording.rows(); ++k) {
@@ -46,7 +48,9 @@ void run(const Options& options) {
     bool good = true;  // a number that is missing ends a stretch
     for (std::size_t c = 0; c < loaded.sheet.channels.size(); ++c)
       good = good && (std::isfinite(row[c]) || loaded.sheet.channels[c].ground_truth);
-    if (!responses.add(loaded.recording.time[k] - loaded.start, row, good)) continue;
+    const auto stretch = collector.add(loaded.recording.time[k] - loaded.start, row, good);
+    if (!stretch) continue;
+    responses.judge(*stretch);
     ++stretches;
     if (!options.trace) continue;
     fmt::print("{:8.2f} {:10.1f}", loaded.recording.time[k] - loaded.start, responses.evidence());

@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "faultline/estimators/stretch_collector.h"
 #include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
@@ -28,6 +29,18 @@ ResponseSettings shipped() {
   throw std::out_of_range("the servo actuator has no stage of fault responses");
 }
 
+// What a stage does with every sample. True where a stretch ended.
+struct Judge {
+  explicit Judge(const ResponseSettings& settings) : collector(servo(), settings), responses(servo(), settings) {}
+  bool add(double time, const double* channels, bool good) {
+    const auto stretch = collector.add(time, channels, good);
+    if (stretch) responses.judge(*stretch);
+    return stretch != nullptr;
+  }
+  StretchCollector collector;
+  FaultResponses responses;
+};
+
 struct Found {
   std::vector<std::string> first, second;
   double size = 0, second_size = 0, since = 0, most_before = 0;
@@ -39,10 +52,11 @@ Found look(const std::string& profile, std::uint64_t seed, double onset, double 
   for (const std::string& effect : effects)
     setup.effects.push_back(parse_effect(effect + ",from=" + std::to_string(onset)));
   const Recording run = simulate(servo(), setup, duration);
-  FaultResponses responses(servo(), shipped());
+  Judge judge(shipped());
+  const FaultResponses& responses = judge.responses;
   Found found;
   for (std::size_t k = 0; k < run.rows(); ++k) {
-    if (!responses.add(run.time[k], run.row(k), true)) continue;
+    if (!judge.add(run.time[k], run.row(k), true)) continue;
     if (run.time[k] < onset)
       found.most_before = std::max(found.most_before, responses.first().empty() ? 0.0 : responses.evidence());
   }
@@ -104,10 +118,11 @@ std::pair<double, double> told_and_found(const std::string& effect, const Respon
   SimulationSetup setup = off_nominal("random", 36);
   setup.effects.push_back(parse_effect(effect));
   const Recording run = simulate(servo(), setup, 16);
-  FaultResponses responses(servo(), settings);
+  Judge judge(settings);
+  const FaultResponses& responses = judge.responses;
   double told = 0, found = 0;
   for (std::size_t k = 0; k < run.rows(); ++k) {
-    if (!responses.add(run.time[k], run.row(k), true)) continue;
+    if (!judge.add(run.time[k], run.row(k), true)) continue;
     found = std::max(found, responses.evidence());
     if (!responses.first().empty()) told = std::max(told, responses.evidence());
   }
@@ -148,9 +163,9 @@ TEST(FaultResponses, TwoLeaksAtOnce) {
 TEST(FaultResponses, ABadSampleDropsTheStretchOnly) {
   const Recording run = simulate(servo(), servo_setup("square"), 4);
   ResponseSettings settings;
-  FaultResponses responses(servo(), settings);
+  Judge judge(settings);
   int judged = 0;
-  for (std::size_t k = 0; k < run.rows(); ++k) judged += responses.add(run.time[k], run.row(k), k != 100);
+  for (std::size_t k = 0; k < run.rows(); ++k) judged += judge.add(run.time[k], run.row(k), k != 100);
   EXPECT_EQ(judged, 2);
 }
 
@@ -160,13 +175,14 @@ TEST(FaultResponses, SingleMissingSamplesCostNothing) {
   const Recording run = simulate(servo(), setup, 16);
   std::vector<std::string> named;
   for (const bool missing : {false, true}) {
-    FaultResponses responses(servo(), ResponseSettings());
+    Judge judge{ResponseSettings()};
+    const FaultResponses& responses = judge.responses;
     int judged = 0;
     for (std::size_t k = 0; k < run.rows(); ++k) {
       if (missing && k % 97 == 5) continue;
       std::vector<double> row(run.row(k), run.row(k) + run.channels.size());
       if (missing && k % 61 == 3) row[static_cast<std::size_t>(servo().channel("position"))] = std::nan("");
-      judged += responses.add(run.time[k], row.data(), true);
+      judged += judge.add(run.time[k], row.data(), true);
     }
     EXPECT_GE(judged, 6);
     ASSERT_FALSE(responses.first().empty()) << missing;
@@ -179,22 +195,23 @@ TEST(FaultResponses, SingleMissingSamplesCostNothing) {
 
 TEST(FaultResponses, MoreThanAFifthMissingIsNotJudged) {
   const Recording run = simulate(servo(), servo_setup("square"), 4);
-  FaultResponses responses(servo(), ResponseSettings());
+  Judge judge{ResponseSettings()};
   for (std::size_t k = 0; k < run.rows(); ++k) {
     std::vector<double> row(run.row(k), run.row(k) + run.channels.size());
     if (k % 3 == 0)
       for (double& value : row) value = std::nan("");
-    EXPECT_FALSE(responses.add(run.time[k], row.data(), true));
+    EXPECT_FALSE(judge.add(run.time[k], row.data(), true));
   }
 }
 
 // Runs of the model by stretches, of which most say nothing new.
 std::vector<std::uint64_t> runs_by_stretch(const Recording& run, const ResponseSettings& settings) {
-  FaultResponses responses(servo(), settings);
+  Judge judge(settings);
+  const FaultResponses& responses = judge.responses;
   std::vector<std::uint64_t> counts;
   std::uint64_t before = 0;
   for (std::size_t k = 0; k < run.rows(); ++k) {
-    if (!responses.add(run.time[k], run.row(k), true)) continue;
+    if (!judge.add(run.time[k], run.row(k), true)) continue;
     counts.push_back(responses.runs() - before);
     before = responses.runs();
   }
@@ -237,16 +254,18 @@ TEST(FaultResponses, ResetIsComplete) {
   SimulationSetup setup = off_nominal("random", 36);
   setup.effects.push_back(parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8,from=4"));
   const Recording run = simulate(servo(), setup, 7);
-  FaultResponses responses(servo(), shipped());
+  Judge judge(shipped());
+  const FaultResponses& responses = judge.responses;
   const auto evidence = [&] {
     std::vector<double> found;
     for (std::size_t k = 0; k < run.rows(); ++k)
-      if (responses.add(run.time[k], run.row(k), true)) found.push_back(responses.evidence());
+      if (judge.add(run.time[k], run.row(k), true)) found.push_back(responses.evidence());
     return found;
   };
   const std::vector<double> once = evidence();
   ASSERT_FALSE(responses.first().empty());
-  responses.reset();
+  judge.collector.reset();
+  judge.responses.reset();
   EXPECT_TRUE(responses.first().empty());
   EXPECT_TRUE(responses.second().empty());
   EXPECT_EQ(evidence(), once);

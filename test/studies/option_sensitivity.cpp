@@ -19,6 +19,7 @@
 
 #include "faultline/estimators/estimator_stage.h"
 #include "faultline/estimators/fault_responses.h"
+#include "faultline/estimators/stretch_collector.h"
 #include "faultline/fit/parameter_fit.h"
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/gap/live_gap.h"
@@ -270,9 +271,11 @@ Engine responses_engine() {
             multiply_option(settings, option, factor);
             Json answers;
             for (const auto& [name, recording] : *recordings) {
+              StretchCollector collector(servo(), settings);
               FaultResponses responses(servo(), settings);
               for (std::size_t k = 0; k < recording.rows(); ++k)
-                responses.add(recording.time[k], recording.row(k), true);
+                if (const auto stretch = collector.add(recording.time[k], recording.row(k), true))
+                  responses.judge(*stretch);
               Json answer = empty_answer();
               for (const auto* ranked : {&responses.first(), &responses.second()}) {
                 if (ranked->empty()) continue;

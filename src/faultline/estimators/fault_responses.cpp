@@ -5,7 +5,6 @@
 
 #include "faultline/attribution/screening.h"
 #include "faultline/estimators/plausibility.h"
-#include "faultline/segments/even_rows.h"
 
 namespace faultline {
 namespace {
@@ -25,8 +24,7 @@ FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& s
 }
 
 void FaultResponses::reset() {
-  collecting_.reset();
-  started_ = event_ = confirmed_ = explained_ = false;
+  event_ = confirmed_ = explained_ = false;
   confirming_ = 0;
   recent_.clear();
   point_ = model_.nominal();
@@ -43,51 +41,6 @@ void FaultResponses::reset() {
   known_.forget_starts();
   known_.forget_misfits();
   know_healthy();
-}
-
-bool FaultResponses::add(double time, const double* channels, bool good) {
-  if (!collect(time, channels, good)) return false;
-  judge(*take());
-  return true;
-}
-
-bool FaultResponses::collect(double time, const double* channels, bool good) {
-  const std::size_t rows =
-      (settings_.segments + 1) * static_cast<std::size_t>(std::lround(settings_.segment_s / sheet_.sample_period));
-  if (!started_) {
-    started_ = true;
-    next_ = time;
-  }
-  if (!good) {
-    collecting_.reset();
-    next_ = time;
-    return false;
-  }
-  if (!collecting_) {
-    if (time < next_) return false;
-    collecting_ = std::make_unique<Recording>();
-    collecting_->rig = sheet_.rig;
-    collecting_->channels = sheet_.channels;
-    collecting_->time.reserve(rows);
-    collecting_->sequence.reserve(rows);
-    collecting_->values.reserve(rows * sheet_.channels.size());
-    next_ = time + settings_.every_s;
-  }
-  if (!collecting_->time.empty() &&
-      !goes_on(time - collecting_->time.back(), sheet_.sample_period, settings_.segment.period_error_fraction)) {
-    collecting_.reset();
-    next_ = time;
-    return false;
-  }
-  collecting_->time.push_back(time);
-  collecting_->sequence.push_back(collecting_->sequence.size());
-  collecting_->values.insert(collecting_->values.end(), channels, channels + sheet_.channels.size());
-  const double passed = (time - collecting_->time.front()) / sheet_.sample_period;
-  if (static_cast<std::size_t>(std::lround(passed)) + 1 < rows) return false;
-  if (measured_share(sheet_, *collecting_, rows) >= kLeastMeasured) return true;
-  collecting_.reset();
-  next_ = time;
-  return false;
 }
 
 Stretches FaultResponses::latest(std::size_t count) const {

@@ -38,14 +38,7 @@ class FaultResponses {
   FaultResponses(const Datasheet& sheet, const ResponseSettings& settings);
 
   void reset();
-  // One sample; outputs that are not fit to be used are NaN, `good`: commands and inputs are. Single samples may be
-  // missing (segments/even_rows.h). True where a stretch ended and everything below was found
-  // anew.
-  bool add(double time, const double* channels, bool good);
-  // The two halves of add(), for those who cannot wait: collect() says that take() has a stretch for judge(), which
-  // may run in another thread while samples are collected on.
-  bool collect(double time, const double* channels, bool good);
-  std::unique_ptr<Recording> take() { return std::move(collecting_); }
+  // A stretch of stretch_collector.h; everything below is found anew.
   void judge(const Recording& stretch);
 
   const std::vector<FaultHypothesis>& hypotheses() const { return model_.hypotheses(); }
@@ -111,7 +104,6 @@ class FaultResponses {
   std::map<std::size_t, double> remembered() const;
   void find_healthy_or_fault();
   bool follow();  // the fault that is there; false: all causes must be weighed anew
-  void follow_all();
   void look_beside(const Eigen::MatrixXd& before);
   void end_event();
   std::vector<EffectSpec> found_effects() const;
@@ -123,9 +115,6 @@ class FaultResponses {
   ResponseSettings settings_;
   StretchModel model_;
   ModelPoint point_;  // around which the model is made linear
-  std::unique_ptr<Recording> collecting_;
-  double next_ = 0;  // s, when the next stretch begins
-  bool started_ = false;
   std::vector<std::unique_ptr<Stretch>> recent_;
   Eigen::MatrixXd reference_;  // sums of the stretches before the recent ones
   double doubt_ = 0;           // what was unexplained in those of them that were not weighed

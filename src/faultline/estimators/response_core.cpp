@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "faultline/estimators/estimator.h"
+#include "faultline/estimators/stretch_collector.h"
 
 namespace faultline {
 namespace {
@@ -21,7 +22,7 @@ constexpr std::size_t kRankedFirst = 6, kRankedSecond = 3;  // hypotheses that a
 class ResponseEstimator : public Estimator {
  public:
   ResponseEstimator(const Datasheet& sheet, const StageSpec& spec)
-      : settings_(response_settings(sheet, spec)), responses_(sheet, settings_) {
+      : settings_(response_settings(sheet, spec)), collector_(sheet, settings_), responses_(sheet, settings_) {
     latency_ = spec.settings.number_or("latency", 0.5 * settings_.every_s, 0, 1e6);
     for (const Channel& channel : sheet.channels) {
       drives_.push_back(channel.role == Role::command || channel.role == Role::input);
@@ -39,6 +40,7 @@ class ResponseEstimator : public Estimator {
 
   void begin(const double*) override {
     if (work_.valid()) work_.get();
+    collector_.reset();
     responses_.reset();
     time_ = judged_ = 0;
     take_over();
@@ -53,12 +55,10 @@ class ResponseEstimator : public Estimator {
     }
     time_ += dt;
     news_ = false;
-    if (responses_.collect(time_, values_.data(), good)) {
+    if (std::shared_ptr<const Recording> stretch = collector_.add(time_, values_.data(), good)) {
       finish();
       ended_ = time_;
-      work_ = std::async(std::launch::async, [this, stretch = std::shared_ptr<Recording>(responses_.take())] {
-        responses_.judge(*stretch);
-      });
+      work_ = std::async(std::launch::async, [this, stretch] { responses_.judge(*stretch); });
     }
     if (work_.valid() && time_ >= ended_ + latency_) finish();
     return true;
@@ -124,7 +124,8 @@ class ResponseEstimator : public Estimator {
   }
 
   ResponseSettings settings_;
-  FaultResponses responses_;  // the worker's while work_ is valid, but for collect(), take() and hypotheses()
+  StretchCollector collector_;
+  FaultResponses responses_;  // the worker's while work_ is valid, but for hypotheses()
   std::future<void> work_;
   double latency_;
   bool news_ = false;

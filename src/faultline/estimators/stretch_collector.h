@@ -1,0 +1,33 @@
+// Stretches of samples out of a stream, as fault_responses.h judges them: one begins every `every_s`, is
+// (segments + 1) segments long, and has no gaps but single missing samples (segments/even_rows.h).
+#pragma once
+
+#include <memory>
+
+#include "faultline/estimators/response_settings.h"
+#include "faultline/rig/datasheet.h"
+#include "faultline/signal/sample.h"
+
+namespace faultline {
+
+class StretchCollector {
+ public:
+  StretchCollector(const Datasheet& sheet, const ResponseSettings& settings);
+
+  void reset();
+  // One sample; outputs that are not fit to be used are NaN, `good`: commands and inputs are. The stretch that it ends,
+  // or null. A sample that is not good, or comes late, drops the stretch that was begun; the next begins at once.
+  std::unique_ptr<Recording> add(double time, const double* channels, bool good);
+
+ private:
+  void drop(double time);
+
+  const Datasheet sheet_;
+  const std::size_t rows_;
+  const double every_s_, period_error_fraction_;
+  std::unique_ptr<Recording> begun_;
+  bool started_ = false;
+  double next_ = 0;  // s, when the next stretch begins
+};
+
+}  // namespace faultline
