@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "faultline/estimators/fault_responses.h"
+#include "faultline/estimators/stretch_collector.h"
 #include "rigs/pump_cylinder/runs.h"
 
 namespace faultline {
@@ -18,10 +19,14 @@ TEST(Leak, SizeStaysWhenAllRecentStretchesShowIt) {
     if (stage.type != "fault_response") continue;
     const ResponseSettings settings = read_response_settings(stage.settings, cylinder());
     ASSERT_EQ(settings.recent_stretches, 3U);
+    StretchCollector collector(cylinder(), settings);
     FaultResponses responses(cylinder(), settings);
     std::vector<double> sizes, evidence;
     for (std::size_t k = 0; k < run.rows(); ++k) {
-      if (!responses.add(run.time[k], run.row(k), true) || run.time[k] < 6) continue;
+      const auto stretch = collector.add(run.time[k], run.row(k), true);
+      if (!stretch) continue;
+      responses.judge(*stretch);
+      if (run.time[k] < 6) continue;
       ASSERT_FALSE(responses.first().empty()) << run.time[k];
       for (const RankedFault& fault : responses.first())
         if (responses.hypotheses()[fault.hypothesis].name() == place) {
