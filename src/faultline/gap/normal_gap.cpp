@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::size_t kRigs = 8, kProfiles = 3;
 constexpr std::uint64_t kSeed = 4101;
+constexpr double kWindows = 6;      // of the means, that each simulation takes
 constexpr std::size_t kTell = 100;  // samples between two words of the progress
 constexpr double kBeyond = 2;       // of the largest seen
 constexpr double kLeast = 1;        // noise variances: what the scatter of noise makes stays far below
@@ -29,8 +30,8 @@ std::map<std::string, double> simulated_normal_gap(const Datasheet& given, const
   Datasheet sheet = given;
   sheet.normal_gap.clear();  // nothing leaves normal here, so that no place is sought
   // The first segment only gives the second its past.
-  const double duration =
-      static_cast<double>(settings.smoothing_segments + 2) * settings.segment_ratio * live_segment_length(sheet);
+  const double duration = (kWindows * static_cast<double>(settings.smoothing_segments) + 2) * settings.segment_ratio *
+                          live_segment_length(sheet);
   const std::size_t profiles = std::min(kProfiles, sheet.profiles.size());
   if (profiles == 0) throw InputError(sheet.rig + ": the datasheet has no profile to simulate");
   std::vector<std::map<std::string, double>> seen(normal_gap_simulations(sheet));

@@ -3,8 +3,9 @@
 //
 //   normal = 2 max over draws and profiles of the smoothed excess, at least 1 (noise variances)
 //
-// over 8 rigs drawn within their tolerances, each through up to 3 of the datasheet's profiles, for as long as the means
-// go over. Twice, since 24 runs do not show the largest. Deterministic. Takes the model's time for those runs.
+// over 8 rigs drawn within their tolerances, each through up to 3 of the datasheet's profiles, for six times as long as
+// the means go over: profiles move through operating points. Twice, since 24 runs do not show the largest.
+// Deterministic. Takes the model's time for those runs.
 #pragma once
 
 #include <functional>
