@@ -44,12 +44,13 @@ struct RigType {
   double substep;  // s, at which the integration has converged
   // `parameters` in the datasheet's order. Keeps references to the effects' chains: they must outlive the rig.
   std::unique_ptr<Rig> (*make)(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
-  // s, of the model that a recording drives, which may be coarser; 0: substep. Effects in a line or a transmission
-  // bring states that are faster than the rig's own: with them the model takes `substep` too.
+  // s, of the model that a recording drives, which may be coarser; 0: substep.
   double model_substep = 0;
   // s, of the model where its motion() stays what it is and long steps are asked for (SimulationSetup): events, not the
   // equations between them, need model_substep. 0: no longer steps anywhere.
   double even_substep = 0;
+  // s, of the model with effects that bring states faster than the rig's own, in a line or a transmission; 0: substep.
+  double fast_substep = 0;
 };
 
 inline const Registry<RigType>::Types& rig_types() { return registry<RigType>().all(); }

@@ -20,9 +20,10 @@ double period_of(const Datasheet& sheet, const SimulationSetup& setup) {
   return setup.sample_period > 0 ? setup.sample_period : sheet.sample_period;
 }
 
+// Brings states faster than the rig's own.
 bool is_fast(const EffectSpec& effect) {
   const PortKind kind = port_kind(effect.port);
-  return kind == PortKind::line || kind == PortKind::transmission;
+  return kind == PortKind::line || (kind == PortKind::transmission && effect.effect != "scale");
 }
 
 // A hysteretic force and bristles are stiff springs.
@@ -37,7 +38,10 @@ int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use, i
   double wanted = type ? type->substep : sheet.sample_period;
   const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
   const bool faster = std::any_of(effects.begin(), effects.end(), is_fast);
-  if (type && use == Use::model && type->model_substep > 0 && !faster) wanted = type->model_substep;
+  if (type && use == Use::model) {
+    const double coarser = faster ? type->fast_substep : type->model_substep;
+    if (coarser > 0) wanted = coarser;
+  }
   if (setup.substep > 0) wanted = setup.substep;
   return parts * std::max(1, static_cast<int>(std::ceil(period_of(sheet, setup) / (wanted * parts) - 1e-9)));
 }

@@ -234,7 +234,7 @@ double HydraulicDrive::drawn(int channel, double time, const double* state, cons
 }
 
 namespace {
-FAULTLINE_RIG(hydraulic_drive, {"hydraulic_drive", 0.5e-3, make_rig<HydraulicDrive>, 2.5e-3});
+FAULTLINE_RIG(hydraulic_drive, {"hydraulic_drive", 0.5e-3, make_rig<HydraulicDrive>, 2.5e-3, 0, 1.25e-3});
 }
 
 }  // namespace faultline

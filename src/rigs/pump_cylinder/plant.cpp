@@ -286,7 +286,9 @@ void PumpCylinder::by_differences(double time, const double* state, const double
     if (side_b_ > 0 && column == side_b_) size = kSizes[kPressureB];
     if ((side_a_ > 0 && column == side_a_ + 1) || (side_b_ > 0 && column == side_b_ + 1)) size = kFlowSize;
     if (rod_ > 0 && (column == rod_ || column == rod_ + 1)) size = kSizes[kPosition];
-    const double step = kDifference * size;
+    double step = kDifference * size;
+    // The rod is light: its friction turns over within a step, which the slope at one side of that does not foresee.
+    if (rod_ > 0 && column == rod_ + 1 && std::abs(state[column]) > step) step = -2 * state[column];
     probe_[place] = state[column] + step;
     derivative(time, probe_.data(), channels, moved_.data());
     probe_[place] = state[column];
@@ -301,7 +303,7 @@ void PumpCylinder::outputs(double, const double* state, double* channels) const 
 }
 
 namespace {
-FAULTLINE_RIG(pump_cylinder, {"pump_cylinder", 0.1e-3, make_rig<PumpCylinder>, 1e-3});
+FAULTLINE_RIG(pump_cylinder, {"pump_cylinder", 0.1e-3, make_rig<PumpCylinder>, 1e-3, 0, 0.25e-3});
 }
 
 }  // namespace faultline
