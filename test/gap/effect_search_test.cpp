@@ -25,15 +25,22 @@ std::vector<SegmentedRun> runs_with(const std::vector<std::string>& effects) {
   return runs;
 }
 
-// Ports of what is found among the candidates at these ports.
-EffectSearch search_among(const std::vector<std::string>& ports, const std::vector<std::string>& effects) {
+// Candidates at these ports only.
+GapSettings among(const std::vector<std::string>& ports) {
   GapSettings settings;
   settings.jobs = 2;
   for (const Port& port : servo().ports)
     if (std::find(ports.begin(), ports.end(), port.name) == ports.end())
       for (const FittingEffect& fitting : port.effects) settings.without.push_back(fitting.effect + "@" + port.name);
-  const GapProgress silent;
-  GapTrials work(servo(), runs_with(effects), {{{0}, {1}}, {{1}, {0}}}, {0, 1}, settings, silent);
+  return settings;
+}
+
+const std::vector<Fold> kFolds = {{{0}, {1}}, {{1}, {0}}};
+const GapProgress kSilent;
+
+EffectSearch search_among(const std::vector<std::string>& ports, const std::vector<std::string>& effects) {
+  const GapSettings settings = among(ports);
+  GapTrials work(servo(), runs_with(effects), kFolds, {0, 1}, settings, kSilent);
   return search_effects(work, 3, 0.05);
 }
 
@@ -51,6 +58,28 @@ TEST(Narrow, FindsTheDeepestOfSeveralValleys) {
   const double at = narrow(f, 0, 1, 11, 1e-4);
   for (int i = 0; i <= 1000; ++i) EXPECT_LE(f(at), f(1e-3 * i) + 1e-6);
   EXPECT_NEAR(narrow([](double x) { return x; }, 2, 3, 5, 1e-3), 2, 1e-3);  // at the edge
+}
+
+// Candidates that only do harm, from sizes that one round of fitting does not bring back.
+TEST(GapTrials, TheBestIsScoredWhereNoneWins) {
+  const GapSettings settings = among({"force.piston", "flow.chamber_a_tank"});
+  GapTrials work(servo(), runs_with({}), kFolds, {0, 1}, settings, kSilent);
+  ModelChange nominal;
+  nominal.parameters = servo().nominal();
+  const FitResult base = work.refit(nominal, {});
+  std::vector<Structure> structures = work.screen(base, 0, 1);
+  ASSERT_GT(structures.size(), 2u);
+  for (Structure& structure : structures) {
+    Candidate& candidate = structure.fit.effects.back();
+    for (std::size_t p = 0; p < candidate.bounds.size(); ++p)
+      candidate.effect.parameters[p] = candidate.bounds[p].maximum;
+    structure.fit.model = with_effects(structure.fit.effects, base.model.parameters);
+  }
+  const std::size_t all = structures.size(), kept = work.refine(structures, 0, 1);
+  EXPECT_LT(structures.front().quick, 0);
+  EXPECT_EQ(kept, 1u);
+  ASSERT_EQ(structures.size(), all);
+  EXPECT_FALSE(structures.front().score.empty());
 }
 
 TEST(EffectSearch, NothingWhereNothingIsMissing) {

@@ -153,7 +153,7 @@ void GapTrials::converge(FitResult& fit, double aim) {
                                      options().trials.steps, settings_.jobs);
     Surroundings moved = settle(around_, better.model, settings_.jobs);
     const double now = learned_loss(moved);
-    if (now >= before) break;
+    if (!(now < before)) break;
     fit.model = better.model;
     fit.effects = better.effects;
     around_ = std::move(moved);
@@ -296,7 +296,7 @@ double GapTrials::follow(Structure& structure, const Surroundings& from, double 
                                   own.linear->subset(learn_), trials.steps, jobs);
     Surroundings moved = settle(own, fit.model, jobs);
     const double now = learned_loss(moved);
-    if (now >= best) break;
+    if (!(now < best)) break;
     const bool converged =
         best - now < std::max(trials.relinearise_log_likelihood, trials.settled_gain_fraction * (base - now));
     best = now;
@@ -392,11 +392,12 @@ std::size_t GapTrials::refine(std::vector<Structure>& structures, double from, d
   });
   const double base = learned_loss(part_);
   const double most = base - *std::min_element(losses.begin(), losses.end());
+  const double enough = std::min(most, options().search.kept_gain_fraction * most);  // the best, where none wins
   std::vector<Structure> behind;
   std::size_t kept = 0;
   for (std::size_t i = 0; i < structures.size(); ++i) {
     structures[i].quick = base - losses[i];
-    if (structures[i].quick >= options().search.kept_gain_fraction * most) {
+    if (structures[i].quick >= enough) {
       if (kept != i) structures[kept] = std::move(structures[i]);
       ++kept;
     } else {
