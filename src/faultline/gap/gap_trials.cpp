@@ -391,13 +391,13 @@ std::size_t GapTrials::refine(std::vector<Structure>& structures, double from, d
     tell_one(2 * static_cast<double>(structures.size()));
   });
   const double base = learned_loss(part_);
-  const double most = base - *std::min_element(losses.begin(), losses.end());
-  const double enough = std::min(most, options().search.kept_gain_fraction * most);  // the best, where none wins
+  const auto best = static_cast<std::size_t>(std::min_element(losses.begin(), losses.end()) - losses.begin());
+  const double enough = options().search.kept_gain_fraction * (base - losses[best]);
   std::vector<Structure> behind;
   std::size_t kept = 0;
   for (std::size_t i = 0; i < structures.size(); ++i) {
     structures[i].quick = base - losses[i];
-    if (structures[i].quick >= enough) {
+    if (i == best || structures[i].quick >= enough) {
       if (kept != i) structures[kept] = std::move(structures[i]);
       ++kept;
     } else {
