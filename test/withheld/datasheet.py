@@ -3,6 +3,7 @@
 Only channels, parameters, ports, constants and the sample period are read. Everything the truth computes with these
 numbers is written here a second time, on purpose.
 """
+import copy
 import os
 
 import yaml
@@ -64,6 +65,15 @@ class Datasheet:
         for port, entry in sheet["ports"].items():
             for effect, parameters in (entry.get("effects") or {}).items():
                 self.bounds[f"{effect}@{port}"] = {n: tuple(map(_number, b)) for n, b in (parameters or {}).items()}
+        self.empty = []  # channels that a recording has a column for and nothing in it
+
+    def without(self, channels):
+        """This sheet where nobody records these: their columns empty, no effects at their sensors."""
+        sheet = copy.copy(self)
+        sheet.empty = list(channels)
+        ports = ["sensor." + name for name in channels]
+        sheet.bounds = {key: b for key, b in self.bounds.items() if key.split("@")[1] not in ports}
+        return sheet
 
     def effects(self):
         """Those that a truth can have."""

@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Makes cases from a seed: two (or three) runs each as CSV, neutral names, labels in one sealed file.
 
     generate.py OUT --cases 20 [--rig RIG] [--part closed --part none ...] [--set development|test] [--jobs 2]
@@ -88,11 +89,16 @@ class Case:
     """Everything that is drawn for one case, and the runs that follow from it. world: of a random truth; without one
     the truth is the rig's own, in two runs."""
 
-    def __init__(self, sheet, seed, part, number, world=None):
-        self.sheet, self.part = sheet, part
-        self.rig = truth_of(sheet.rig)
+    def __init__(self, sheet, seed, part, number, world=None, partly=False):
+        self.part, self.rig, self.partly = part, truth_of(sheet.rig), partly
         self.runs, self.length, self.drawn, self.good, self.level = 2, self.rig.DURATION, None, False, 1.0
         draw = "closed" if part == "open" else part  # the open part uses the closed part's runs
+        order = np.random.default_rng([seed, 77]).permutation(sheet.effects()).tolist()
+        if partly:
+            sets = self.rig.MAY_BE_EMPTY
+            sheet = sheet.without(sets[np.random.default_rng([seed, PARTS.index(draw), number, 5]).integers(len(sets))])
+            order = [key for key in order if key in sheet.bounds]
+        self.sheet = sheet
         self.random = np.random.default_rng([seed, PARTS.index(draw), number])
         random = self.random
         self.off = part == "none" and number % 2 == 1
@@ -103,7 +109,6 @@ class Case:
         kinds = random.permutation(self.rig.excitation.KINDS)[:2].tolist()
         self.kinds = kinds + [str(random.choice(self.rig.excitation.KINDS))]
         self.run_seeds = [int(s) for s in random.integers(0, 2**31, 3)]
-        order = np.random.default_rng([seed, 77]).permutation(sheet.effects()).tolist()
         if draw == "closed":
             self.keys = [order[number % len(order)]]
             wanted = list(SEVERITY)[(number + number // len(order)) % 3]
@@ -189,6 +194,9 @@ class Case:
             output["added"] = truth_classes.record(
                 output, self.sheet, self.noise_scale, self.drawn, self.run_seeds[index] + 2
             )
+            output["added"][[name in self.sheet.empty for name in truth.OUTPUTS]] = 0.0
+        for name in self.sheet.empty:
+            output["record"][name][:] = math.nan
         return output
 
     def replayable(self, outputs, count=signature.COUNT):
@@ -251,7 +259,8 @@ class Case:
             if not effects:
                 facts = None
                 break
-            facts = oracle.examine(self.replayable(outputs[: self.runs]), effects, self.sheet, self.random, self.level)
+            runs = self.replayable(outputs[: self.runs])
+            facts = oracle.examine(runs, effects, self.sheet, self.random, self.level, self.partly)
             if facts["lift_after_refit"] >= 1.2 or min(knobs.values()) >= 1:
                 break
             knobs = {k: min(1.0, q + 0.12) for k, q in knobs.items()}
@@ -266,6 +275,7 @@ class Case:
             "excitations": self.kinds[: len(outputs)],
             "nuisance": self.nuisance,
             "runs": self.runs,
+            "empty": self.sheet.empty,
         }
         if self.drawn is not None:
             label.update(
@@ -315,13 +325,13 @@ def _written(path, content):
 
 
 def _one(task):
-    out, rig, seed, part, number, name, third, path, exact_inputs, world = task
+    out, rig, seed, part, number, name, third, path, exact_inputs, world, partly = task
     sheet = datasheet_of(rig, path)
     if exact_inputs:
         sheet.noise.update((c, 0.0) for c in sheet.channels if sheet.role[c] == "input")
     began = time.perf_counter()
     folder = os.path.join(out, "data", name)
-    outputs, label = Case(sheet, seed, part, number, world).make(third)
+    outputs, label = Case(sheet, seed, part, number, world, partly).make(third)
     os.makedirs(folder, exist_ok=True)
     for n, output in enumerate(outputs):
         target = os.path.join(folder, f"run_{n + 1}.csv")
@@ -397,6 +407,7 @@ def generate(
     first=None,
     world=None,
     only=None,
+    partly=False,
 ):
     """Makes the cases that are not there yet; returns what may be asked about each. only: this case alone."""
     names = plan(parts, cases, seed)
@@ -404,7 +415,8 @@ def generate(
         raise SystemExit(f"--case {only}: these settings have cases 1 to {len(names)}")
     for folder in ("sealed", "asked"):
         os.makedirs(os.path.join(out, folder), exist_ok=True)
-    _settings(out, [rig, list(parts), cases, seed, third, exact_inputs, world.settings() if world else None])
+    settings = [rig, list(parts), cases, seed, third, exact_inputs, world.settings() if world else None]
+    _settings(out, settings + ["partly measured"] * partly)
     asked = sorted(names, key=names.get)[:first]  # names are shuffled over the parts
     if only is not None:
         asked = [item for item in names if names[item] == f"case_{only:04d}"]
@@ -414,7 +426,7 @@ def generate(
         needed[names[home]] = home
     label = lambda name: os.path.join(out, "sealed", name + ".json")
     tasks = [
-        (out, rig, seed, *item, name, third, path, exact_inputs, world)
+        (out, rig, seed, *item, name, third, path, exact_inputs, world, partly)
         for name, item in needed.items()
         if not os.path.exists(label(name))
     ]
@@ -438,7 +450,10 @@ def generate(
         if part == "open":
             home = names.get(("closed", number), name)
             sealed = dict(read(label(home)), part="open")
-            sealed["withheld"] = without = twins.withheld(next(iter(sealed["effects"])), sheet.bounds)
+            (key,) = sealed["effects"]
+            without = twins.withheld(key, sheet.without(sealed.get("empty", [])).bounds)
+            without += [other for other in sealed["inseparable"][key] if other not in without]
+            sealed["withheld"] = without
             _written(label(name), sealed)
         folder = os.path.join("data", home)
         runs = read(label(home))["runs"]
@@ -470,6 +485,9 @@ def add_arguments(parser):
     )
 
 
+    parser.add_argument(
+        "--partly-measured", action="store_true", help="every case without some of the channels that may be missing"
+    )
     parser.add_argument("--case", type=int, metavar="N", help="case N alone: one command a case, for many machines")
     parser.add_argument("--truth", choices=["plain", "random"], default="plain", help="random: drawn from classes")
     parser.add_argument("--classes", type=class_list, help="random truth: these classes, in every case")
@@ -505,6 +523,8 @@ def from_arguments(given):
         world = World(*pinned)
     elif any(value not in (None, []) for value in pinned):
         raise SystemExit("--classes, --without-classes, --runs, --length and --noise need --truth random")
+    if given.partly_measured and not hasattr(truth_of(given.rig), "MAY_BE_EMPTY"):
+        raise SystemExit(f"--partly-measured: the truth of {given.rig} has all of its channels in every case")
     return generate(
         given.out,
         given.part or PARTS,
@@ -517,6 +537,7 @@ def from_arguments(given):
         first=given.first,
         world=world,
         only=given.case,
+        partly=given.partly_measured,
     )
 
 

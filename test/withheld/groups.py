@@ -35,6 +35,7 @@ OF = {
     "runs": lambda label: [str(label.get("runs", 2))],
     "excitation": lambda label: [label["excitations"][0]],
     "severity": lambda label: [label.get("severity", "no effect")],
+    "unmeasured": lambda label: [", ".join(label.get("empty", [])) or "nothing"],
     "effect": lambda label: sorted(label["effects"]) or ["no effect"],
 }
 

@@ -15,6 +15,7 @@ import twins
 
 PARAMETERS_ALONE = 60.0  # above the solver's own error, which is a chi^2 of about 10
 RIVAL = 60.0  # log likelihood lower by 30
+ALIKE = 0.8  # cosine from which an effect is tried as a rival
 
 
 def refit(runs, target, columns, effect=None, steps=5, enough=np.inf):
@@ -48,9 +49,32 @@ def refit(runs, target, columns, effect=None, steps=5, enough=np.inf):
     return best, best_left
 
 
-def examine(runs, effects, sheet, random, level=1.0):
+def alike(runs, key, target, columns, sheet, random):
+    """Effects whose signature points where the target does once parameters have taken their share: near-equivalents
+    that no table lists, since they depend on what is measured."""
+    basis = np.linalg.qr(np.column_stack([c for c in columns.values() if np.any(c)]))[0]
+
+    def direction(vector):
+        left = vector - basis @ (basis.T @ vector)
+        size = np.linalg.norm(left)
+        return left / size if size > 1e-6 * np.linalg.norm(vector) else np.zeros_like(left)
+
+    wanted, found = direction(target), []
+    for other in sheet.effects():
+        if other == key or other.startswith("stuck"):
+            continue
+        bounds = sheet.bounds[other]
+        values = sizes.value(other, bounds, sizes.template(other, bounds, random), 0.6)
+        column = np.concatenate([run.signature({other: values}) for run in runs]).ravel()
+        if np.any(column) and abs(direction(column) @ wanted) > ALIKE:
+            found.append(other)
+    return found
+
+
+def examine(runs, effects, sheet, random, level=1.0, search=False):
     """Facts for the label: lift, lift left after the refit, chi^2 left by parameters alone and by each rival. level: of
-    the model's own error in each output, over the noise, above which the effect must lift the residual."""
+    the model's own error in each output, over the noise, above which the effect must lift the residual. search: look
+    for rivals beside those of the table."""
     raw = [run.signature(effects) for run in runs]
     target = np.concatenate(raw).ravel()
     columns = signature.parameter_signatures(runs)
@@ -78,7 +102,10 @@ def examine(runs, effects, sheet, random, level=1.0):
         single = target
         if rest:
             single = np.concatenate([(run.outputs(effects) - run.outputs(rest)) / run.noise for run in runs]).ravel()
-        for rival in twins.rivals(key, sheet.effects()):
+        rivals = twins.rivals(key, sheet.effects())
+        if search:
+            rivals += [r for r in alike(runs, key, single, columns, sheet, random) if r not in rivals]
+        for rival in rivals:
             best = np.inf
             for q in (0.45, 0.8):
                 fixed = sizes.template(rival, sheet.bounds[rival], random)

@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """The withheld check in one command: make cases, diagnose them, score.
 
     run.py OUT --cases 40                      all parts, development seed
@@ -159,6 +160,7 @@ def main():
         + "".join(f" --part {p}" for p in given.part or [])
         + (f" --set {given.set}" if given.seed is None else f" --seed {given.seed}")
         + (" --exact-inputs" if given.exact_inputs else "")
+        + (" --partly-measured" if given.partly_measured else "")
         + (" --third" if given.third else "")
         + (f" --first {given.first}" if given.first else "")
         + (" --truth random" if given.truth == "random" else "")

@@ -28,6 +28,7 @@ class Run:
         self.windows = windows(len(self.commands), truth.WINDOW, shift, count)
         self.starts = [truth.base(output["states"][first]) for first, _ in self.windows]
         self.noise = np.array([self.sheet.noise[c] for c in truth.OUTPUTS]) * noise_scale
+        self.noise[[c in self.sheet.empty for c in truth.OUTPUTS]] = np.inf  # nothing is seen in them
         self.parameters, self.nuisance = parameters, nuisance
         self.samples = len(self.commands)
         self._plain = None

@@ -12,6 +12,8 @@ import numpy as np
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 import case_check
+import generate
+import oracle
 import signature
 import sizes
 import truth_pump_cylinder as cylinder
@@ -139,6 +141,40 @@ class Effects(unittest.TestCase):
 class Cases(unittest.TestCase):
     def test_a_case_is_made_without_its_label_in_the_data(self):
         case_check.check_case(self, cylinder, SHEET, "closed", 5.0, 5000)
+
+    def test_what_is_not_measured_is_neither_recorded_nor_seen_by_the_oracle(self):
+        sheet = SHEET.without(["chamber_a_pressure"])
+        out = Truth(sheet, {}, {}, None).run(2.0, control(), 1.0, 4)
+        rig = signature.Run(out, 1.0, 0, dict(P), dict(cylinder.NO_NUISANCE), 2)
+        seen = rig.signature({"scale@sensor.chamber_a_pressure": {"factor": 0.5}})
+        self.assertEqual(np.abs(seen).max(), 0.0)
+        self.assertGreater(np.abs(rig.signature({"scale@sensor.chamber_b_pressure": {"factor": 0.5}})).max(), 1.0)
+        sets = set()
+        for number in range(8):
+            case = generate.Case(SHEET, 7, "none", number, partly=True)
+            hidden = case.sheet.empty
+            sets.add(tuple(hidden))
+            record = case.simulate(0, {}, 0.1)["record"]
+            for name in OUTPUTS:
+                self.assertEqual(np.isnan(record[name]).all(), name in hidden, name)
+                self.assertEqual(any(k.endswith("@sensor." + name) for k in case.sheet.bounds), name not in hidden)
+        self.assertEqual(len(sets), 3)
+        self.assertEqual(SHEET.empty, [])
+
+    def test_with_one_pressure_alone_the_oracle_finds_rivals_that_no_table_has(self):
+        # Nothing but the level shows a leak where one pressure is all there is: a leak of the other side looks the same.
+        key, leak = "laminar_leakage@flow.pump2_b_tank", {"coefficient": 2e-13}
+        other = "laminar_leakage@flow.pump1_a_tank"
+        self.assertNotIn(other, twins.rivals(key, SHEET.effects()))
+        for hidden, found in (([], False), (["chamber_a_pressure"], True)):
+            sheet = SHEET.without(hidden)
+            out = Truth(sheet, {}, {}, None).run(4.0, control("levels"), 1.0, 4)
+            rig = signature.Run(out, 1.0, 0, dict(P), dict(cylinder.NO_NUISANCE), 3)
+            target, columns = rig.signature({key: leak}).ravel(), signature.parameter_signatures([rig])
+            # the leakage parameters would take all of either
+            columns = {n: c for n, c in columns.items() if not n.endswith("leakage_a") and not n.endswith("leakage_b")}
+            rivals = oracle.alike([rig], key, target, columns, sheet, np.random.default_rng(3))
+            self.assertEqual(other in rivals, found, rivals)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,8 @@ DURATION = 12.0  # s, of a run: hundred time constants of the level
 BUDGET = 60.0  # s, of all runs of a random truth together
 PUMPS = ["pump1_speed", "pump2_speed"]
 OUTPUTS = ["position", "chamber_a_pressure", "chamber_b_pressure"] + PUMPS
+# Which pressures --partly-measured leaves out: the paper's measurement sets {x, P_A}, {x, P_B} and {x}.
+MAY_BE_EMPTY = [["chamber_b_pressure"], ["chamber_a_pressure"], ["chamber_a_pressure", "chamber_b_pressure"]]
 PARAMETERS = [
     "mass",
     "cap_area",
