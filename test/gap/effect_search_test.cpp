@@ -82,6 +82,23 @@ TEST(GapTrials, TheBestIsScoredWhereNoneWins) {
   EXPECT_FALSE(structures.front().score.empty());
 }
 
+// A refit that stands beside the rig: what an effect wins with better parameters is the parameters'.
+TEST(GapTrials, AModelBesideTheRigIsBetterWithoutTheEffect) {
+  const GapSettings settings = among({"force.piston"});
+  GapTrials work(servo(), runs_with({}), kFolds, {0, 1}, settings, kSilent);
+  ModelChange beside;
+  beside.parameters = servo().nominal();
+  beside.parameters[static_cast<std::size_t>(servo().parameter("flow_coefficient"))] *= 1.2;
+  const FitResult base = work.stand(beside);
+  std::vector<Structure> structures = work.screen(base, 0, 1);
+  structures.resize(1);
+  work.refine(structures, 0, 1);
+  EXPECT_TRUE(work.better_without(structures.front()));
+  const FitResult again = work.refit(without_last(structures.front().fit).model, {});
+  EXPECT_TRUE(again.effects.empty());
+  EXPECT_FALSE(work.better_without(structures.front()));
+}
+
 TEST(EffectSearch, NothingWhereNothingIsMissing) {
   const EffectSearch search = search_among({"transmission.rod", "force.piston", "flow.chamber_a_chamber_b"}, {});
   EXPECT_EQ(found(search), "");

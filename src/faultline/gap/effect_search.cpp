@@ -6,6 +6,8 @@
 namespace faultline {
 namespace {
 
+constexpr int kMostValleys = 2;  // of the refit that are left for a better one
+
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
 
 // Around the start states of its own: those of hidden states may lie far from what fits the model that stands.
@@ -32,6 +34,12 @@ void likeliest_first(const GapTrials& work, const std::vector<double>& now, std:
               first + static_cast<std::ptrdiff_t>(likeliest) + 1);
 }
 
+// Whether noise of measured inputs alone would give a structure so much of what it wins.
+bool from_input_noise(const GapTrials& work, const FitResult& base, const Structure& structure) {
+  return work.gain_of_input_noise(base, structure) >
+         work.options().search.input_noise_fraction * work.learned_gain(structure);
+}
+
 // The followed structures of one round, best first; `rest` takes the finalists that were not followed.
 std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& base, const std::vector<double>& now,
                                      std::vector<Structure> structures, double from, double to,
@@ -49,16 +57,23 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
   rest.insert(rest.begin(), structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
   structures.resize(kept);
   std::stable_sort(structures.begin(), structures.end(), by_score);
+  for (std::size_t i = 0; i < structures.size() && structures.size() > 1;)
+    if (from_input_noise(work, base, structures[i]))
+      structures.erase(structures.begin() + static_cast<std::ptrdiff_t>(i));
+    else
+      ++i;
   likeliest_first(work, now, structures);
   for (std::size_t i = 1; i < structures.size(); ++i) structures[i].around = {};  // large, and not needed again
   return structures;
 }
 
-// Whether a structure is worth its last effect: on runs that its fit did not see, and against what it leaves.
+// Whether a structure is worth its last effect: on runs that its fit did not see, against what noise of inputs would
+// give it, and against what it leaves.
 bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best) {
   const GapOptions::Search& options = work.options().search;
   const std::vector<double> gain = minus(now.score, best.score);
   if (sum(gain) <= options.significance_standard_errors * work.standard_error(gain)) return false;
+  if (from_input_noise(work, now.base, best)) return false;
   const double loss = loss_of(work, best);
   const double won = now.after.loss - loss, before = now.before.loss - now.after.loss;
   return won > options.evidence_fraction * now.after.loss && won > options.further_evidence_fraction * before;
@@ -72,6 +87,15 @@ bool more_to_find(const GapOptions::Search& options, const EffectSearch& now) {
   const double won = now.before.loss - now.after.loss;
   return most > options.further_evidence_fraction * won &&
          most > options.further_free_fraction * std::min(won, now.after.loss);
+}
+
+// The refit that was found last, scored like every structure, and what a free signal beside it would win.
+void stand_plain(const GapTrials& work, EffectSearch& search) {
+  search.plain = work.score(search.base);
+  search.losses = search.plain.held_out;
+  search.score = search.plain.score;
+  search.before = find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free);
+  search.after = search.before;
 }
 
 // An effect that was found alone was found with others missing: the close rivals of each round but the last are tried
@@ -141,17 +165,13 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
   search.base = work.refit(nominal, {});
   search.plain = work.score(search.base);
   // A search from the datasheet's values may end beside the rig's, and what it leaves there would be given a name.
-  if (typical_excess(search.plain.score, values) >= quiet_variances) {
+  if (typical_excess(search.plain.score, values) >= quiet_variances)
     search.base = work.refit_from_elsewhere(search.base);
-    search.plain = work.score(search.base);
-  }
   search.nominal = work.held_out(nominal);
-  search.losses = search.plain.held_out;
-  search.score = search.plain.score;
   std::vector<std::vector<Structure>> followed;  // round by round, best first
-  search.before = find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free);
-  search.after = search.before;
-  for (int round = 0; round < most_effects; ++round) {
+  stand_plain(work, search);
+  int valleys = 0;
+  for (int round = 0; round < most_effects;) {
     if (typical_excess(search.score, values) < quiet_variances || !more_to_find(work.options().search, search)) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     const std::vector<Structure> screened = work.screen(search.base, from, from + 0.5 * width);
@@ -162,6 +182,13 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
         best_of_round(work, search.base, search.score, screened, from + 0.5 * width, from + width, rest);
     const Structure best = structures.front();
     structures.front().around = {};
+    if (round == 0 && valleys++ < kMostValleys && work.better_without(best)) {
+      // What it wins is the parameters', which the refit did not find.
+      search.base = work.refit(without_last(best.fit).model, {});
+      search.screened.clear();
+      stand_plain(work, search);
+      continue;
+    }
     if (round == 0) {
       search.ranked = structures;
       search.ranked.insert(search.ranked.end(), rest.begin(), rest.end());
@@ -178,6 +205,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     search.losses = better.held_out;
     search.score = better.score;
     search.after = find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free);
+    ++round;
   }
   try_rivals(work, followed, search);
   return search;

@@ -121,6 +121,9 @@ struct GapOptions {
     // ... and a further one of what those before it won: what one leaves because it is not quite what the rig has is
     // small against what it explains (development).
     double further_evidence_fraction = 0.03;
+    // Of what an effect wins, what it may win by the noise of measured inputs alone: one that the rig has loses there
+    // about what it wins here.
+    double input_noise_fraction = 0.1;
     // What a free signal must win for a search, of what a perfect model would win ...
     double least_free_fraction = 0.02;
     // ... and of what the effects found have won or of what is left, whichever is less, for another.
@@ -266,6 +269,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.significance_standard_errors);
   FAULTLINE_OPTION(search.evidence_fraction);
   FAULTLINE_OPTION(search.further_evidence_fraction);
+  FAULTLINE_OPTION(search.input_noise_fraction);
   FAULTLINE_OPTION(search.least_free_fraction);
   FAULTLINE_OPTION(search.further_free_fraction);
   FAULTLINE_OPTION(search.close_rival_gain_fraction);

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "faultline/gap/input_noise.h"
 #include "faultline/gap/part_of_runs.h"
 #include "faultline/gap/run_agreement.h"
 #include "faultline/gap/screening.h"
@@ -17,6 +18,8 @@
 
 namespace faultline {
 namespace {
+
+constexpr std::uint64_t kInputNoise = 1, kOutputNoise = 1001;  // seeds
 
 // Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect
 // that is new changes nothing yet.
@@ -74,6 +77,12 @@ Eigen::VectorXd free_sizes(const Candidate& free, const Candidate& fitted) {
 
 }  // namespace
 
+FitResult without_last(FitResult fit) {
+  fit.effects.pop_back();
+  fit.model = with_effects(fit.effects, fit.model.parameters);
+  return fit;
+}
+
 double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
 std::vector<double> minus(const std::vector<double>& a, const std::vector<double>& b) {
@@ -128,6 +137,11 @@ Surroundings GapTrials::settle(const Surroundings& before, const ModelChange& at
 double GapTrials::learned_loss(const Surroundings& around) const {
   const Linearisation learn = around.linear->subset(learn_);
   return sum(robust(learn.segment_losses(learn.at_model())));
+}
+
+double GapTrials::learned_loss(const Surroundings& around, const ModelChange& at) const {
+  const Linearisation learn = around.linear->subset(learn_);
+  return sum(robust(learn.segment_losses(residuals_of(*around.residuals, at, learn_))));
 }
 
 FitResult GapTrials::refit(const ModelChange& start, const std::vector<Candidate>& effects) {
@@ -312,8 +326,7 @@ double GapTrials::begin(Structure& structure, int jobs) const {
   // the fit starts at the datasheet's parameters again, and goes on from there unless the quick fit is ahead of its
   // first round.
   const FitResult quick = structure.fit;
-  const Linearisation learn = part_.linear->subset(learn_);
-  const double quick_loss = sum(robust(learn.segment_losses(residuals_of(*part_.residuals, quick.model, learn_))));
+  const double quick_loss = learned_loss(part_, quick.model);
   structure.fit.model.parameters = sheet_.nominal();
   const double base = learned_loss(part_), best = follow(structure, part_, base, jobs, 1);
   if (best <= quick_loss) return best;
@@ -412,6 +425,26 @@ std::size_t GapTrials::refine(std::vector<Structure>& structures, double from, d
   });
   for (Structure& structure : behind) structures.push_back(std::move(structure));
   return kept;
+}
+
+bool GapTrials::better_without(const Structure& structure) const {
+  return learned_loss(structure.around, without_last(structure.fit).model) <
+         learned_loss(around_) - options().trials.relinearise_log_likelihood;
+}
+
+double GapTrials::learned_gain(const Structure& structure) const {
+  return learned_loss(around_) - learned_loss(structure.around);
+}
+
+double GapTrials::gain_of_input_noise(const FitResult& standing, const Structure& structure) const {
+  if (!has_noisy_inputs(model().runs())) return 0;
+  const std::vector<Eigen::MatrixXf> plain = around_.linear->subset(learn_).at_model();
+  const auto loss = [&](const Surroundings& around, const ModelChange& at) {
+    const ResidualModel noisy = with_input_noise(*around.residuals, kInputNoise);
+    return sum(robust(around.linear->subset(learn_).segment_losses(
+        placebo_residuals(noisy, at, learn_, plain, kOutputNoise, settings_.jobs))));
+  };
+  return loss(around_, standing.model) - loss(structure.around, structure.fit.model);
 }
 
 std::vector<double> GapTrials::held_out(const ModelChange& at) const {

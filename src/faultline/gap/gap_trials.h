@@ -34,6 +34,8 @@ struct Structure {
   Surroundings around;  // its own, once refined
 };
 
+FitResult without_last(FitResult fit);  // without its last effect
+
 double sum(const std::vector<double>& values);
 std::vector<double> minus(const std::vector<double>& a, const std::vector<double>& b);
 
@@ -83,6 +85,14 @@ class GapTrials {
   // without a score. Returns how many have one.
   std::size_t refine(std::vector<Structure>& structures, double from, double to) const;
 
+  // Whether the model that stands is fitted better by the parameters of a structure that was refined than by its own,
+  // without the structure's last effect: then it ended in a valley beside theirs.
+  bool better_without(const Structure& structure) const;
+  // What a structure that was refined wins over the model that stands, on the runs to learn from; and what it would
+  // win by the noise of measured inputs alone (input_noise.h), 0 where there is none.
+  double learned_gain(const Structure& structure) const;
+  double gain_of_input_noise(const FitResult& standing, const Structure& structure) const;
+
   // Losses per held-out segment of a model as it is.
   std::vector<double> held_out(const ModelChange& at) const;
 
@@ -104,6 +114,7 @@ class GapTrials {
  private:
   Surroundings settle(const Surroundings& before, const ModelChange& at, int jobs) const;
   double learned_loss(const Surroundings& around) const;
+  double learned_loss(const Surroundings& around, const ModelChange& at) const;
   double learned_cost(const FitResult& fit) const;  // of what stands: with the tolerances' part
   // Linearises and fits around what stands until nothing is gained, or until the last round gained less than what is
   // missing to `aim`.

@@ -29,8 +29,13 @@ class ResidualModel {
     return result;
   }
 
+  // The same over other runs, whose starts are placed already.
+  ResidualModel over(std::vector<SegmentedRun> runs) const {
+    return ResidualModel(model_, std::move(runs), options_, noise_);
+  }
+
   // The same over one of its runs.
-  ResidualModel only(std::size_t run) const { return ResidualModel(model_, {runs_[run]}, options_, noise_); }
+  ResidualModel only(std::size_t run) const { return over({runs_[run]}); }
 
   const SegmentModel& model() const { return model_; }
   const Datasheet& sheet() const { return model_.sheet(); }

@@ -12,10 +12,6 @@
 namespace faultline {
 namespace {
 
-std::size_t widest_window(const SegmentedRun& run, const SegmentOptions& options) {
-  return static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);
-}
-
 // What a channel shows `later` s after a row, from the quadratic around the nearest row.
 Shown shown_around(const SegmentedRun& run, const Recording& recording, std::size_t row, std::size_t channel,
                    double noise, double later, const SegmentOptions& options) {

@@ -117,13 +117,15 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
     for (std::size_t k = 0; !sheet.channels[c].predicted_by.empty() && k < run.recording.rows(); ++k)
       run.unsmoothed[c].push_back(run.recording.at(k, c));
 
-  const auto widest =
-      static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);
   std::vector<double> noise(sheet.channels.size(), 0);
-  for (std::size_t c = 0; c < sheet.channels.size(); ++c)
-    if (inputs == Inputs::smoothed && sheet.channels[c].role == Role::input) noise[c] = noise_floor(run.recording, c);
+  run.input_noise.assign(sheet.channels.size(), 0);
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    if (inputs != Inputs::smoothed || sheet.channels[c].role != Role::input) continue;
+    noise[c] = noise_floor(run.recording, c);
+    run.input_noise[c] = run.unsmoothed[c].empty() ? noise[c] : noise_about_command(sheet, run, c);
+  }
   for (const Stretched& stretch : run.stretches)
-    smooth_inputs(sheet, run.recording, stretch.first, stretch.last, widest, noise, options);
+    smooth_inputs(sheet, run.recording, stretch.first, stretch.last, widest_window(run, options), noise, options);
 
   const std::vector<int> outputs = compared_outputs(sheet);
   std::size_t used = 0, missing = 0, bounds = 0;
@@ -179,6 +181,10 @@ void need_readings(const Datasheet& sheet, const std::vector<SegmentedRun>& runs
       fmt::format("{}: every reading of every output is missing or at an end of its range; there is nothing to compare "
                   "a model with",
                   runs.front().name));
+}
+
+std::size_t widest_window(const SegmentedRun& run, const SegmentOptions& options) {
+  return static_cast<std::size_t>(options.smoothing_segment_fraction * static_cast<double>(run.segment) + 1e-9);
 }
 
 std::size_t fewest_rows(const std::vector<SegmentedRun>& runs) {

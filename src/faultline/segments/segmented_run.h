@@ -36,6 +36,7 @@ struct SegmentedRun {
   std::vector<double> counted;        // per segment: readings of outputs that count
   std::string remark;                 // what was left out and why; empty: nothing
   std::vector<std::vector<double>> unsmoothed;  // per channel, of inputs that are compared: as measured; else empty
+  std::vector<double> input_noise;  // per channel, of a reading of measured inputs; 0: no input, or not smoothed
   // Where each segment starts: starts + start_roots start_shift, the shift beforehand normal with covariance 1
   // (segment_model.h). States x 1, states x directions, directions x 1; NaN: the state goes on.
   std::vector<Eigen::VectorXd> starts, start_shift;
@@ -63,6 +64,9 @@ void need_readings(const Datasheet& sheet, const std::vector<SegmentedRun>& runs
 enum class Inputs { smoothed, as_measured };
 SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording recording, double segment,
                      const SegmentOptions& options = {}, Inputs inputs = Inputs::smoothed);
+
+// Samples on each side of a row, at most, that its inputs are smoothed over.
+std::size_t widest_window(const SegmentedRun& run, const SegmentOptions& options);
 
 // Rows of a segment in the run whose samples are slowest: where periods differ, a segment of any run counts as if it
 // had so many readings, since those of a faster run hardly know more of the same stretch of motion.
