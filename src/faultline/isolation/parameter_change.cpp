@@ -126,12 +126,12 @@ ParameterStep ParameterChange::compare(const ParameterLevel& reference, const Bl
     }
     return v;
   };
-  step.covariance = known(1);
-  step.chi2 = step.change.dot(step.covariance.ldlt().solve(step.change));
-  const double expected = expected_scatter(blocks);
-  if (step.scatter > expected) step.covariance = known(step.scatter / expected);
   const Eigen::VectorXd away = theta - reference.theta;
   step.allowance = std::pow(options_.relative_error, 2) * away.dot(sum.information * away);
+  const double expected = expected_scatter(blocks);
+  const Eigen::MatrixXd judged = known(std::max(1.0, (step.scatter - step.allowance) / expected));
+  step.chi2 = step.change.dot(judged.ldlt().solve(step.change));
+  step.covariance = step.allowance > 0 && step.scatter > expected ? known(step.scatter / expected) : judged;
   return step;
 }
 

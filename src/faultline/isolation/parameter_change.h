@@ -7,7 +7,7 @@
 // kept. For a step before block j, the blocks since give
 //   theta_j = J_j^-1 b_j,   change_i = ln(theta_ji/theta_0i)
 //   V_j = W_j + diag((W_jii/shown_i)^2) + R + diag((R_ii/shown_i)^2) + diag(floor_i^2)
-//   W_j = E J_j^-1 E,  R = D P_0 D
+//   W_j = s_j E J_j^-1 E,  R = D P_0 D
 //   chi2_j = change' V_j^-1 change,   told: the j of the greatest chi2
 //   D = diag(1/theta_0i),  E = diag(1/min(theta_0i, theta_ji)): of what has fallen the logarithm is known less well
 // Estimates that still rest on samples from before the step are of neither rig (with two large terms that nearly cancel
@@ -15,8 +15,8 @@
 //   j* = argmax of  sum over blocks since j of  (scatter n T_block/memory) + (relative_error)^2 d' J_j d - Q_j,
 //   Q_j = sum of (theta_k - theta_j)' J_k (theta_k - theta_j), about n T_block/memory a block if they agree,
 //   d = theta_j - theta_0: a model that is a little wrong makes that fraction of a change differ from block to block
-// Where they scatter more than n T_block/memory a block, the covariance told is larger by that ratio (Birge, Physical
-// Review 40 (1932)); that of chi2_j is not.
+// Where they scatter more than n T_block/memory a block, beyond what is allowed for d, their covariance is larger by
+// that ratio s_j (Birge, Physical Review 40 (1932)); the one that is told takes in the scatter that is allowed for too.
 // `inflation` (of every P_k, F P_k F with F = diag(inflation_i^(1/2))) and `floor` stand for what the estimates'
 // covariance does not know: friction that is not viscous, entrained air, noise that is not white and so weighs less
 // in one parameter and more in another. `shown` is for motion that hardly shows a parameter: least squares over
