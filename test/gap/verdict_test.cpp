@@ -1,7 +1,9 @@
 // The verdict in words: it does not contradict what is left.
-#include "faultline/gap/measure.h"
+#include "faultline/gap/verdict.h"
 
 #include <gtest/gtest.h>
+
+#include "faultline/gap/measure.h"
 
 namespace faultline {
 namespace {
@@ -28,6 +30,29 @@ TEST(Verdict, NothingIsSaidToFitWhereMuchIsLeft) {
   EXPECT_EQ(
       said("miscalibrated", "flow 440 times its noise"),
       "The parameters are off: area x 1.050. No place and no effect tells what is left: flow 440 times its noise.");
+}
+
+// What closes the gap down to what every rig has is its cause, whatever a free signal would make of the rest.
+TEST(Verdict, WhatLeavesNothingIsNamed) {
+  GapEvidence evidence;
+  evidence.found = true;
+  evidence.shrink = 0.95;
+  evidence.perfect = 1000;
+  evidence.effects = 400;
+  evidence.free_after = 400;
+  evidence.readings = 10000;
+  evidence.size = 1;
+  evidence.excess = 2;
+  evidence.left = 0.04;
+  evidence.quiet = 0.05;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  EXPECT_LE(judge_gap(evidence, 0.01, options).doubt, 1);
+  evidence.left = 0.06;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+  evidence.left = 0.04;
+  evidence.shrink = 0.8;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
 }
 
 }  // namespace

@@ -364,6 +364,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   evidence.size = gap_size(result.gap[1]);
   evidence.excess = result.gap[1].excess;
   evidence.calibrated = nominal_excess - refit_excess;
+  evidence.left = explained_excess;
+  evidence.quiet = quiet;
   const GapVerdict answer = judge_gap(evidence, settings.matters, verdict);
   result.verdict = answer.verdict;
   result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (answer.doubt - 1)));

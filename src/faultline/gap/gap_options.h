@@ -152,6 +152,8 @@ struct GapOptions {
     double material_shrink_fraction = 0.1;
     // ... where the likelihood says too much of an effect: half.
     double hidden_shrink_fraction = 0.5;
+    // ... and from which they have closed it, where no more is left than a healthy rig has.
+    double closed_shrink_fraction = 0.9;
     // Of what named effects win, what a free signal at one place may still win beside them (development).
     double free_evidence_fraction = 0.25;
     // Of what a perfect model would win, what effects must win to be told as a part of an unknown cause ...
@@ -282,6 +284,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.material_evidence_fraction);
   FAULTLINE_OPTION(verdict.material_shrink_fraction);
   FAULTLINE_OPTION(verdict.hidden_shrink_fraction);
+  FAULTLINE_OPTION(verdict.closed_shrink_fraction);
   FAULTLINE_OPTION(verdict.free_evidence_fraction);
   FAULTLINE_OPTION(verdict.partial_evidence_fraction);
   FAULTLINE_OPTION(verdict.place_evidence_fraction);

@@ -29,9 +29,11 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   const double place = evidence.free_before / std::max(options.place_evidence_fraction * perfect,
                                                        options.place_log_likelihood * std::max(evidence.readings, 1.0));
   const double silent = large ? place : std::min(place, 0.5);
-  if (result.names && beside <= 1) {
+  // As little is left as on a rig in which nothing is missing: whatever wins more there is no cause of this gap.
+  const bool closed = evidence.left < evidence.quiet && evidence.shrink > options.closed_shrink_fraction;
+  if (result.names && (beside <= 1 || closed)) {
     result.verdict = "named";
-    result.doubt = beside;
+    result.doubt = std::min(beside, 1.0);
     return result;
   }
   // Effects that win much and leave much are a part of the cause.

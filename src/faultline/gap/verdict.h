@@ -22,6 +22,8 @@ struct GapEvidence {
   double size = 0;         // gap of the refit beyond the noise, over what the channels move: rms over the channels
   double excess = 0;       // ... and squared over the noise: mean over the channels
   double calibrated = 0;   // excess that the refit removed
+  double left = 0;         // excess beside the effects on held-out data ...
+  double quiet = 0;        // ... and that of a healthy rig
 };
 
 struct GapVerdict {
