@@ -34,10 +34,11 @@ void likeliest_first(const GapTrials& work, const std::vector<double>& now, std:
               first + static_cast<std::ptrdiff_t>(likeliest) + 1);
 }
 
-// Whether noise of measured inputs alone would give a structure so much of what it wins.
+// Whether much of what a structure wins is the noise's of measured inputs. What the rig has wins S here and loses it
+// where it is not there; the noise gives N in both: the gains are S + N and N - S.
 bool from_input_noise(const GapTrials& work, const FitResult& base, const Structure& structure) {
-  return work.gain_of_input_noise(base, structure) >
-         work.options().search.input_noise_fraction * work.learned_gain(structure);
+  const double gain = work.learned_gain(structure);
+  return 0.5 * (gain + work.gain_of_input_noise(base, structure)) > work.options().search.input_noise_fraction * gain;
 }
 
 // The followed structures of one round, best first; `rest` takes the finalists that were not followed.
@@ -57,12 +58,11 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
   rest.insert(rest.begin(), structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
   structures.resize(kept);
   std::stable_sort(structures.begin(), structures.end(), by_score);
-  for (std::size_t i = 0; i < structures.size() && structures.size() > 1;)
-    if (from_input_noise(work, base, structures[i]))
-      structures.erase(structures.begin() + static_cast<std::ptrdiff_t>(i));
-    else
-      ++i;
   likeliest_first(work, now, structures);
+  // What the noise gives is no rival. Where it comes first, what wins less than it is no cause either.
+  structures.erase(std::remove_if(structures.begin() + 1, structures.end(),
+                                  [&](const Structure& s) { return from_input_noise(work, base, s); }),
+                   structures.end());
   for (std::size_t i = 1; i < structures.size(); ++i) structures[i].around = {};  // large, and not needed again
   return structures;
 }

@@ -121,9 +121,8 @@ struct GapOptions {
     // ... and a further one of what those before it won: what one leaves because it is not quite what the rig has is
     // small against what it explains (development).
     double further_evidence_fraction = 0.03;
-    // Of what an effect wins, what it may win by the noise of measured inputs alone: one that the rig has loses there
-    // about what it wins here.
-    double input_noise_fraction = 0.1;
+    // Of what an effect wins, what the noise of measured inputs may give: three times as much is the rig's.
+    double input_noise_fraction = 0.25;
     // What a free signal must win for a search, of what a perfect model would win ...
     double least_free_fraction = 0.02;
     // ... and of what the effects found have won or of what is left, whichever is less, for another.
