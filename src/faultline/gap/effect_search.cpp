@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "faultline/gap/input_noise.h"
+
 namespace faultline {
 namespace {
 
@@ -37,6 +39,7 @@ void likeliest_first(const GapTrials& work, const std::vector<double>& now, std:
 // Whether much of what a structure wins is the noise's of measured inputs. What the rig has wins S here and loses it
 // where it is not there; the noise gives N in both: the gains are S + N and N - S.
 bool from_input_noise(const GapTrials& work, const FitResult& base, const Structure& structure) {
+  if (!has_noisy_inputs(work.model().runs())) return false;
   const double gain = work.learned_gain(structure);
   return 0.5 * (gain + work.gain_of_input_noise(base, structure)) > work.options().search.input_noise_fraction * gain;
 }

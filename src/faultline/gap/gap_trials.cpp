@@ -437,7 +437,6 @@ double GapTrials::learned_gain(const Structure& structure) const {
 }
 
 double GapTrials::gain_of_input_noise(const FitResult& standing, const Structure& structure) const {
-  if (!has_noisy_inputs(model().runs())) return 0;
   const std::vector<Eigen::MatrixXf> plain = around_.linear->subset(learn_).at_model();
   const auto loss = [&](const Surroundings& around, const ModelChange& at) {
     const ResidualModel noisy = with_input_noise(*around.residuals, kInputNoise);

@@ -89,7 +89,7 @@ class GapTrials {
   // without the structure's last effect: then it ended in a valley beside theirs.
   bool better_without(const Structure& structure) const;
   // What a structure that was refined wins over the model that stands, on the runs to learn from; and what it would
-  // win by the noise of measured inputs alone (input_noise.h), 0 where there is none.
+  // win on a rig without it whose measured inputs have their noise (input_noise.h).
   double learned_gain(const Structure& structure) const;
   double gain_of_input_noise(const FitResult& standing, const Structure& structure) const;
 
