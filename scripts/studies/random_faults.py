@@ -86,21 +86,21 @@ def run(rig, ports, profiles, seed):
     return {**entry, "grade": grade(name, onset, entry)}
 
 
-def oracle(rig, ports, profiles, seed):
+def oracle(described, profiles, seed):
     """The fault's difference in sigma, and the channel that shows the most of it."""
-    profile, seconds, _, _, effect, _ = draw(ports, profiles, seed)
+    rig = described["rig"]
+    profile, seconds, _, _, effect, _ = draw(described["ports"], profiles, seed)
     with tempfile.TemporaryDirectory() as folder:
         more = ["--profile", profile, "--duration", seconds, "--off-nominal", "--nuisance", "--seed", seed]
         well = simulate(rig, folder, *more, name="well")
         ill = simulate(rig, folder, *more, "--effect", effect, name="ill")
     shown = {}
-    for channel in datasheet(rig)["channels"]:
+    for channel in described["channels"]:
         if channel["role"] not in ("output", "input", "command"):
             continue
-        low, high = map(float, channel["range"])
-        scale = math.hypot(float(channel["noise_std"]), float(channel["resolution"]) / math.sqrt(12))
+        scale = math.hypot(channel["noise_std"], channel["resolution"] / math.sqrt(12))
         if channel["role"] == "command" or scale == 0:
-            scale = max(scale, 1e-3 * (high - low))
+            scale = max(scale, 1e-3 * (channel["maximum"] - channel["minimum"]))
         rows = min(len(well[channel["name"]]), len(ill[channel["name"]]))
         step = (ill[channel["name"]][:rows] - well[channel["name"]][:rows]) / scale
         shown[channel["name"]] = float(np.sqrt(np.nansum(step**2)))
@@ -153,9 +153,15 @@ def main():
             return results.once(str(seed), lambda: run(rig, described["ports"], profiles, seed))
 
         known = Results(pathlib.Path(options.work) / f"{rig}_oracle.jsonl") if options.oracle else None
-        for seed, entry in zip(seeds, on_all_cores(once, [(seed,) for seed in seeds])):
-            if known and entry["grade"] == "missed":
-                seen = known.once(str(seed), lambda: oracle(rig, described["ports"], profiles, seed))
+
+        def judged(seed):
+            entry = once(seed)
+            if not known or entry["grade"] != "missed":
+                return entry, None
+            return entry, known.once(str(seed), lambda: oracle(described, profiles, seed))
+
+        for seed, (entry, seen) in zip(seeds, on_all_cores(judged, [(seed,) for seed in seeds])):
+            if seen:
                 entry = {**entry, "grade": "missed" if seen["sigma"] >= SEEN else "hidden"}
                 entry["sentence"] += f" ({seen['sigma']:.3g} sigma, most in {seen['channel']})"
             grades[entry["grade"]] += 1

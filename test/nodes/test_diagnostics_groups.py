@@ -1,4 +1,4 @@
-"""Every status that a rig's nodes can have stands in one group of launch/diagnostics.yaml, whatever its stages are called."""
+"""Every status of a rig's nodes stands in one group of launch/diagnostics.yaml, whatever its stages are called."""
 
 import pathlib
 import re
