@@ -162,7 +162,7 @@ class Cases(unittest.TestCase):
         self.assertEqual(SHEET.empty, [])
 
     def test_with_one_pressure_alone_the_oracle_finds_rivals_that_no_table_has(self):
-        # Nothing but the level shows a leak where one pressure is all there is: a leak of the other side looks the same.
+        # With one pressure the level alone shows a leak: one of the other side looks the same.
         key, leak = "laminar_leakage@flow.pump2_b_tank", {"coefficient": 2e-13}
         other = "laminar_leakage@flow.pump1_a_tank"
         self.assertNotIn(other, twins.rivals(key, SHEET.effects()))
