@@ -51,11 +51,11 @@ def drawn_size(parameter, generator):
 
 def share_of_range(parameter, size):
     """How much of the way from no effect to the datasheet's limit; None for a shape."""
-    none = parameter["none"]
-    if none is None:
+    if parameter["none"] is None:
         return None
+    none = float(parameter["none"])
     end = float(parameter["maximum"] if size > none else parameter["minimum"])
-    return (size - none) / (end - none) if math.isfinite(end) else None
+    return (size - none) / (end - none) if math.isfinite(end) and math.isfinite(none) else None
 
 
 def draw(ports, profiles, seed):

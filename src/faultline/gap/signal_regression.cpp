@@ -94,8 +94,9 @@ SignalRegression::Columns SignalRegression::select(const Columns& candidates, st
       gains.push_back(held_out(with));
       best = std::max(best, gains.back().sum);
     }
+    if (!(best > now.sum)) break;
     std::size_t next = 0;
-    while (gains[next].sum < best - kSimplerLoses * (best - now.sum)) ++next;
+    while (!(gains[next].sum >= best - kSimplerLoses * (best - now.sum))) ++next;
     double squares = 0;
     const double rise = gains[next].sum - now.sum, mean = rise / static_cast<double>(gains[next].parts.size());
     for (std::size_t p = 0; p < gains[next].parts.size(); ++p)
