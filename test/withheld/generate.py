@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Makes cases from a seed: two (or three) runs each as CSV, neutral names, labels in one sealed file.
 
     generate.py OUT --cases 20 [--rig RIG] [--part closed --part none ...] [--set development|test] [--jobs 2]

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """How wrong the datasheet's model is about each variant of a random truth, after a refit within tolerance.
 
     levels.py RIG [CLASS ...] [--draws 2]

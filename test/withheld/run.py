@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """The withheld check in one command: make cases, diagnose them, score.
 
     run.py OUT --cases 40                      all parts, development seed

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Scores answers against the sealed labels and writes the table as Markdown.
 
     score.py OUT [OUT2 ...] [--table FILE] [--answered] [--by class|rig|noise|length|runs|excitation]
