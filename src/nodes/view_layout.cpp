@@ -109,16 +109,6 @@ void read_motion(const YamlValue& entry, const Datasheet& sheet, ViewPart& part)
   }
 }
 
-// Of the middle, in the canvas.
-std::array<double, 2> place_on_canvas(const std::vector<ViewPart>& parts, const ViewPart& part) {
-  std::array<double, 2> place{part.at[0], part.at[1]};
-  for (int i = part.parent; i >= 0; i = parts[static_cast<std::size_t>(i)].parent) {
-    place[0] += parts[static_cast<std::size_t>(i)].at[0];
-    place[1] += parts[static_cast<std::size_t>(i)].at[1];
-  }
-  return place;
-}
-
 ViewPart read_part(const YamlValue& entry, const Datasheet& sheet, const std::vector<ViewPart>& earlier) {
   entry.allow({"name", "shape", "at"}, {"size", "along", "clear", "points", "ports", "label", "label_at", "letters",
                                         "shows", "on", "moves", "turns", "flow"});
@@ -175,6 +165,15 @@ void check_ports_shown(const YamlValue& root, const Datasheet& sheet, const std:
 }
 
 }  // namespace
+
+std::array<double, 2> place_on_canvas(const std::vector<ViewPart>& parts, const ViewPart& part) {
+  std::array<double, 2> place{part.at[0], part.at[1]};
+  for (int i = part.parent; i >= 0; i = parts[static_cast<std::size_t>(i)].parent) {
+    place[0] += parts[static_cast<std::size_t>(i)].at[0];
+    place[1] += parts[static_cast<std::size_t>(i)].at[1];
+  }
+  return place;
+}
 
 ViewLayout read_view_layout(const std::string& file, const Datasheet& sheet) {
   YamlValue root = YamlValue::load(file, "layout of a view", "rig: NAME");

@@ -50,6 +50,9 @@ struct ViewLayout {
   std::vector<ViewPart> parts;
 };
 
+// Of the part's middle in the canvas, `parts` being those before it, while nothing has moved.
+std::array<double, 2> place_on_canvas(const std::vector<ViewPart>& parts, const ViewPart& part);
+
 // Reads view.yaml strictly; every complaint is an InputError of one line. Each port of the datasheet must be shown by
 // exactly one part.
 ViewLayout read_view_layout(const std::string& file, const Datasheet& sheet);

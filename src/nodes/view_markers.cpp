@@ -1,10 +1,13 @@
 #include "nodes/view_markers.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 
+#include "nodes/view_places.h"
 #include "nodes/view_text.h"
 
 namespace faultline {
@@ -123,35 +126,49 @@ void draw_body(const ViewPart& part, std::size_t id, const PartMark& mark, Drawi
   if (part.clear) body.color.a = mark.level <= PartLevel::healthy ? 0.3F : 0.55F;
 }
 
-void draw_label(const ViewLayout& layout, std::size_t id, const Datasheet& sheet, const PartMark& mark,
-                const ViewValues& values, Drawing& drawing) {
-  const ViewPart& part = layout.parts[id];
-  const std::string parent = part.parent < 0 ? "" : layout.parts[static_cast<std::size_t>(part.parent)].name;
+std::string label_of(const ViewPart& part, const Datasheet& sheet, const ViewValues& values) {
   std::string words = part.label;
   for (const int channel : part.shows) {
     const double value = values.channels[static_cast<std::size_t>(channel)];
     if (!words.empty()) words += '\n';
     words += std::isnan(value) ? "-" : shown_value(value, sheet.channels[static_cast<std::size_t>(channel)]);
   }
-  const double x = part.at[0] + part.label_at[0], y = part.at[1] + part.label_at[1];
-  const bool dark = mark.level == PartLevel::error && std::abs(part.label_at[0]) < part.size[0] / 2 &&
-                    std::abs(part.label_at[1]) < part.size[1] / 2 && !part.clear;
-  drawing.text("labels", id, parent, x, y, part.letters, words, grey(dark ? 1.0F : 0.1F));
-  // What is the matter stands beside it, away from the part, on a ground of its own.
-  const double lines = words.empty() ? 0 : 1 + static_cast<double>(std::count(words.begin(), words.end(), '\n'));
-  const double beside = y + (part.label_at[1] < 0 ? -1 : 1) * (0.65 * lines * part.letters + 0.18);
-  Marker& ground = drawing.add("labels", 10000 + id, Marker::CUBE, parent);
-  if (mark.text.empty()) {
-    ground.action = Marker::DELETE;
-  } else {
-    ground.pose.position = point(x, beside, kTextHeight - 0.05);
-    ground.scale.x = 0.11 * static_cast<double>(mark.text.size()) + 0.15;
-    ground.scale.y = 0.28;
-    ground.scale.z = 0.01;
-    ground.color = colour_of(mark.level);
+  return words;
+}
+
+void draw_labels(const ViewLayout& layout, const Datasheet& sheet, const std::vector<PartMark>& marks,
+                 const ViewValues& values, Drawing& drawing) {
+  std::vector<PlacedWords> labels;
+  for (const ViewPart& part : layout.parts) {
+    const std::array<double, 2> place = place_on_canvas(layout.parts, part);
+    const std::string words = label_of(part, sheet, values);
+    labels.push_back({words, text_area(place[0] + part.label_at[0], place[1] + part.label_at[1], part.letters, words)});
   }
-  drawing.text("labels", 20000 + id, parent, x, beside, 0.2, mark.text,
-               grey(mark.level == PartLevel::error ? 1.0F : 0.05F));
+  const std::vector<Area> places = mark_places(layout, labels, marks);
+  for (std::size_t i = 0; i < layout.parts.size(); ++i) {
+    const ViewPart& part = layout.parts[i];
+    const std::string parent = part.parent < 0 ? "" : layout.parts[static_cast<std::size_t>(part.parent)].name;
+    const std::array<double, 2> place = place_on_canvas(layout.parts, part);
+    const double left = place[0] - part.at[0], low = place[1] - part.at[1];  // of the parent
+    const bool dark = marks[i].level == PartLevel::error && std::abs(part.label_at[0]) < part.size[0] / 2 &&
+                      std::abs(part.label_at[1]) < part.size[1] / 2 && !part.clear;
+    drawing.text("labels", i, parent, labels[i].area.x - left, labels[i].area.y - low, part.letters, labels[i].words,
+                 grey(dark ? 1.0F : 0.1F));
+    // What is the matter, on a ground of its own.
+    const double x = places[i].x - left, y = places[i].y - low;
+    Marker& ground = drawing.add("labels", 10000 + i, Marker::CUBE, parent);
+    if (marks[i].text.empty()) {
+      ground.action = Marker::DELETE;
+    } else {
+      ground.pose.position = point(x, y, kTextHeight - 0.05);
+      ground.scale.x = places[i].width;
+      ground.scale.y = places[i].height;
+      ground.scale.z = 0.01;
+      ground.color = colour_of(marks[i].level);
+    }
+    drawing.text("labels", 20000 + i, parent, x, y, part.letters, marks[i].text,
+                 grey(marks[i].level == PartLevel::error ? 1.0F : 0.05F));
+  }
 }
 
 void draw_flow(const ViewPart& part, std::size_t id, double value, Drawing& drawing) {
@@ -189,7 +206,7 @@ void draw_bars(const std::vector<ResidualBar>& bars, Drawing& drawing) {
   const std::string heading =
       bars.empty() ? "no residuals yet"
                    : fmt::format("residual over sigma, mean of 1 s; line at {:g}{}", kBarsLimit,
-                                 many ? fmt::format("; {}, named from {:g}", bars.size(), kStandsOut) : "");
+                                 many ? fmt::format("; {} channels, named from {:g}", bars.size(), kStandsOut) : "");
   const double middle = 0.5 * (kBarsLeft + kBarsRight), whole = kBarsRight - kBarsLeft;
   drawing.text("residuals", 0, "", middle, kBarsFoot + kBarsTall + 0.17, kBarLetters, heading);
   drawing.box("residuals", 1, middle, kBarsFoot, whole, 0.02, 0, grey(0.3F));
@@ -197,17 +214,27 @@ void draw_bars(const std::vector<ResidualBar>& bars, Drawing& drawing) {
   if (bars.empty()) return;
   const double wide = std::min(whole / static_cast<double>(bars.size()), 2.0);
   const double left = middle - 0.5 * wide * static_cast<double>(bars.size());
-  for (std::size_t i = 0; i < bars.size(); ++i) {
+  std::vector<Area> names;
+  std::vector<std::size_t> order(bars.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return bars[a].ratio > bars[b].ratio; });
+  for (const std::size_t i : order) {
     const double x = left + (static_cast<double>(i) + 0.5) * wide;
     const double tall = kBarsTall * std::clamp(bars[i].ratio / kBarsFull, 0.01, 1.0);
     const PartLevel level = bars[i].ratio >= kBarsFull    ? PartLevel::error
                             : bars[i].ratio >= kBarsLimit ? PartLevel::warning
                                                           : PartLevel::healthy;
     drawing.box("residuals", 100 + i, x, kBarsFoot + 0.5 * tall, 0.4 * wide, tall, 0.1, colour_of(level));
-    const auto letters = static_cast<std::size_t>(std::max(8.0, 1.8 * wide / kBarLetters));
+    // Of bars so close that their names would overlap, the largest has its name.
+    const auto letters = static_cast<std::size_t>(std::max(11.0, 1.8 * wide / kBarLetters));
     const std::string name = wrapped(fmt::format("{} {:.1f}", words_of(bars[i].channel), bars[i].ratio), letters);
-    drawing.text("residuals", 200 + i, "", x, kBarsFoot - 0.25, kBarLetters,
-                 many && bars[i].ratio < kStandsOut ? "" : name);
+    Area area = text_area(x, 0, kBarLetters, name);
+    area.y = kBarsFoot - 0.04 - 0.5 * area.height;
+    const bool told = (!many || bars[i].ratio >= kStandsOut) &&
+                      std::none_of(names.begin(), names.end(), [&](const Area& a) { return shared_area(a, area) > 0; });
+    if (told) names.push_back(area);
+    drawing.text("residuals", 200 + i, "", area.x, area.y, kBarLetters, told ? name : "");
   }
 }
 
@@ -262,9 +289,9 @@ visualization_msgs::MarkerArray markers_of(const ViewLayout& layout, const Datas
   Drawing drawing(space);
   for (std::size_t i = 0; i < layout.parts.size(); ++i) {
     draw_body(layout.parts[i], i, marks[i], drawing);
-    draw_label(layout, i, sheet, marks[i], values, drawing);
     if (!layout.parts[i].flow.name.empty()) draw_flow(layout.parts[i], i, values.flows[i], drawing);
   }
+  draw_labels(layout, sheet, marks, values, drawing);
   draw_head(head, drawing);
   draw_bars(bars, drawing);
   draw_legend(space, drawing);

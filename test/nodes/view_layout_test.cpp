@@ -1,10 +1,11 @@
-// Layouts: every shipped one is read, shows each port once and has no two labels on top of each other; bad ones are
-// refused in one line; a rig without one gets boxes within the canvas.
+// Layouts: every shipped one is read, shows each port once and has no two texts on top of each other, also where
+// neighbours are marked; bad ones are refused in one line; a rig without one gets boxes within the canvas.
 #include "nodes/view_layout.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -13,6 +14,7 @@
 #include "config_folder.h"
 #include "faultline/signal/error.h"
 #include "nodes/view_markers.h"
+#include "nodes/view_places.h"
 #include "nodes/view_text.h"
 
 namespace faultline {
@@ -31,13 +33,12 @@ ViewValues resting(const ViewLayout& layout, const Datasheet& sheet) {
   return values;
 }
 
-visualization_msgs::MarkerArray drawing(const ViewLayout& layout, const Datasheet& sheet, PartLevel level) {
-  return markers_of(layout, sheet, std::vector<PartMark>(layout.parts.size(), {level, ""}), resting(layout, sheet),
-                    {"No fault found.", "", level}, {{"a", 1}, {"b", 4}}, "press_1");
+std::vector<PartMark> healthy(const ViewLayout& layout) {
+  return std::vector<PartMark>(layout.parts.size(), {PartLevel::healthy, ""});
 }
 
 // About what rviz makes of a text: a letter is half as wide as it is tall.
-std::vector<Frame> texts(const ViewLayout& layout, const Datasheet& sheet) {
+std::vector<Frame> texts(const ViewLayout& layout, const Datasheet& sheet, const std::vector<PartMark>& marks) {
   std::map<std::string, std::pair<double, double>> places{{"press_1", {0, 0}}};
   for (std::size_t i = 0; i < layout.parts.size(); ++i) {
     const geometry_msgs::TransformStamped frame = frame_of(layout, i, resting(layout, sheet), "press_1");
@@ -46,7 +47,10 @@ std::vector<Frame> texts(const ViewLayout& layout, const Datasheet& sheet) {
                                     parent.second + frame.transform.translation.y};
   }
   std::vector<Frame> found;
-  for (const visualization_msgs::Marker& marker : drawing(layout, sheet, PartLevel::healthy).markers) {
+  const visualization_msgs::MarkerArray drawing =
+      markers_of(layout, sheet, marks, resting(layout, sheet), {"No fault found.", "", PartLevel::healthy},
+                 {{"a", 1}, {"b", 4}}, "press_1");
+  for (const visualization_msgs::Marker& marker : drawing.markers) {
     if (marker.type != visualization_msgs::Marker::TEXT_VIEW_FACING || marker.text.empty()) continue;
     std::size_t longest = 0, lines = 0;
     for (std::size_t begin = 0; begin <= marker.text.size(); ++lines) {
@@ -63,23 +67,73 @@ std::vector<Frame> texts(const ViewLayout& layout, const Datasheet& sheet) {
   return found;
 }
 
-class ShippedLayout : public testing::TestWithParam<std::string> {};
-
-TEST_P(ShippedLayout, IsReadAndItsLabelsStandApart) {
-  const Datasheet sheet = find_datasheet(config_folder(), GetParam());
-  const ViewLayout layout = view_layout(sheet);
-  EXPECT_NE(layout.file, "");
-  EXPECT_TRUE(std::any_of(layout.parts.begin(), layout.parts.end(), moves));
-  const std::vector<Frame> found = texts(layout, sheet);
-  EXPECT_GT(found.size(), 15U);
+void expect_apart(const std::vector<Frame>& found, const std::string& when) {
   for (std::size_t i = 0; i < found.size(); ++i) {
     EXPECT_GE(found[i].left, -0.5 * kCanvasWidth - 0.2) << found[i].text;
     EXPECT_LE(found[i].right, 0.5 * kCanvasWidth + 0.2) << found[i].text;
     for (std::size_t k = 0; k < i; ++k) {
       const bool apart = found[i].right < found[k].left || found[k].right < found[i].left ||
                          found[i].high < found[k].low || found[k].high < found[i].low;
-      EXPECT_TRUE(apart) << "'" << found[i].text << "' and '" << found[k].text << "'";
+      EXPECT_TRUE(apart) << "'" << found[i].text << "' and '" << found[k].text << "' " << when;
     }
+  }
+}
+
+class ShippedLayout : public testing::TestWithParam<std::string> {
+ protected:
+  Datasheet sheet_ = find_datasheet(config_folder(), GetParam());
+  ViewLayout layout_ = view_layout(sheet_);
+};
+
+TEST_P(ShippedLayout, IsReadAndItsLabelsStandApart) {
+  EXPECT_NE(layout_.file, "");
+  EXPECT_TRUE(std::any_of(layout_.parts.begin(), layout_.parts.end(), moves));
+  const std::vector<Frame> found = texts(layout_, sheet_, healthy(layout_));
+  EXPECT_GT(found.size(), 15U);
+  expect_apart(found, "");
+}
+
+// A label on a part that is not its own names the wrong one.
+TEST_P(ShippedLayout, HasNoLabelOnAnotherPart) {
+  for (const ViewPart& named : layout_.parts) {
+    if (named.label.empty() && named.shows.empty()) continue;
+    const std::array<double, 2> place = place_on_canvas(layout_.parts, named);
+    std::string words = named.label;
+    for (std::size_t i = 0; i < named.shows.size(); ++i) words += words.empty() ? "0.000 MPa" : "\n0.000 MPa";
+    const Area area = text_area(place[0] + named.label_at[0], place[1] + named.label_at[1], named.letters, words);
+    for (const ViewPart& other : layout_.parts) {
+      if (&other == &named || other.shape == PartShape::text || other.shape == PartShape::path || other.clear) continue;
+      const std::array<double, 2> at = place_on_canvas(layout_.parts, other);
+      EXPECT_EQ(shared_area(area, {at[0], at[1], other.size[0], other.size[1]}), 0)
+          << "the label of " << named.name << " on " << other.name;
+    }
+  }
+}
+
+// Each part in turn with the four others next to it, all with something to tell.
+TEST_P(ShippedLayout, MarksOfNeighboursStandApart) {
+  std::vector<std::size_t> judged;
+  for (std::size_t i = 0; i < layout_.parts.size(); ++i)
+    if (!layout_.parts[i].ports.empty()) judged.push_back(i);
+  const auto distance = [&](std::size_t a, std::size_t b) {
+    const std::array<double, 2> p = place_on_canvas(layout_.parts, layout_.parts[a]);
+    const std::array<double, 2> q = place_on_canvas(layout_.parts, layout_.parts[b]);
+    return std::hypot(p[0] - q[0], p[1] - q[1]);
+  };
+  for (const std::size_t i : judged) {
+    std::vector<std::size_t> near = judged;
+    std::sort(near.begin(), near.end(), [&](std::size_t a, std::size_t b) { return distance(a, i) < distance(b, i); });
+    std::vector<PartMark> marks = healthy(layout_);
+    const std::vector<PartMark> told = {{PartLevel::error, "orifice leakage 100 %"},
+                                        {PartLevel::gap, "gap: laminar leakage"},
+                                        {PartLevel::candidate, "clogging?"},
+                                        {PartLevel::warning, "sensor offset 67 %"},
+                                        {PartLevel::candidate, "gap?"}};
+    for (std::size_t k = 0; k < told.size(); ++k) marks[near[k]] = told[k];
+    const std::vector<Frame> found = texts(layout_, sheet_, marks);
+    for (const PartMark& mark : told)
+      EXPECT_EQ(std::count_if(found.begin(), found.end(), [&](const Frame& f) { return f.text == mark.text; }), 1);
+    expect_apart(found, "around " + layout_.parts[i].name);
   }
 }
 
