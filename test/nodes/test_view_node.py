@@ -1,5 +1,6 @@
 """view_node on recordings of all rigs, in simulated time: frames follow the estimate, a part has its alarm's colour
-while the alarm lasts and no longer, and the layouts for plotting tools name topics that exist and speak."""
+while the alarm lasts and no longer, bars are as tall as the residuals; every channel, state, quantity and residual over
+sigma has its plot topic with the numbers of the messages, and the layouts for plotting tools name topics that speak."""
 
 import ast
 import json
@@ -13,7 +14,8 @@ import yaml
 from graph import ROOT, Graph, devel_space
 
 WATCH, LISTEN = (str(pathlib.Path(__file__).resolve().parent / name) for name in ("watch_view.py", "listen.py"))
-HEALTHY, ERROR = [0.48, 0.67, 0.82], [0.7, 0.08, 0.1]
+HEALTHY, ERROR, GAP, CANDIDATE = [0.48, 0.67, 0.82], [0.7, 0.08, 0.1], [0.72, 0.4, 0.78], [0.98, 0.91, 0.35]
+PLOT_RATE = 2  # points a second: all topics of all rigs within what a listener in Python hears
 # Rig: bag, times real time, a part that moves with a state of its estimate (on the last, with a channel: none of its
 # estimates has such a state, and its valve stands still in this bag), and by how much at least. No shipped bag has an
 # alarm that ends: the first is simulated, with a leak from 3 s to 8 s.
@@ -35,16 +37,18 @@ class ViewNode(unittest.TestCase):
             watcher = graph.start(["python3", WATCH, rig, "60", str(heard)])
             launch = graph.start(
                 ["roslaunch", "faultline", "view.launch", "rviz:=false", "gap:=false", f"rig:={rig}", f"rate:={rate}"]
-                + [f"bag:={session}"]
+                + [f"bag:={session}", f"plot_rate:={PLOT_RATE}"]
             )
-            self.layouts(graph, rig, launch)
+            drawn, exist = self.layouts(graph, rig, launch)
             limit = time.monotonic() + 120
             while "player" in self.nodes(graph) and time.monotonic() < limit:
                 time.sleep(0.5)
             time.sleep(2)  # a further drawing
             for process in (watcher, launch):
                 graph.end(process)
-            return [json.loads(line) for line in heard.read_text().splitlines()], graph.said(launch)
+            entries, said = [json.loads(line) for line in heard.read_text().splitlines()], graph.said(launch)
+        self.plots(rig, entries, drawn, exist)
+        return entries, said
 
     @staticmethod
     def simulated(graph, rig):
@@ -60,8 +64,68 @@ class ViewNode(unittest.TestCase):
         state = graph.master.getSystemState("/test")[2]
         return {name.split("/")[-1] for part in state for _, who in part for name in who}
 
+    def plots(self, rig, entries, drawn, exist):
+        """What the messages hold has its topic, which has the messages' numbers; and of the topics that the layouts
+        draw and the master knew then, all of them spoke."""
+        plots = {entry["name"]: entry for entry in entries if entry["topic"] == "plot"}
+        sheet = json.loads(
+            subprocess.run(
+                [str(devel_space() / "lib/faultline/faultline"), "rigs", rig, "--json", "-"],
+                stdout=subprocess.PIPE,
+                check=True,
+            ).stdout
+        )
+        for channel in sheet["rigs"][0]["channels"]:
+            self.assertIn(f"channel/{channel['name']}", plots)
+        for entry in entries:
+            if entry["topic"] == "estimate":
+                self.assertEqual({f"{entry['stage']}/state/{name}" for name in entry["state"]} - set(plots), set())
+        self.assertTrue([name for name in plots if "/residual/" in name])
+        known = {f"/{rig}/plot/{name}" for name in plots}
+        self.assertEqual(exist - known, set())
+        self.assertEqual(drawn - known, set())
+        silent = []
+        for name, plot in plots.items():
+            points = plot["points"]
+            compared = [(value, told) for _, value, told in points if told is not None]
+            self.assertGreaterEqual(len(compared), 0.9 * len(points), name)
+            wrong = [pair for pair in compared if not (pair[0] == pair[1] or pair[0] != pair[0] and pair[1] != pair[1])]
+            self.assertEqual(wrong, [], name)
+            stamps = [stamp for stamp, _, _ in points]
+            apart = [(b - a) * 1e-6 for a, b in zip(stamps, stamps[1:])]
+            self.assertGreaterEqual(min(apart, default=1), 0.89 / PLOT_RATE, name)
+            if len(points) < min(20, plot["told"] // 2):
+                silent.append(name)
+        # Only of what a stage does not observe there is no residual over sigma.
+        self.assertEqual([name for name in silent if "/residual/" not in name], [])
+        measured = {
+            f"{entry['stage']}/residual/{name}"
+            for entry in entries
+            if entry["topic"] == "residuals"
+            for name in entry["ratio"]
+        }
+        self.assertEqual(measured & set(silent), set())
+
+    def bars(self, rig, entries, markers):
+        """As tall as the residuals of the last second, of every stage's channels that no earlier stage has."""
+        ratios = {entry["stage"]: entry["ratio"] for entry in entries if entry["topic"] == "residuals"}
+        stages = yaml.safe_load((ROOT / f"config/{rig}/stages.yaml").read_text())["estimators"]
+        wanted = {}
+        for stage in stages:
+            for name, ratio in ratios.get(stage["name"], {}).items():
+                if ratio > 0:
+                    wanted.setdefault(name, ratio)
+        drawn = {marker["id"]: marker for marker in markers if marker["ns"] == "residuals"}
+        foot, unit = drawn[1]["at"][1], (drawn[2]["at"][1] - drawn[1]["at"][1]) / 3  # the line across is at 3
+        bars = [drawn[i] for i in sorted(drawn) if 100 <= i < 200]
+        self.assertEqual(len(bars), len(wanted))
+        self.assertGreater(len(bars), 0)
+        for bar, (name, ratio) in zip(bars, wanted.items()):
+            self.assertAlmostEqual(bar["at"][1] - 0.5 * bar["size"][1], foot, places=6)
+            self.assertAlmostEqual(bar["size"][1] / unit, min(5, max(0.05, ratio)), delta=0.02 + 0.02 * ratio, msg=name)
+
     def layouts(self, graph, rig, launch):
-        """Written by the script while the rig runs; every topic in them exists."""
+        """Written by the script while the rig runs; every topic in them exists. What they draw, and what exists."""
         stages = yaml.safe_load((ROOT / f"config/{rig}/stages.yaml").read_text())["estimators"]
         wanted = f"/{rig}/plot/{stages[0]['name']}/"
         limit = time.monotonic() + 60
@@ -83,6 +147,7 @@ class ViewNode(unittest.TestCase):
         exist = {name for name, _ in graph.master.getPublishedTopics("/test", f"/{rig}/plot")[2]}
         xml = ElementTree.parse(graph.path / f"{rig}.plotjuggler.xml")
         curves = [curve.get("name") for curve in xml.iter("curve")]
+        self.form(xml.getroot(), exist)
         manager = json.loads((graph.path / f"{rig}.perspective").read_text())["groups"]["pluginmanager"]
         plots = [
             topic
@@ -96,9 +161,40 @@ class ViewNode(unittest.TestCase):
             self.assertEqual(named - exist, set())
             self.assertEqual(set(channels) - named, set())
             self.assertTrue(any("/residual/" in name for name in named))
-        self.assertEqual(
-            len(ast.literal_eval(manager["keys"]["running-plugins"]["repr"])["rqt_plot/Plot"]), len(manager["groups"])
-        )
+        # rqt restores the plugins that it finds running, each from the group of its name and number.
+        running = ast.literal_eval(manager["keys"]["running-plugins"]["repr"])
+        self.assertEqual(set(running), {"rqt_plot/Plot"})
+        groups = {f"plugin__rqt_plot__Plot__{number}" for number in running["rqt_plot/Plot"]}
+        self.assertEqual(groups, set(manager["groups"]))
+        return named, exist
+
+    def form(self, root, exist):
+        """What PlotJuggler 3 reads of a layout: a splitter with as many sizes as plots in it, curves with names and
+        colours, and its plugin's settings."""
+        self.assertEqual(root.tag, "root")
+        window = root.find("tabbed_widget")
+        self.assertEqual((window.get("name"), window.get("parent")), ("Main Window", "main_window"))
+        tabs = window.findall("Tab")
+        self.assertLess(int(window.find("currentTabIndex").get("index")), len(tabs))
+        for tab in tabs:
+            self.assertTrue(tab.get("tab_name"))
+            (splitter,) = tab.findall("Container/DockSplitter")
+            sizes = [float(size) for size in splitter.get("sizes").split(";")]
+            self.assertEqual([area.tag for area in splitter], ["DockArea"] * int(splitter.get("count")))
+            self.assertEqual(len(sizes), len(splitter))
+            self.assertAlmostEqual(sum(sizes), 1, places=4)
+            for area in splitter:
+                (plot,) = area.findall("plot")
+                self.assertEqual(plot.get("mode"), "TimeSeries")
+                names = [curve.get("name") for curve in plot.findall("curve")]
+                self.assertTrue(names)
+                self.assertEqual(len(names), len(set(names)))
+                for curve in plot.findall("curve"):
+                    self.assertRegex(curve.get("color"), "^#[0-9a-f]{6}$")
+        (plugin,) = root.findall("Plugins/plugin")
+        self.assertEqual(plugin.get("ID"), root.find("previouslyLoaded_Streamer").get("name"))
+        self.assertEqual(plugin.find("use_header_stamp").get("value"), "true")
+        self.assertEqual(set(plugin.find("selected_topics").get("value").split(";")) - exist, set())
 
     def check(self, rig):
         entries, said = self.run_rig(rig)
@@ -110,6 +206,7 @@ class ViewNode(unittest.TestCase):
         self.assertEqual({entry["parent"] for entry in frames} - known, set())
         drawn = [entry["markers"] for entry in entries if entry["topic"] == "markers"]
         self.assertEqual({marker["frame"] for markers in drawn for marker in markers} - known, set())
+        self.bars(rig, entries, drawn[-1])
         moving = [entry for entry in frames if entry["frame"] == f"{rig}/{part['name']}"]
         self.follows(part, RUNS[rig][3], moving, [entry for entry in entries if entry["topic"] == "estimate"])
         return entries, drawn
@@ -207,6 +304,54 @@ class ViewNode(unittest.TestCase):
         lines = told.read_text().splitlines() if told.exists() else []
         statuses = [s for line in lines if line.endswith("}") for s in json.loads(line)["status"]]
         return max([int(s["values"]["received"]) for s in statuses if s["name"] == f"{rig}/view: view"], default=0)
+
+    def test_colours_come_and_go_with_alarms_and_gap(self):
+        """Of a node that hears verdicts alone, as the alarm node and the gap node tell them."""
+        rig, now = "servo_actuator", "{stamp: now, frame_id: servo_actuator}"
+        seal, valve = "flow.chamber_a_chamber_b", "restriction.valve"
+        alarm = "{kind: fault, effect: orifice_leakage, port: %s, level: 2, confidence: 1, active: true}" % seal
+        with Graph() as graph:
+            heard = graph.path / "heard"
+            graph.start(["python3", WATCH, rig, "60", str(heard)])
+            view = graph.node("view_node", "view", rig=rig)
+            pub = ["rostopic", "pub", "-s"]
+            graph.start([*pub, "-r", "4", f"/{rig}/estimate", "faultline/Estimate", "{header: %s, stage: none}" % now])
+
+            def tell(topic, kind, text):
+                return graph.start([*pub, "-r", "4", f"/{rig}/{topic}", f"faultline/{kind}", text])
+
+            def lines():
+                return heard.read_text().split("\n")[:-1] if heard.exists() else []
+
+            def wait_for(**wanted):
+                """A drawing that comes from now on has these colours."""
+                begin, limit = len(lines()), time.monotonic() + 30
+                while True:
+                    entries = [json.loads(line) for line in lines()[begin:]]
+                    drawn = [entry["markers"] for entry in entries if entry["topic"] == "markers"]
+                    found = [{name: self.colours(markers, rig, name) for name in wanted} for markers in drawn]
+                    if {name: {tuple(colour)} for name, colour in wanted.items()} in found:
+                        return drawn[-1]
+                    self.assertLess(time.monotonic(), limit, f"{wanted}: {found[-1:]}\n{graph.said(view)}")
+                    time.sleep(0.1)
+
+            def instead(of, topic, kind, text):
+                graph.end(of)
+                return tell(topic, kind, text)
+
+            gap = "{left_normal: %s, port: %s, effect: clogging, worst: 1.5, inseparable: [%s]}"
+            alarms = tell("alarms", "AlarmArray", "{alarms: []}")
+            wait_for(seal=HEALTHY, valve=HEALTHY)
+            gaps = tell("gap", "Gap", gap % ("true", valve, "line.valve_cylinder"))
+            told = wait_for(seal=HEALTHY, valve=GAP, hoses=CANDIDATE)
+            self.assertIn("gap: clogging", [marker["text"] for marker in told])
+            alarms = instead(alarms, "alarms", "AlarmArray", "{alarms: [%s]}" % alarm)
+            wait_for(seal=ERROR, valve=GAP, hoses=CANDIDATE)
+            instead(gaps, "gap", "Gap", gap % ("false", "''", ""))
+            wait_for(seal=ERROR, valve=HEALTHY, hoses=HEALTHY)
+            instead(alarms, "alarms", "AlarmArray", "{alarms: [%s]}" % alarm.replace("active: true", "active: false"))
+            told = wait_for(seal=HEALTHY, valve=HEALTHY, hoses=HEALTHY)
+            self.assertNotIn("gap: clogging", [marker["text"] for marker in told])
 
     def test_the_pump_controlled_cylinder(self):
         rig = "pump_cylinder"
