@@ -268,6 +268,7 @@ COUNT_NAMES = {
     "out_of_range": "numbers out of range",
     "gaps": "gaps in time",
     "lost": "lost samples",
+    "missed_at_start": "samples missed at the start",
     "duplicates": "duplicate samples",
     "backward": "jumps back in time",
 }

@@ -262,7 +262,10 @@ BagContent read_bag(const std::string& file, const std::string& rig) {
     std::vector<ros::Time> received;
     bool sorted = true;
     void describe(const Description& description) override {
+      // The run that the first sample is of is the first one described.
+      const double start = content.described ? content.description.start : description.start;
       content.description = description;
+      content.description.start = start;
       content.described = true;
     }
     void take(const BagSample& taken) override {

@@ -146,6 +146,7 @@ Json report_json(const RecordingFacts& facts, const Diagnosis& diagnosis, const 
                  {"out_of_range", used.out_of_range},
                  {"gaps", found.gaps},
                  {"lost", found.lost},
+                 {"missed_at_start", facts.missed_at_start},
                  {"duplicates", found.duplicates},
                  {"backward", found.backward}}},
                {"made_by", facts.made_by}};
@@ -234,6 +235,9 @@ void run(const Options& options) {
   if (course.judgements)
     write_text(options.json, json_text(report_json(facts, diagnosis, verdict, course.judgements->all())));
   std::vector<std::string> remarks = facts.remarks;
+  if (facts.missed_at_start > 0)
+    remarks.push_back(fmt::format("{}: {} samples missed at the start of the run; what is told is of what follows",
+                                  options.input, facts.missed_at_start));
   if (facts.findings.backward > 0)
     remarks.push_back(options.input +
                       ": after a jump back in time the diagnosis starts over; only what follows the last jump is told");

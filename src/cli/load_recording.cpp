@@ -13,6 +13,7 @@
 #include "cli/share_folder.h"
 #include "faultline/signal/csv.h"
 #include "faultline/signal/error.h"
+#include "faultline/signal/run_start.h"
 #include "faultline/signal/text.h"
 #include "nodes/rig_packages.h"
 
@@ -68,6 +69,7 @@ class Arrangement {
 void take_bag(const std::string& file, const std::string& rig, const std::string& config, LoadedRecording& loaded) {
   BagContent content = read_bag(file, rig);
   loaded.sheet = load_datasheet(content.described && rig.empty() ? content.description.rig : content.rig, config);
+  loaded.run_start = content.description.start;
   loaded.recording.rig = loaded.sheet.rig;
   loaded.recording.channels = loaded.sheet.channels;
   loaded.made_by = content.description.made_by;
@@ -109,9 +111,16 @@ constexpr double kLargestRatio = 20;  // of a run's sample period to the datashe
 class RecordingCheck {
  public:
   RecordingCheck(const std::string& file, const Datasheet& sheet)
-      : file_(file), sheet_(sheet), check_(sheet.sample_period), outside_(sheet.channels.size()) {}
+      : file_(file),
+        sheet_(sheet),
+        check_(sheet.sample_period),
+        run_start_(sheet.sample_period),
+        outside_(sheet.channels.size()) {}
+
+  void begin_run(double start) { run_start_.describe(start); }
 
   void add(const Sample& sample) {
+    run_start_.add(sample);
     if (samples_++ == 0) start_ = end_ = sample.time;
     end_ = std::max(end_, sample.time);
     check_.add(sample);
@@ -121,6 +130,7 @@ class RecordingCheck {
 
   void finish(RecordingFacts& facts, Period period = Period::of_rig) const {
     facts.findings = check_.findings();
+    facts.missed_at_start = run_start_.missed();
     facts.start = start_;
     facts.end = end_;
     const double ratio = facts.findings.period / sheet_.sample_period;
@@ -153,6 +163,7 @@ class RecordingCheck {
   const std::string& file_;
   const Datasheet& sheet_;
   SampleCheck check_;
+  RunStart run_start_;
   std::vector<std::size_t> outside_;
   std::size_t samples_ = 0;
   double start_ = 0, end_ = 0;
@@ -181,6 +192,7 @@ class BagStream : public BagTaker {
   void describe(const Description& description) override {
     if (check_) {
       if (description.names != description_.names || description.units != description_.units) throw OutOfOrder();
+      check_->begin_run(description.start);
       return;
     }
     description_ = description;
@@ -208,6 +220,7 @@ class BagStream : public BagTaker {
     if (description != nullptr) facts_.made_by = description->made_by;
     arrangement_ = std::make_unique<Arrangement>(file_, facts_.sheet, description, facts_.remarks);
     check_ = std::make_unique<RecordingCheck>(file_, facts_.sheet);
+    if (description != nullptr) check_->begin_run(description->start);
     for (const Sample& sample : waiting_) hand_on(sample);
     waiting_ = {};
   }
@@ -266,6 +279,7 @@ LoadedRecording load_recording(const std::string& file, const std::string& rig, 
     throw InputError(fmt::format("{}: a recording is a .bag or a .csv file", file));
 
   RecordingCheck check(file, loaded.sheet);
+  check.begin_run(loaded.run_start);
   for_each_sample(loaded.recording, [&](const Sample& sample) { check.add(sample); });
   check.finish(loaded, period);
   return loaded;

@@ -18,13 +18,15 @@ struct RecordingFacts {
   double start = 0;  // s, time of the first sample
   double end = 0;    // s, the latest time
   SampleFindings findings;
-  std::vector<std::string> remarks;  // what a user should know, one line each
-  std::string made_by;               // from the bag's description
+  std::uint64_t missed_at_start = 0;  // samples of the run before the first one (run_start.h)
+  std::vector<std::string> remarks;   // what a user should know, one line each
+  std::string made_by;                // from the bag's description
 };
 
 struct LoadedRecording : RecordingFacts {
   Recording recording;              // in the datasheet's order of channels; times as a live node would see them
   std::vector<std::int64_t> stamp;  // ns since 1970, one per row: the times without rounding
+  double run_start = 0;             // s, of the run's first sample, as a bag's description says; 0: not known
 };
 
 // The datasheet of `rig` from the shared config folder or from a package outside this tree, or that of the file

@@ -59,7 +59,7 @@ BagPlayer::BagPlayer(const BagPlayerSettings& settings, Listeners listeners)
         "{}: there is nothing on {}; give the namespace that it was recorded in as recorded:=", settings_.file, topic));
   first_stamp_ = read<faultline_msgs::Sample>(*view.begin(), settings_)->header.stamp;
   description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
-  samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners_.heard());
+  samples_ = listeners_.advertise<faultline_msgs::Sample>(node_, "sample");
   clock_ = node_.advertise<rosgraph_msgs::Clock>("/clock", 100);
   service_ = private_node_.advertiseService("pause_playback", &BagPlayer::pause, this);
 }
@@ -89,7 +89,7 @@ void BagPlayer::play_once() {
     if (!ros::ok()) return;
     if (message.getTopic() == topics_of(settings_)[0]) {
       const auto description = read<faultline_msgs::RigDescription>(message, settings_);
-      description->header.stamp = first_stamp_;
+      if (description->header.stamp.isZero()) description->header.stamp = first_stamp_;
       description_.publish(description);
     } else {
       const auto sample = read<faultline_msgs::Sample>(message, settings_);

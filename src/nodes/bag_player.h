@@ -1,7 +1,7 @@
 // Plays the samples of a recorded bag in simulated time: /RIG/description and /RIG/sample at the recorded pace times
 // `rate`, and /clock. In place of `rosbag play`, which begins as soon as anybody listens, a recorder for instance, and
-// is gone before the last samples are judged. The description's stamp is the first sample's, so that who
-// comes late knows what was missed.
+// is gone before the last samples are judged. A description without a stamp gets the first sample's, so that who comes
+// late knows what was missed; with one it says what the recording missed.
 #pragma once
 
 #include <memory>

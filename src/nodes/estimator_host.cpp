@@ -61,7 +61,7 @@ EstimatorHost::EstimatorHost(const Datasheet& sheet, const std::vector<std::stri
     EstimateNames names = names_of(sheet, made);
     hosted_.push_back({std::move(made), std::move(names), Estimate(), occasional[i], false});
   }
-  estimates_ = node_.advertise<faultline_msgs::Estimate>("estimate", kQueue, listeners.heard());
+  estimates_ = listeners.advertise<faultline_msgs::Estimate>(node_, "estimate");
   service_ = private_node_.advertiseService("reset", &EstimatorHost::reset, this);
   if (!reference_.empty()) {
     if (std::filesystem::exists(reference_)) {

@@ -39,8 +39,8 @@ IsolationHost::IsolationHost(const Datasheet& sheet, const std::string& referenc
     stage_.restore(references);
     kept_ = own_references(references, sheet);
   }
-  detections_ = node_.advertise<faultline_msgs::Detections>("detections", kQueue, listeners.heard());
-  hypotheses_ = node_.advertise<faultline_msgs::Hypotheses>("hypotheses", kQueue, listeners.heard());
+  detections_ = listeners.advertise<faultline_msgs::Detections>(node_, "detections");
+  hypotheses_ = listeners.advertise<faultline_msgs::Hypotheses>(node_, "hypotheses");
   listeners.wait();
   estimates_ = node_.subscribe<faultline_msgs::Estimate>(
       "estimate", kQueue, [this](const boost::shared_ptr<const faultline_msgs::Estimate>& message) { take(*message); },

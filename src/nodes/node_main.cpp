@@ -22,6 +22,7 @@ namespace {
 
 constexpr double kMasterWait = 3;     // s: roslaunch may still be starting it
 constexpr double kListenerWait = 10;  // s
+constexpr double kOthersWait = 2;     // s
 
 bool find_master() {
   const double end = steady_seconds() + kMasterWait;
@@ -30,6 +31,31 @@ bool find_master() {
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
   } while (steady_seconds() < end && !ros::isShuttingDown());
   return false;
+}
+
+// Whether as many nodes are connected to each topic as the master knows subscribers of it.
+bool all_connected(const std::vector<ros::Publisher>& topics) {
+  XmlRpc::XmlRpcValue request, response, state;
+  request[0] = ros::this_node::getName();
+  if (!ros::master::execute("getSystemState", request, response, state, false)) return true;
+  XmlRpc::XmlRpcValue& subscribers = state[1];  // of each topic its name and its nodes
+  for (int i = 0; i < subscribers.size(); ++i) {
+    const std::string topic = subscribers[i][0];
+    const int known = subscribers[i][1].size();
+    for (const ros::Publisher& publisher : topics)
+      if (publisher.getTopic() == topic && static_cast<int>(publisher.getNumSubscribers()) < known) return false;
+  }
+  return true;
+}
+
+// Until something holds, `seconds` at most; whether it does.
+bool wait_until(double seconds, const std::function<bool()>& holds) {
+  for (const double end = steady_seconds() + seconds; !holds();) {
+    if (steady_seconds() > end || !ros::ok()) return false;
+    ros::spinOnce();
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return true;
 }
 
 }  // namespace
@@ -109,20 +135,16 @@ Listeners::Listeners(Parameters& parameters) : missing_(std::make_shared<std::se
   for (std::string name; names >> name;) missing_->insert(ros::names::resolve(name));
 }
 
-ros::SubscriberStatusCallback Listeners::heard() {
+ros::SubscriberStatusCallback Listeners::heard() const {
   return [missing = missing_](const ros::SingleSubscriberPublisher& one) { missing->erase(one.getSubscriberName()); };
 }
 
 void Listeners::wait() const {
-  const double end = steady_seconds() + kListenerWait;
-  while (!missing_->empty() && ros::ok()) {
-    if (steady_seconds() > end) {
-      ROS_WARN("%s does not listen after %g s; going on without", missing_->begin()->c_str(), kListenerWait);
-      return;
-    }
-    ros::spinOnce();
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
+  if (!wait_until(kListenerWait, [this] { return missing_->empty(); }) && ros::ok())
+    ROS_WARN("%s does not listen after %g s; going on without", missing_->begin()->c_str(), kListenerWait);
+  if (!wait_until(kOthersWait, [this] { return all_connected(topics_); }) && ros::ok())
+    ROS_WARN("a subscriber of %s does not connect within %g s; going on without (rosnode cleanup removes dead ones)",
+             topics_.front().getTopic().c_str(), kOthersWait);
 }
 
 }  // namespace faultline

@@ -33,7 +33,7 @@ RigDriver::RigDriver(const Datasheet& sheet, const std::string& lcm_name, const 
       senders_(sheet.sample_period),
       monitor_(sequence_settings(sheet)) {
   description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
-  samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners.heard());
+  samples_ = listeners.advertise<faultline_msgs::Sample>(node_, "sample");
   description_.publish(to_message(sheet, made_by));
 }
 

@@ -66,12 +66,12 @@ int drive(Parameters& parameters) {
   const LcmSource::Idle idle = [&](double now) { driver.flush(now); };
 
   LcmSource source;
-  if (log.empty()) {
+  // A DAQ does not wait, but what the driver hears is then heard by all: diagnosis and recorder begin with one sample.
+  listeners.wait();
+  if (log.empty())
     source.listen(url, name, take, idle);
-  } else {
-    listeners.wait();
+  else
     source.play(log, rate, take, idle);
-  }
   while (ros::ok() && !source.ended()) ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.05));
   if (!source.ended()) return 0;  // stopped from outside
   if (driver.published() > 0) EndOfRun().tell(driver.last_time());

@@ -1,6 +1,5 @@
 #include "nodes/rig_input.h"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -45,7 +44,8 @@ RigInput::RigInput(const Datasheet& sheet, std::function<void(const Sample&)> de
       deliver_(std::move(deliver)),
       gate_(sheet, kDescriptionWait, 2 * kQueue, [this](const Sample& sample, double) { take(sample); }),
       monitor_(sequence_settings(sheet)),
-      stream_(sheet.sample_period) {}
+      stream_(sheet.sample_period),
+      run_start_(sheet.sample_period) {}
 
 void RigInput::start() {
   const ros::TransportHints fast = ros::TransportHints().tcpNoDelay();
@@ -66,11 +66,7 @@ void RigInput::start() {
 }
 
 void RigInput::take(const Sample& sample) {
-  if (run_start_ > 0) {
-    const double missed = std::round((sample.time - run_start_) / sheet_.sample_period);
-    if (missed > 0) missed_ += static_cast<std::uint64_t>(std::min(missed, 1e15));
-    run_start_ = 0;
-  }
+  run_start_.add(sample);
   // Arrival is not judged here: in replay it has nothing to do with the stamps. The driver does that.
   monitor_.observe(sample.sequence, sample.time);
   stream_.add(sample.sequence, sample.time);
@@ -102,7 +98,7 @@ void RigInput::use_description() {
   if (chosen == descriptions_.end()) chosen = descriptions_.begin();
   if (chosen == descriptions_.end() || chosen->first == described_by_) return;
   described_by_ = chosen->first;
-  run_start_ = chosen->second.start;
+  run_start_.describe(chosen->second.start);
   gate_.describe(chosen->second);
   if (!gate_.trouble().empty()) ROS_ERROR("%s", gate_.trouble().c_str());
 }
@@ -128,12 +124,13 @@ void RigInput::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("samples per second", rate_.rate(counts.received));
   tell_counts(counts, told_, status);
   status.add("refused", gate_.refused());
-  status.add("missed at the start", missed_);
+  status.add("missed at the start", run_start_.missed());
   status.add("of another publisher", foreign_);
   const auto warn = [&](bool holds, const std::string& words) {
     if (holds) status.mergeSummary(DiagnosticStatus::WARN, words);
   };
-  warn(missed_ > told_missed_, fmt::format("{} samples missed at the start of the run", missed_ - told_missed_));
+  const std::uint64_t missed = run_start_.certain();
+  warn(missed > told_missed_, fmt::format("{} samples missed at the start of the run", missed - told_missed_));
   warn(foreign_ > told_foreign_,
        fmt::format("{} sends samples too and is left out, those of {} count; end one of the two", other_, source_));
   warn(gate_.refused() > told_refused_ && !gate_.refusal().empty(), gate_.refusal());
@@ -147,7 +144,7 @@ void RigInput::tell(diagnostic_updater::DiagnosticStatusWrapper& status) {
          fmt::format("the description says a sample every {:.4g} s, the rig's datasheet {:.4g} s", period,
                      sheet_.sample_period));
   }
-  told_missed_ = missed_;
+  told_missed_ = missed;
   told_foreign_ = foreign_;
   told_refused_ = gate_.refused();
   if (!gate_.trouble().empty())

@@ -15,6 +15,7 @@
 #include <ros/node_handle.h>
 
 #include "faultline/rig/datasheet.h"
+#include "faultline/signal/run_start.h"
 #include "faultline/signal/sequence_monitor.h"
 #include "faultline/signal/stream_watch.h"
 #include "nodes/messages.h"
@@ -48,8 +49,8 @@ class RigInput {
   std::string source_, other_;  // publishers of samples: the one that counts, the last of those left out
   std::map<std::string, Description> descriptions_;  // by publisher
   std::string described_by_;                         // whose counts
-  double run_start_ = 0;                             // s, as the description says; 0: not known, or told
-  std::uint64_t missed_ = 0, foreign_ = 0;
+  RunStart run_start_;
+  std::uint64_t foreign_ = 0;
   std::uint64_t told_missed_ = 0, told_foreign_ = 0, told_refused_ = 0;
   ros::Subscriber description_, samples_;
   ros::WallTimer timer_;

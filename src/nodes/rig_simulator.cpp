@@ -74,7 +74,7 @@ RigSimulator::RigSimulator(const Datasheet& sheet, const RigSimulatorSettings& s
           settings_.lcm_url));
   } else {
     description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
-    samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners_.heard());
+    samples_ = listeners_.advertise<faultline_msgs::Sample>(node_, "sample");
     end_ = std::make_unique<EndOfRun>();
   }
   health_ =

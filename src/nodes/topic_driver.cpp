@@ -38,7 +38,7 @@ TopicDriver::TopicDriver(const Datasheet& sheet, const Mapping& mapping, const s
     conversions_.push_back(mapped.conversion(sheet.channels[mapped.channel], mapped.unit));
   sample_.values.resize(sheet.channels.size());
   description_ = node_.advertise<faultline_msgs::RigDescription>("description", 1, true);
-  samples_ = node_.advertise<faultline_msgs::Sample>("sample", kQueue, listeners.heard());
+  samples_ = listeners.advertise<faultline_msgs::Sample>(node_, "sample");
   description_.publish(to_message(sheet, made_by));
 }
 

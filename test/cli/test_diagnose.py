@@ -7,6 +7,7 @@ import sys
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from cut_bag import cut_start  # noqa: E402
 from program import ROOT, ProgramTest, check_schema  # noqa: E402
 
 SCHEMA = json.loads((ROOT / "docs/diagnose.schema.json").read_text())
@@ -119,6 +120,28 @@ class Diagnose(ProgramTest):
         self.assertEqual(report["counts"]["restarts"], 2)
         self.assertEqual([alarm["kind"] for alarm in report["alarms"]], ["data"])
         self.assertEqual(report["alarms"][0]["level"], "stale")
+
+    def test_a_missing_start_is_counted(self):
+        whole, cut = self.simulate("a.bag", duration=3), self.folder / "cut.bag"
+        self.assertEqual(self.report(whole)["counts"]["missed_at_start"], 0)
+        self.assertNotIn("missed at the start", self.run_program("diagnose", whole).stderr)
+        cut_start(whole, cut, 196)
+        self.assertEqual(self.report(cut)["counts"]["missed_at_start"], 196)
+        said = self.run_program("diagnose", cut).stderr
+        self.assertIn("cut.bag: 196 samples missed at the start of the run", said)
+        # By the first sample's number where nothing else tells it.
+        self.run_program("export", cut, "-o", "cut.csv")
+        report = self.report("cut.csv", "--rig", "servo_actuator")
+        self.assertEqual(report["counts"]["missed_at_start"], 196)
+        self.run_program("import", "cut.csv", "--rig", "servo_actuator", "-o", "back.bag")
+        self.assertEqual(self.report("back.bag")["counts"]["missed_at_start"], 196)
+
+    def test_of_a_bag_of_two_runs_both_starts_count(self):
+        whole = self.simulate("a.bag", duration=3)
+        cut_start(whole, self.folder / "one.bag", 100)
+        cut_start(whole, self.folder / "both.bag", 100, again=30)
+        self.assertEqual(self.report("one.bag")["counts"]["missed_at_start"], 100)
+        self.assertEqual(self.report("both.bag")["counts"]["missed_at_start"], 130)
 
     def test_series_of_every_sample(self):
         bag = self.simulate("a.bag", duration=6)
