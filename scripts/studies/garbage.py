@@ -1,13 +1,14 @@
 #!/usr/bin/python3
 """What `faultline diagnose` answers to recordings that are not what they say, over all rigs.
 
-    scripts/studies/garbage.py [--rigs RIG ...] [--profiles RIG=PROFILE ...] [--channels 2] [--seconds 60] [--seed 1]
-        [--work FOLDER] [--before FOLDER] [--print]
+    scripts/studies/garbage.py [--rigs RIG ...] [--profiles RIG=PROFILE ...] [--channels 2] [--seconds 60]
+        [--seeds 1 ...] [--work FOLDER] [--before FOLDER] [--print]
 
-A healthy run of each rig (off nominal, with its small effects) is spoilt in one way and diagnosed. Of each way that
-takes a channel or a pair, --channels are taken, spread over the rig's. What starts half way through says so. Prints one
-table a rig, as Markdown, and a summary. What is done stays in FOLDER; --before names that of another build, whose
-answers stand beside (FAULTLINE_PROGRAM says which build is measured).
+A healthy run of each rig and seed (off nominal, with its small effects) is spoilt in one way and diagnosed, on all
+cores. Of each way that takes a channel or a pair, --channels are taken, spread over the rig's. What starts half way
+through says so. Prints the answers of the first seed, a table a rig, as Markdown, and a summary of all seeds. What is
+done stays in FOLDER; --before names that of another build, whose answers stand beside (FAULTLINE_PROGRAM says which
+build is measured).
 
 named: what was done is said, with its channel. warned: an alarm that is no false name, or "not observable".
 false name: a fault, or another transducer. hidden: nothing is said, and the readings have moved by less than their
@@ -19,7 +20,17 @@ import pathlib
 import tempfile
 
 import numpy as np
-from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, faultline, read_table, write_datasheet
+from rig_runs import (
+    RIGS,
+    ROOT,
+    Results,
+    datasheet,
+    diagnose,
+    faultline,
+    on_all_cores,
+    read_table,
+    write_datasheet,
+)
 
 LATE = 0.05  # s
 HELD = 10  # samples
@@ -41,6 +52,7 @@ WORDS = {
     "command": ("stuck", "command"),
     "all transducers": ("stuck", "same value", "repeat"),
     "one row": ("not observable",),
+    "nothing moves": ("not observable", "stuck", "repeat"),
     "another build": ("parameter", "another build", "datasheet"),
 }
 
@@ -144,6 +156,13 @@ def injections(sheet, count):
             if name != "t":
                 table[name] = table[name][rows]
 
+    def stand_still(table, random):
+        for name in table:
+            if name != "t":
+                table[name][:] = table[name][0]
+                if name in noise:
+                    table[name] += random.normal(0, noise[name], len(table[name]))
+
     def one_row(table, _):
         for name in table:
             table[name] = table[name][:1]
@@ -165,6 +184,7 @@ def injections(sheet, count):
         yield f"in {unit}: all pressures", [], in_unit(factor)
     yield f"held: every {HELD}th sample", [], hold
     yield "one row", [], one_row
+    yield "nothing moves: the first row, with noise", [], stand_still
     commands = [c["name"] for c in all_channels(sheet) if c["role"] == "command" and not c.get("ground_truth")]
     for name in commands[:count]:
         yield "command does not move, half way", [name], freeze([name])
@@ -177,7 +197,7 @@ def verdict_on(way, channels, report):
     if report["verdict"] == "healthy":
         return "healthy"
     if report["verdict"] == "not_observable":
-        return "named" if way == "one row" else "warned"
+        return "named" if way.startswith(("one row", "nothing moves")) else "warned"
     told = report["sentence"].lower()
     words = next(w for start, w in WORDS.items() if way.startswith(start))
     first = next((a for a in alarms if a["text"].lower().rstrip(".") in told), None)
@@ -203,12 +223,11 @@ def moved(table, before, sheet):
     return most
 
 
-def answer(way, channels, change, rig, sheet, options):
-    profile = options.profiles.get(rig, sheet["profiles"][0]["name"])
+def answer(way, channels, change, rig, sheet, profile, seed, seconds):
     sigmas = None
     with tempfile.TemporaryDirectory() as folder:
         file = pathlib.Path(folder) / "run.csv"
-        more = ["--profile", profile, "--duration", options.seconds, "--seed", options.seed]
+        more = ["--profile", profile, "--duration", seconds, "--seed", seed]
         more += ["--off-nominal", "--nuisance"]
         if way == "another build":
             parameter = next((p for p in sheet["parameters"] if p["unit"] in SIZES), None)
@@ -223,7 +242,7 @@ def answer(way, channels, change, rig, sheet, options):
                 header = text.readline().strip()
             table = read_table(file)
             before = {name: column.copy() for name, column in table.items()}
-            change(table, np.random.default_rng(options.seed))
+            change(table, np.random.default_rng(seed))
             sigmas = moved(table, before, sheet)
             rows = np.column_stack(list(table.values()))
             np.savetxt(file, rows, delimiter=",", header=header, comments="", fmt="%.10g")
@@ -247,32 +266,43 @@ def main():
     parser.add_argument("--profiles", nargs="+", default=[], help="RIG=PROFILE; else the rig's first")
     parser.add_argument("--channels", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=60)
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--work", default=str(ROOT / "catkin_ws/reliability/garbage"))
     parser.add_argument("--before", help="FOLDER of another build")
     parser.add_argument("--print", action="store_true", help="run nothing")
     options = parser.parse_args()
     options.profiles = dict(item.split("=") for item in options.profiles)
-    classes = {}
+    folder, earlier = pathlib.Path(options.work), options.before and pathlib.Path(options.before)
+    counts = collections.defaultdict(lambda: collections.defaultdict(collections.Counter))
     for rig in options.rigs:
         sheet = datasheet(rig)
-        results = Results(pathlib.Path(options.work) / f"{rig}.jsonl")
-        before = Results(pathlib.Path(options.before) / f"{rig}.jsonl").all if options.before else {}
-        more = (" before |", "---|") if before else ("", "")
-        print(f"\n`{rig}`:\n\n| injected |{more[0]} answer |\n|---|---|{more[1]}")
-        for way, channels, change in injections(sheet, options.channels):
-            name = " ".join([way, *channels])
-            if options.print and name not in results.all:
-                continue
-            now = results.once(name, lambda: answer(way, channels, change, rig, sheet, options))
-            cells = [before[name], now] if name in before else [now]
-            for when, cell in zip(("before", "now") if name in before else ("now",), cells):
-                classes.setdefault(way, {}).setdefault(when, collections.Counter())[cell["class"]] += 1
-            text = " | ".join(f"**{cell['class']}**: {cell['answer'][:160]}" for cell in cells)
-            print(f"| {way} {', '.join(f'`{c}`' for c in now['channels'])} | {text} |", flush=True)
+        profile = options.profiles.get(rig, sheet["profiles"][0]["name"])
+        more = (" before |", "---|") if earlier else ("", "")
+        print(f"\n`{rig}`, {profile}, seed {options.seeds[0]}:\n\n| injected |{more[0]} answer |\n|---|---|{more[1]}")
+        for seed in options.seeds:
+            file = f"{rig}_{profile}_{seed}_{options.seconds:g}.jsonl"
+            results = Results(folder / file)
+            before = Results(earlier / file).all if earlier else {}
+
+            def measure(way, channels, change):
+                name = " ".join([way, *channels])
+                if options.print and name not in results.all:
+                    return None
+                made = (way, channels, change, rig, sheet, profile, seed, options.seconds)
+                return way, before.get(name), results.once(name, lambda: answer(*made))
+
+            for row in filter(None, on_all_cores(measure, list(injections(sheet, options.channels)))):
+                way, then, now = row
+                cells = [then or {"class": "", "answer": ""}, now] if earlier else [now]
+                for when, cell in (("before", then), ("now", now)):
+                    if cell:
+                        counts[way][when][cell["class"]] += 1
+                if seed == options.seeds[0]:
+                    text = " | ".join(f"**{cell['class']}**: {cell['answer'][:160]}" for cell in cells)
+                    print(f"| {way} {', '.join(f'`{c}`' for c in now['channels'])} | {text} |", flush=True)
     print(f"\nAll rigs: {' / '.join(KINDS)}.\n\n| injected | before | now |\n|---|---|---|")
-    for way, counts in classes.items():
-        cells = [" / ".join(str(counts.get(when, {}).get(kind, 0)) for kind in KINDS) for when in ("before", "now")]
+    for way, of in counts.items():
+        cells = [" / ".join(str(of[when][kind]) for kind in KINDS) for when in ("before", "now")]
         print(f"| {way} | {cells[0]} | {cells[1]} |")
 
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -25,6 +27,32 @@ std::string title(const std::string& name, const Alarm& alarm) {
   return text;
 }
 
+diagnostic_msgs::DiagnosticStatus closed(const std::string& name, const std::string& hardware_id) {
+  DiagnosticStatus status;
+  status.name = name;
+  status.hardware_id = hardware_id;
+  status.level = DiagnosticStatus::OK;
+  status.message = "over: no longer reported";
+  return status;
+}
+
+// Which of the alarms of one title this is: one that began while others of that title were there has a number of its
+// own, and one that began later takes the lowest that is free.
+std::vector<int> numbers(const std::vector<Alarm>& alarms, const std::vector<std::string>& titles) {
+  std::vector<int> numbers(alarms.size(), 1);
+  for (std::size_t k = 0; k < alarms.size(); ++k) {
+    const auto taken = [&](int number) {
+      for (std::size_t other = 0; other < k; ++other)
+        if (numbers[other] == number && titles[other] == titles[k] &&
+            (alarms[other].active || alarms[other].until > alarms[k].raised))
+          return true;
+      return false;
+    };
+    while (taken(numbers[k])) ++numbers[k];
+  }
+  return numbers;
+}
+
 }  // namespace
 
 diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report, const std::string& name) {
@@ -32,7 +60,9 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report, const
   DiagnosticStatus whole;
   whole.name = name + ": verdict";
   whole.hardware_id = report.rig;
-  whole.level = static_cast<std::uint8_t>(worst(report));
+  const bool unjudged = !report.judged && report.alarms.empty();
+  whole.level =
+      unjudged ? static_cast<std::uint8_t>(DiagnosticStatus::STALE) : static_cast<std::uint8_t>(worst(report));
   whole.message = report.verdict;
   const auto active =
       std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
@@ -43,9 +73,13 @@ diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report, const
     add(whole, fmt::format("withheld: {} {}@{} ({})", to_string(w.kind), w.effect, w.port, w.stage), text_of(w.reason));
   array.status.push_back(whole);
 
-  for (const Alarm& alarm : report.alarms) {
+  std::vector<std::string> titles;
+  for (const Alarm& alarm : report.alarms) titles.push_back(title(name, alarm));
+  const std::vector<int> number = numbers(report.alarms, titles);
+  for (std::size_t k = 0; k < report.alarms.size(); ++k) {
+    const Alarm& alarm = report.alarms[k];
     DiagnosticStatus status;
-    status.name = title(name, alarm);
+    status.name = number[k] > 1 ? fmt::format("{} ({})", titles[k], number[k]) : titles[k];
     status.hardware_id = report.rig;
     status.level =
         alarm.active ? static_cast<std::uint8_t>(alarm.level) : static_cast<std::uint8_t>(DiagnosticStatus::OK);
@@ -78,14 +112,15 @@ void ClosedStatuses::close(diagnostic_msgs::DiagnosticArray& array) {
   for (const DiagnosticStatus& status : array.status) now.insert(status.name);
   for (const std::string& name : shown_) {
     if (now.count(name) > 0) continue;
-    DiagnosticStatus status;
-    status.name = name;
-    status.hardware_id = array.status.front().hardware_id;
-    status.level = DiagnosticStatus::OK;
-    status.message = "over: no longer reported";
-    array.status.push_back(status);
+    array.status.push_back(closed(name, array.status.front().hardware_id));
   }
   shown_.insert(now.begin(), now.end());
+}
+
+diagnostic_msgs::DiagnosticArray ClosedStatuses::all(const std::string& hardware_id) const {
+  diagnostic_msgs::DiagnosticArray array;
+  for (const std::string& name : shown_) array.status.push_back(closed(name, hardware_id));
+  return array;
 }
 
 }  // namespace faultline

@@ -18,6 +18,7 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
+constexpr double kSentWithin = 0.1;       // s
 constexpr double kBehind = 1;             // s of judgements behind samples: what a person at the stand should know
 constexpr std::uint64_t kUnjudged = 100;  // samples without a judgement, whatever their stamps say
 constexpr double kAwaited = 5;            // s; the longest judgement takes 0.8 s of a processor
@@ -59,6 +60,14 @@ AlarmPublisher::AlarmPublisher(const Datasheet& sheet, double patience, const st
   second_timer_ = node_.createWallTimer(ros::WallDuration(1), [this](const ros::WallTimerEvent&) { each_second(); });
   published_changes_ = keeper_.changes();
   publish();
+}
+
+void AlarmPublisher::close() {
+  if (!ros::ok()) return;
+  diagnostic_msgs::DiagnosticArray array = closed_.all(sheet_.rig);
+  array.header.stamp = ros::Time::now();
+  diagnostics_.publish(array);
+  ros::WallDuration(kSentWithin).sleep();  // roscpp sends from a thread of its own, and does not say when it has
 }
 
 double AlarmPublisher::simulated_seconds() const {

@@ -27,6 +27,8 @@ class AlarmPublisher {
  public:
   // `patience`: s, see SilenceWatch. `history`: see AlarmBefore.
   AlarmPublisher(const Datasheet& sheet, double patience, const std::string& history);
+  // The node ends: what an aggregator heard of is OK, for nobody will say it again.
+  void close();
 
  private:
   void take_pairs();

@@ -96,6 +96,7 @@ faultline_msgs::Ranking to_message(const Ranking& ranking) {
   message.judged_until = ranking.judged_until;
   message.threshold = ranking.threshold;
   message.evidence = ranking.evidence;
+  message.shows = ranking.shows;
   message.doubt = ranking.doubt;
   for (const RankedHypothesis& hypothesis : ranking.first) message.first.push_back(to_message(hypothesis));
   for (const RankedHypothesis& hypothesis : ranking.second) message.second.push_back(to_message(hypothesis));
@@ -108,6 +109,7 @@ Ranking from_message(const faultline_msgs::Ranking& message) {
   ranking.judged_until = message.judged_until;
   ranking.threshold = message.threshold;
   ranking.evidence = message.evidence;
+  ranking.shows = message.shows != 0;
   ranking.doubt = message.doubt;
   for (const auto& hypothesis : message.first) ranking.first.push_back(from_message(hypothesis));
   for (const auto& hypothesis : message.second) ranking.second.push_back(from_message(hypothesis));

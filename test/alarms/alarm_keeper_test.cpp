@@ -80,12 +80,32 @@ TEST_F(Naming, ANameIsKeptWhileItIsNotMuchLessLikely) {
 
 TEST_F(Naming, WhatADetectorFoundTooIsNamedByIt) {
   assessment_.detectors[0].detection.active = true;
+  assessment_.detectors[0].detection.confidence = 0.9;
   assessment_.isolators[0].detector = 0;
   const Finding meaning = meaning_of(servo().detectors[0]);
   const Alarm& alarm = find("deadband", 0.1);
   EXPECT_EQ(alarm.kind, meaning.kind);
   EXPECT_EQ(alarm.effect, meaning.effect);
   EXPECT_EQ(alarm.equivalent.front(), "deadband@flow.chamber_a_tank");
+}
+
+TEST_F(Naming, ADetectorTooMustBeSureOfItsName) {
+  DetectorResult& result = assessment_.detectors[0];
+  result.detection.active = true;
+  result.reason = Reason::told;
+  const Finding meaning = meaning_of(servo().detectors[0]);
+  const auto told = [&](double confidence) {
+    result.detection.confidence = confidence;
+    assessment_.time += 1e-3;
+    keeper_.process(assessment_);
+    return keeper_.report().alarms.back();
+  };
+  const Alarm first = told(0.49);
+  EXPECT_EQ(first.kind, AlarmKind::unknown);
+  EXPECT_EQ(first.equivalent, std::vector<std::string>{meaning.effect + "@" + meaning.port});
+  EXPECT_EQ(told(0.5).effect, meaning.effect);
+  EXPECT_EQ(told(0.1).effect, meaning.effect);  // while it fades it keeps the name that it earned
+  EXPECT_EQ(keeper_.report().alarms.size(), 1u);
 }
 
 TEST_F(Naming, TheDetectorGoesOnWithTheAlarmThatTheIsolatorLeaves) {

@@ -72,7 +72,34 @@ TEST_P(HealthyRun, RaisesNothing) {
   const auto [profile, seed] = GetParam();
   const AlarmReport report = diagnosed(simulate(servo(), off_nominal(profile, static_cast<std::uint64_t>(seed)), 40));
   EXPECT_TRUE(report.alarms.empty()) << told(report);
-  EXPECT_EQ(report.verdict, "No fault found.");
+  // Standing still it shows nothing of its forces and its supply.
+  EXPECT_EQ(report.verdict, std::string(profile) == "standstill"
+                                ? "Nothing could be judged yet: the rig stands still, or just began."
+                                : "No fault found.");
+}
+
+TEST(AlarmStage, ATransducerIsJudgedAtStandstillToo) {
+  SimulationSetup setup = off_nominal("standstill", 2);
+  setup.effects.push_back(parse_effect("offset@sensor.load_pressure:value=2e5,from=10"));
+  const AlarmReport report = diagnosed(simulate(servo(), setup, 20));
+  ASSERT_FALSE(report.alarms.empty());
+  EXPECT_GE(report.alarms[0].since, 7);  // of the stretch before: it is told by stretches
+}
+
+TEST(AlarmStage, ARigThatBeginsToMoveIsJudged) {
+  Diagnosis diagnosis(servo());
+  double begin = 0;
+  for (const char* profile : {"standstill", "square"}) {
+    EXPECT_FALSE(diagnosis.report().judged) << profile;
+    const Recording r = simulate(servo(), off_nominal(profile, 2), 12);
+    for (std::size_t k = 0; k < r.rows(); ++k) {
+      Sample sample = r.sample(k);
+      sample.time += begin;
+      diagnosis.process(sample);
+    }
+    begin += 12;
+  }
+  EXPECT_TRUE(diagnosis.report().judged);
 }
 
 INSTANTIATE_TEST_SUITE_P(ProfilesAndSeeds, HealthyRun,
@@ -310,7 +337,7 @@ TEST(AlarmStage, ALeakThatTheIsolatorNamesStandsUnderOneAlarm) {
 
 TEST(AlarmStage, VerdictNamesTheWorstAndCountsTheRest) {
   AlarmStage stage(servo_filter());
-  EXPECT_EQ(stage.report().verdict, "Nothing could be judged yet.");
+  EXPECT_EQ(stage.report().verdict, "Nothing could be judged yet: the rig stands still, or just began.");
   for (int k = 0; k < 30000; ++k) {
     Estimate estimate = quiet(k * 1e-3);
     if (k > 10000) {

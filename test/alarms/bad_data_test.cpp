@@ -2,7 +2,9 @@
 // off its datasheet.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
+#include <random>
 
 #include "detectors/estimates.h"
 #include "faultline/alarms/diagnosis.h"
@@ -42,6 +44,21 @@ TEST(BadData, AFrozenTransducerIsNamedAndNoFaultRestsOnIt) {
   EXPECT_NE(told.verdict.sentence.find("stuck"), std::string::npos) << told.verdict.sentence;
   EXPECT_NEAR(told.report.alarms.front().since, 10, 0.15);
   expect_no_fault(told.report);
+}
+
+TEST(BadData, NoiseThatReachesBeyondTheRangeIsOneAlarm) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0, 1.5e6);
+  const Told told = diagnosed([&](Recording& r, std::size_t k) {
+    if (k > 10000) at(r, k, "chamber_a_pressure") += noise(random);
+  });
+  const auto& alarms = told.report.alarms;
+  EXPECT_LE(std::count_if(
+                alarms.begin(), alarms.end(),
+                [](const Alarm& a) { return a.port == "sensor.chamber_a_pressure" && a.kind != AlarmKind::unknown; }),
+            2);  // the first reading beyond the range comes before a block of them is judged
+  EXPECT_TRUE(
+      std::any_of(alarms.begin(), alarms.end(), [](const Alarm& a) { return a.effect == "noise" && a.active; }));
 }
 
 TEST(BadData, PressuresInAnotherUnitAreDataNotAFault) {

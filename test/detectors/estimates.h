@@ -14,6 +14,8 @@ inline double white(double time) {
   return (x - std::floor(x) - 0.5) * std::sqrt(12.0);
 }
 
+inline std::size_t servo_ram_area() { return static_cast<std::size_t>(servo().parameter("ram_area")); }
+
 inline Estimate quiet(double time) {
   Estimate estimate;
   estimate.time = time;
@@ -29,7 +31,8 @@ inline Estimate quiet(double time) {
                          {"dying", "1", white(time), 0},
                          {"roughening", "1", white(time), 0},
                          {"swinging", "1", white(time), 0},
-                         {"piston_flow", "m^3/s", 0, 0}};
+                         {"piston_flow", "m^3/s", 0, 0},
+                         {"ram_area", "m^2", servo().nominal()[servo_ram_area()], 0}};
   return estimate;
 }
 
@@ -40,6 +43,7 @@ inline Estimate loud(double time) {
   estimate.quantities[3].value = 1e5;
   estimate.quantities[4].value = -2e6;
   estimate.quantities[6].value += 30;
+  estimate.quantities[11].value *= 2;
   estimate.quantities[7].value = 0.25;
   estimate.quantities[8].value *= 30;
   estimate.quantities[9].value += 30 * std::sin(188.49555921538757 * time);  // 30 Hz

@@ -29,6 +29,7 @@ Alarm leak(bool active) {
 
 AlarmReport report(std::vector<Alarm> alarms, double time) {
   AlarmReport made;
+  made.judged = true;
   made.rig = "tank";
   made.time = time;
   made.verdict = "said";
@@ -51,6 +52,51 @@ TEST(AlarmDiagnostics, NamesBeginWithTheRigInThisGraph) {
   EXPECT_EQ(array.status[0].hardware_id, "tank");
   ASSERT_NE(find(array, kLeak), nullptr);
   EXPECT_EQ(find(array, kLeak)->level, DiagnosticStatus::ERROR);
+}
+
+TEST(AlarmDiagnostics, NothingJudgedIsNotOk) {
+  AlarmReport made = report({}, 20);
+  EXPECT_EQ(to_diagnostics(made, "tank").status[0].level, DiagnosticStatus::OK);
+  made.judged = false;
+  EXPECT_EQ(to_diagnostics(made, "tank").status[0].level, DiagnosticStatus::STALE);
+  made.alarms = {leak(true)};
+  EXPECT_EQ(to_diagnostics(made, "tank").status[0].level, DiagnosticStatus::ERROR);
+}
+
+TEST(AlarmDiagnostics, AlarmsOfOneTitleDoNotHideEachOther) {
+  const auto trouble = [](const std::string& text, double raised, double until, bool active) {
+    Alarm alarm;
+    alarm.kind = AlarmKind::data;
+    alarm.level = AlarmLevel::error;
+    alarm.text = text;
+    alarm.raised = raised;
+    alarm.until = until;
+    alarm.active = active;
+    return alarm;
+  };
+  std::vector<Alarm> alarms = {trouble("wrong unit", 1, 20, true), trouble("exchanged", 5, 9, false)};
+  auto array = to_diagnostics(report(alarms, 20), "tank");
+  EXPECT_EQ(find(array, "tank: data")->message, "wrong unit");
+  EXPECT_EQ(find(array, "tank: data (2)")->message, "over: exchanged");
+  // The next takes the number that is free, and keeps it when the first ends.
+  alarms.push_back(trouble("held", 12, 20, true));
+  alarms[0].active = false;
+  array = to_diagnostics(report(alarms, 20), "tank");
+  EXPECT_EQ(array.status.size(), 3u);
+  EXPECT_EQ(find(array, "tank: data")->message, "over: wrong unit");
+  EXPECT_EQ(find(array, "tank: data (2)")->message, "held");
+  EXPECT_EQ(find(array, "tank: data (2)")->level, DiagnosticStatus::ERROR);
+}
+
+TEST(AlarmDiagnostics, ANodeThatEndsClosesAllThatItShowed) {
+  ClosedStatuses closed;
+  auto array = to_diagnostics(report({leak(true)}, 20), "hall/tank");
+  closed.close(array);
+  array = closed.all("tank");
+  ASSERT_EQ(array.status.size(), 2u);
+  for (const DiagnosticStatus& status : array.status) EXPECT_EQ(status.level, DiagnosticStatus::OK) << status.name;
+  ASSERT_NE(find(array, kLeak), nullptr);
+  EXPECT_EQ(find(array, kLeak)->hardware_id, "tank");
 }
 
 TEST(AlarmDiagnostics, WhatIsNoLongerReportedIsClosed) {

@@ -107,6 +107,7 @@ void AlarmKeeper::take(Detecting& d, const DetectorResult& result, double time) 
     Isolating& from = isolating_[static_cast<std::size_t>(result.takes_over)];
     d.finding.equivalent = from.shown.equivalent;
     std::swap(d.alarm, from.alarm);
+    std::swap(d.named, from.named);
   } else if (d.alarm < 0) {
     d.finding.equivalent.clear();
   }
@@ -127,7 +128,7 @@ void AlarmKeeper::take(Detecting& d, const DetectorResult& result, double time) 
   f.size_unit = result.size_unit;
   f.confidence = result.detection.confidence;
   copy_detection(result.detection, f);
-  book_.tell(d.alarm, f, time);
+  tell(d, f, goes_by(d, f) ? 0 : kNamed, time);
 }
 
 void AlarmKeeper::take(Isolating& i, const IsolatorResult& result, const Assessment& a) {
@@ -139,12 +140,9 @@ void AlarmKeeper::take(Isolating& i, const IsolatorResult& result, const Assessm
     Detecting& d = detecting_[place];
     if (result.reason == Reason::told_by_another && d.alarm >= 0)
       d.finding.equivalent = book_.at(d.alarm).equivalent = shown.equivalent;
-    if (told) {
-      i.named = true;
-      book_.tell(i.alarm, shown, a.time);
-    }
+    if (told) tell(i, shown, goes_by(i, shown) ? 0 : kNamed, a.time);
   } else if (told) {
-    tell(i, result.finding, a.time);
+    tell(i, result.finding, goes_by(i, result.finding) ? kKept : kNamed, a.time);
   }
   if (told) return;
   book_.end(i.alarm, a.time);
@@ -188,26 +186,30 @@ const Finding& AlarmKeeper::in_words_of(int detector, const DetectorResult& foun
   return f;
 }
 
-void AlarmKeeper::tell(Isolating& i, const Finding& finding, double time) {
+bool AlarmKeeper::goes_by(const Source& source, const Finding& finding) const {
+  if (source.alarm < 0 || !source.named) return false;
+  const Alarm& alarm = book_.at(source.alarm);
+  return alarm.effect == finding.effect && alarm.port == finding.port;
+}
+
+void AlarmKeeper::tell(Source& source, const Finding& finding, double least_confidence, double time) {
   const bool cause = finding.kind == AlarmKind::fault || finding.kind == AlarmKind::sensor;
-  const bool kept =
-      i.alarm >= 0 && i.named && book_.at(i.alarm).effect == finding.effect && book_.at(i.alarm).port == finding.port;
-  i.named = !cause || finding.confidence >= (kept ? kKept : kNamed);
-  if (i.named) {
-    book_.tell(i.alarm, finding, time);
+  source.named = !cause || finding.effect.empty() || finding.confidence >= least_confidence;
+  if (source.named) {
+    book_.tell(source.alarm, finding, time);
     return;
   }
-  Finding& f = i.unnamed;
-  if (f.equivalent.size() != finding.equivalent.size() + 1 || i.unnamed_for != name_of(finding) ||
+  Finding& f = source.unnamed;
+  if (f.equivalent.size() != finding.equivalent.size() + 1 || source.unnamed_for != name_of(finding) ||
       !std::equal(finding.equivalent.begin(), finding.equivalent.end(), f.equivalent.begin() + 1)) {
-    i.unnamed_for = name_of(finding);
+    source.unnamed_for = name_of(finding);
     f.equivalent = finding.equivalent;
-    f.equivalent.insert(f.equivalent.begin(), i.unnamed_for);
+    f.equivalent.insert(f.equivalent.begin(), source.unnamed_for);
     f.text = fmt::format("Something changed; candidates: {}", fmt::join(f.equivalent, ", "));
   }
   f.since = finding.since;
   f.confidence = finding.confidence;
-  book_.tell(i.alarm, f, time);
+  book_.tell(source.alarm, f, time);
 }
 
 void AlarmKeeper::watch_blindness(Detecting& d, const DetectorResult& result, double time) {
@@ -237,7 +239,8 @@ const AlarmReport& AlarmKeeper::report() const {
 std::string AlarmKeeper::verdict() const {
   const AlarmReport& report = book_.report;
   const Alarm* first = headline_now(report);
-  if (!first && report.alarms.empty() && !report.judged) return "Nothing could be judged yet.";
+  if (!first && report.alarms.empty() && !report.judged)
+    return "Nothing could be judged yet: the rig stands still, or just began.";
   if (!first) return report.alarms.empty() ? "No fault found." : "No fault now; there were alarms before.";
   const auto active =
       std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });

@@ -3,9 +3,9 @@
 //
 // What a detector and an isolator both found is one alarm, by the detector's effect and size. An isolator's alarm
 // changes its place and size as it learns.
-// What an isolator alone finds is named once the confidence in that name is kNamed at least, and as long as it is not
-// below kKept or another one is named. Until then the alarm says that something changed, of kind unknown, with the
-// candidates as its `equivalent`, the likeliest first.
+// A cause is named once the confidence in that name is kNamed at least; what an isolator alone finds keeps it as long as
+// that is not below kKept and no other one is named, what a detector found until it ends. Until then the alarm says that
+// something changed, of kind unknown, with the candidates as its `equivalent`, the likeliest first.
 // Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell
 // silent (stale: from the last sample plus a while; alarm_options.h).
 #pragma once
@@ -50,6 +50,9 @@ class AlarmKeeper {
   struct Source {
     int alarm = -1;  // of the book, while active
     Withheld withheld;
+    bool named = false;  // its cause has earned its name
+    Finding unnamed;     // what is told while it has not
+    std::string unnamed_for;
   };
   struct Detecting : Source {
     Finding finding;      // its detection in the datasheet's words
@@ -61,15 +64,14 @@ class AlarmKeeper {
     // only where they change.
     Finding shown, shown_of;
     int shown_for = -1;
-    bool named = false;
-    Finding unnamed;  // what is told while it has not earned its name
-    std::string unnamed_for;
   };
   void check(const Assessment& assessment) const;
   void take(Detecting& d, const DetectorResult& result, double time);
   void take(Isolating& i, const IsolatorResult& result, const Assessment& assessment);
   const Finding& in_words_of(int detector, const DetectorResult& found, const Finding& finding, Isolating& i) const;
-  void tell(Isolating& i, const Finding& finding, double time);
+  // By its name where the confidence in that is `least_confidence`, else as something that changed.
+  void tell(Source& source, const Finding& finding, double least_confidence, double time);
+  bool goes_by(const Source& source, const Finding& finding) const;  // its alarm has that name already
   void watch_blindness(Detecting& d, const DetectorResult& result, double time);
   std::string verdict() const;
 

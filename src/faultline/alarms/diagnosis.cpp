@@ -89,7 +89,8 @@ Verdict verdict_of(const AlarmReport& report, double start, double end) {
   const Alarm* first = headline(report);
   if (!first && !report.judged)
     return {VerdictKind::not_observable,
-            fmt::format("Not observable: in {} s no stage could judge, so nothing is known.", seconds(end - start))};
+            fmt::format("Not observable: in {} s no stage could judge; the rig stood still, or there is too little.",
+                        seconds(end - start))};
   if (!first) return {VerdictKind::healthy, fmt::format("No fault found in {} s.", seconds(end - start))};
   std::string sentence = text_of(*first, start);
   const std::size_t more = report.alarms.size() - 1;

@@ -11,6 +11,29 @@ namespace {
 
 bool power_of_two(unsigned count) { return (count & (count - 1)) == 0; }
 
+// Whether a command or a transducer does more than its noise, as standard deviations go.
+bool moves(const Datasheet& sheet, const Recording& stretch) {
+  constexpr double kMoves = 3;          // a nuisance in a transducer is up to twice its noise
+  constexpr double kLeastShare = 0.01;  // of the range: what a controller makes of noise is less
+  const std::size_t width = sheet.channels.size(), rows = stretch.time.size();
+  for (std::size_t c = 0; c < width; ++c) {
+    const Channel& channel = sheet.channels[c];
+    if (channel.role == Role::setpoint || channel.ground_truth) continue;
+    double count = 0, mean = 0, squares = 0;
+    for (std::size_t row = 0; row < rows; ++row) {
+      const double value = stretch.values[row * width + c];
+      if (!std::isfinite(value)) continue;
+      const double off = value - mean;
+      mean += off / ++count;
+      squares += off * (value - mean);
+    }
+    const double sigma = std::hypot(channel.noise_std, channel.resolution / std::sqrt(12.0));
+    const double most = std::max(kMoves * sigma, kLeastShare * (channel.maximum - channel.minimum));
+    if (count > 1 && squares / count > most * most) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& settings)
@@ -24,7 +47,7 @@ FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& s
 }
 
 void FaultResponses::reset() {
-  event_ = confirmed_ = explained_ = false;
+  event_ = confirmed_ = explained_ = shows_ = false;
   confirming_ = 0;
   recent_.clear();
   point_ = model_.nominal();
@@ -353,6 +376,13 @@ void FaultResponses::end_event() {
 void FaultResponses::judge(const Recording& recording) {
   recent_.push_back(model_.prepare(recording));
   ++stretches_;
+  shows_ = shows_ || moves(sheet_, recording);
+  judge_stretch();
+  // Weighing a stretch is dear, and one in which nothing moves is like those before.
+  if (!shows_ && power_of_two(stretches_)) look_what_shows();
+}
+
+void FaultResponses::judge_stretch() {
   const bool growing = event_ && window_.stretches < settings_.recent_stretches;
   const unsigned age = event_ ? age_ + 1 : stretches_;
   const bool early = !event_ && stretches_ <= settings_.early_stretches;
@@ -484,6 +514,21 @@ void FaultResponses::find_healthy_or_fault() {
 }
 
 // ---- what could be seen
+
+void FaultResponses::look_what_shows() {
+  if (!recent_.back()->responded) model_.respond(*recent_.back(), point_);
+  model_.weigh(*recent_.back(), point_);
+  const std::vector<double> errors = amplitude_errors();
+  std::map<std::string, bool> places;
+  for (std::size_t h = 0; h < errors.size(); ++h) {
+    const FaultHypothesis& fault = hypotheses()[h];
+    if (fault.kind != AlarmKind::fault) continue;
+    const double least = std::sqrt(settings_.threshold_evidence) * errors[h];
+    bool& seen = places[fault.port];
+    seen = seen || least <= std::max(std::abs(fault.lowest), fault.highest);
+  }
+  shows_ = std::all_of(places.begin(), places.end(), [](const auto& place) { return place.second; });
+}
 
 // Parameters are known to their tolerance and from as much healthy motion as there is with the fault.
 Eigen::MatrixXd FaultResponses::information() const {

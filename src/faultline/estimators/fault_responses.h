@@ -50,6 +50,8 @@ class FaultResponses {
   bool undecided() const { return event_ && !confirmed_ && age_ <= settings_.recent_stretches; }
   // A channel that is not what it is called explains more (plausibility.h); empty: none does.
   const std::string& doubt() const { return doubt_text_; }
+  // Faults at every place of the rig would have shown so far: it moved, or is held where all of them show.
+  bool shows() const { return shows_; }
   double since() const { return since_; }  // s, start of the first stretch that shows it
   // Of the best, refined or not; of a stretch not looked at closely, what there could be at most; of what is not
   // confirmed no more than the threshold. While no fault is there but residuals hold more than the rig without faults
@@ -77,6 +79,8 @@ class FaultResponses {
   Eigen::VectorXd theta() const;  // best, from the point
   double unexplained(const Stretch& stretch) const;
   double unexplained() const;  // of the stretches that responded: evidence that no effect can exceed
+  void judge_stretch();        // the latest
+  void look_what_shows();
   void respond_all();
   void weigh_all();
   void learn_parameters();  // around what they seem to be, the model is made linear anew
@@ -135,6 +139,7 @@ class FaultResponses {
   std::deque<Recording> past_;  // healthy ones before the recent, newest last
   unsigned age_ = 0;            // of the event, in stretches
   unsigned stretches_ = 0;      // since the beginning
+  bool shows_ = false;
 };
 
 }  // namespace faultline

@@ -96,6 +96,7 @@ class ResponseEstimator : public Estimator {
     ranking_.since = responses_.since();
     ranking_.threshold = settings_.threshold_evidence;
     ranking_.evidence = responses_.evidence();
+    ranking_.shows = responses_.shows();
     ranking_.first = named(responses_.first(), kRankedFirst);
     ranking_.doubt = responses_.doubt();
     ranking_.second = named(responses_.second(), kRankedSecond);

@@ -57,8 +57,10 @@ void BadChannels::process(double time, const std::vector<ChannelStatus>& status)
     if (status[c] != ChannelStatus::good && status[c] != ChannelStatus::at_end) {
       if (status[c] != ChannelStatus::frozen || !held_) {
         if (!w.bad) w.since = time;
+        const bool stays = w.bad && w.trouble != ChannelStatus::out_of_range && time - w.last_trouble <= hold_;
+        if (!stays) w.trouble = status[c];
+        if (w.trouble == status[c]) w.last_trouble = time;
         w.bad = true;
-        w.trouble = status[c];
       }
       w.last_bad = time;
     } else if (w.bad && time - w.last_bad > hold_) {

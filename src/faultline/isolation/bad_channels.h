@@ -1,6 +1,7 @@
 // Which channels give bad numbers now, by the statuses that the first stage gives them (estimators/estimate.h). A
 // channel counts as bad until for a while no bad number came, so that a loose contact is one trouble and not one a
-// sample. Where every transducer whose noise should show repeats its reading, or stands at an end of its range, the
+// sample. Its trouble stays what it is as long as that comes again within that while; but a reading out of range is
+// told as what else is found, since noise and spikes reach beyond the range too. Where every transducer whose noise should show repeats its reading, or stands at an end of its range, the
 // source is held: one trouble, and not one a channel. Setpoints and ground truth are not watched.
 #pragma once
 
@@ -33,7 +34,7 @@ class BadChannels {
     bool watched = true, noisy = false;  // noisy: its noise is declared
     bool bad = false;
     ChannelStatus trouble = ChannelStatus::good;
-    double since = 0, last_bad = 0;
+    double since = 0, last_bad = 0, last_trouble = 0;
   };
   bool all_held(const std::vector<ChannelStatus>& status) const;
 

@@ -14,6 +14,8 @@ namespace {
 
 // s, after which a detector that does not say when it can judge has judged.
 constexpr double kLongEnough = 5;
+// Of the run, that an isolator must have judged: one that suspects something from the start on has judged nothing.
+constexpr double kJudgedShare = 0.1;
 
 std::size_t stage_of(const Datasheet& sheet, const StageSpec& spec) {
   return spec.settings.has("stage") ? sheet.estimator(spec.settings.word("stage")) : 0;
@@ -75,6 +77,7 @@ IsolationStage::IsolationStage(const Datasheet& sheet)
     Isolated isolated;
     isolated.stage = stage_of(sheet_, spec);
     isolated.isolator = make_isolator(sheet_, spec);
+    weighs_all_ = weighs_all_ || isolated.isolator->overrules();
     spec.settings.check_used();
     isolated_.push_back(std::move(isolated));
     assessment_.isolators.emplace_back();
@@ -192,7 +195,8 @@ void IsolationStage::detect(const Estimate* estimates) {
     w.detector->process(estimates[w.stage], result.detection);
     const Criterion criterion = w.detector->criterion();
     result.evidence = criterion.value / criterion.threshold;
-    if (!assessment_.judged && !w.of_transducer && age > 0 && (std::isfinite(criterion.value) || age >= kLongEnough))
+    if (!assessment_.judged && !weighs_all_ && !w.of_transducer && age > 0 &&
+        (std::isfinite(criterion.value) || age >= kLongEnough))
       assessment_.judged = true;
     w.stands = false;
     w.claim.holds = result.detection.active;
@@ -220,14 +224,17 @@ void IsolationStage::detect(const Estimate* estimates) {
 }
 
 void IsolationStage::isolate(const Estimate* estimates) {
+  bool judged = false;
   for (std::size_t k = 0; k < isolated_.size(); ++k) {
     Isolated& i = isolated_[k];
     i.isolator->process(estimates[i.stage], doubted_, assessment_.isolators[k].finding);
     const double until = i.isolator->judged_until();
-    if (std::isfinite(until) && until > begin_) assessment_.judged = true;
+    if (std::isfinite(until) && until > begin_ + kJudgedShare * (assessment_.time - begin_) && i.isolator->could_see())
+      judged = true;
     const bool bad = channels_.held() || (i.isolator->rests_on_all_channels() && channels_.any_bad());
     i.on_bad_data = bad && raised_on_bad_data(i);
   }
+  if (weighs_all_ || judged) assessment_.judged = judged;
   // The model is then known well enough: the cause explains what it did not.
   if (std::any_of(isolated_.begin(), isolated_.end(), [this](const Isolated& i) { return names_the_cause(i); }))
     model_fits_ = true;

@@ -92,6 +92,7 @@ class IsolationStage {
   std::vector<Isolated> isolated_;
   BadChannels channels_;
   std::vector<bool> doubted_;  // one per channel: its transducer is known to be off
+  bool weighs_all_ = false;    // an isolator overrules: that one says what could have been seen
   bool model_fits_ = true;
   bool running_ = false;
   double begin_ = 0;  // s

@@ -49,6 +49,8 @@ class Isolator {
   // Whether it judged that the rig without any fault explains all that was measured.
   virtual bool finds_all_explained() const { return false; }
   virtual double judged_until() const { return std::numeric_limits<double>::infinity(); }  // s
+  // Whether faults would have shown in what it judged: a rig that stands still shows few.
+  virtual bool could_see() const { return true; }
   // As Detector has them: what it learnt of the healthy rig, and to judge by that instead of learning.
   virtual std::optional<Reference> reference() const { return {}; }
   virtual void restore(const Reference&) { throw InputError("this type of isolator keeps no reference"); }

@@ -51,6 +51,7 @@ class RankingFinding {
   void tell(const std::shared_ptr<const Ranking>& ranking, bool restarted, Finding& finding);
   bool second() const { return options_.second; }
   double judged_until() const { return judged_; }
+  bool could_see() const { return heard_ && heard_->shows; }
   // Nothing is wrong, or less than is told, and no cause could win as much evidence as makes them worth weighing. While
   // none is named, one stretch that leaves more does not end it: three judgements in a row do.
   bool all_explained() const { return all_explained_; }

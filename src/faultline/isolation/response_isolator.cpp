@@ -21,6 +21,7 @@ class ResponseIsolator : public Isolator {
   bool rests_on_all_channels() const override { return true; }
   bool finds_all_explained() const override { return !answer_.second() && answer_.all_explained(); }
   double judged_until() const override { return answer_.judged_until(); }
+  bool could_see() const override { return answer_.could_see(); }
 
   void process(const Estimate& estimate, const std::vector<bool>&, Finding& finding) override {
     if (estimate.ranking) return answer_.tell(estimate.ranking, estimate.restarted, finding);

@@ -17,6 +17,7 @@ namespace {
 constexpr double kSecondsPerHour = 3600;
 constexpr double kLeastNoise = 1e-9;  // of a residual: a guard against division by zero
 constexpr int kReferenceVersion = 1;  // mean features
+constexpr double kAtBound = 0.995;    // of the largest size
 
 }  // namespace
 
@@ -300,6 +301,16 @@ void SignatureIsolator::tell(double time, Finding& finding) {
     finding.effect = finding.port = "";
     finding.text = fmt::format("The balances have changed in a way that no single fault explains (nearest: {}@{})",
                                h.effect, h.port);
+    finding.has_size = false;
+    finding.confidence = 0.5;
+    return;
+  }
+  if (m.size >= kAtBound * h.high || (h.low < 0 && m.size <= kAtBound * h.low)) {
+    finding.kind = AlarmKind::unknown;
+    finding.effect = finding.port = "";
+    finding.text =
+        fmt::format("No fault of the datasheet explains it; nearest is {}@{} at its largest {}, {:.3g}{}", h.effect,
+                    h.port, h.size_name, h.shown_from + m.size, h.size_unit == "1" ? "" : " " + h.size_unit);
     finding.has_size = false;
     finding.confidence = 0.5;
     return;
