@@ -44,7 +44,7 @@ try:
         read_series,
         text_of,
     )
-    from report_units import Scale, decimals_for, show, words
+    from report_units import decimals_for, pretty_unit, show, words
 except ImportError as missing:
     print(
         "faultline report: {}; install python3-matplotlib, python3-jinja2, python3-numpy and python3-yaml".format(
@@ -164,14 +164,13 @@ def file_facts(path):
 
 
 def size_text(size):
-    """`0.0318 l/s` and `0.0290 to 0.0346`; empty where an alarm has no size."""
+    """`3.21·10⁻⁵ m³/s` and `2.90·10⁻⁵ to 3.52·10⁻⁵`; empty where an alarm has no size. In the unit of the answer, so that
+    table, sentence, terminal and messages say the same number."""
     if not size or size.get("value") is None:
         return "", ""
-    scale = Scale(size.get("unit", ""))
-    # A difference of temperatures has no zero to shift.
-    numbers = [scale.factor * size[key] if size.get(key) is not None else None for key in ("value", "low", "high")]
+    numbers = [size.get(key) for key in ("value", "low", "high")]
     decimals = decimals_for(numbers[0]) if numbers[0] and 1e-4 <= abs(numbers[0]) < 1e6 else None
-    value = " ".join(filter(None, [show(numbers[0], decimals=decimals), scale.unit]))
+    value = " ".join(filter(None, [show(numbers[0], decimals=decimals), pretty_unit(size.get("unit", ""))]))
     if numbers[1] is None or numbers[2] is None or numbers[1] == numbers[2]:
         return value, ""
     return value, "{} to {}".format(show(numbers[1], decimals=decimals), show(numbers[2], decimals=decimals))
@@ -220,7 +219,7 @@ def as_sentence(text):
 
 def keep_together(text):
     """A number and its unit stay on one line."""
-    return re.sub(r"(?<=\d) (?=(?:l/s|l/min|bar|Pa|mm|m|N|V|K|s|min|%|to)\b|%|°C)", "\u00a0", text)
+    return re.sub(r"(?<=\d) (?=(?:m\^3/s|l/min|bar|Pa|mm|m|N|V|K|s|min|%|to)\b|%|°C)", "\u00a0", text)
 
 
 def duration_text(seconds):

@@ -58,7 +58,7 @@ def make_answer():
         "rig": "servo_actuator",
         "duration": DURATION - 1 / RATE,
         "verdict": "fault",
-        "sentence": "Internal leak between the chambers, 0.0321 l/s, since 10.1 s.",
+        "sentence": "Internal leak between the chambers, 3.21e-05 m^3/s, since 10.1 s.",
         "alarms": [
             {
                 "kind": "fault",
@@ -70,7 +70,7 @@ def make_answer():
                 "active": True,
                 "confidence": 0.984,
                 "text": "Internal leak between the chambers",
-                "size": {"name": "leak_flow", "value": 0.03212, "unit": "l/s", "low": 0.02904, "high": 0.0352},
+                "size": {"name": "leak_flow", "value": 3.212e-5, "unit": "m^3/s", "low": 2.904e-5, "high": 3.52e-5},
             },
             {
                 "kind": "data",
@@ -195,15 +195,15 @@ class WholeReport(ReportCase):
         page = self.usual_page()
         words = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page.replace("\u00a0", " ")))
         self.assertIn('<body class="fault">', page)
-        self.assertIn("FAULT Internal leak between the chambers, 0.0321 l/s, since 10.1 s.", words)
+        self.assertIn("FAULT Internal leak between the chambers, 3.21e-05 m^3/s, since 10.1 s.", words)
         for part in (
             "orifice leakage",
             "piston seal (internal leak)",
             "flow.chamber_a_chamber_b",
             "10.12 s",
             "2.38 s",
-            "0.0321 l/s",
-            "0.0290 to 0.0352",
+            "3.21·10⁻⁵ m³/s",
+            "2.90·10⁻⁵ to 3.52·10⁻⁵",
             "98 %",
             "20.00 s",
             "21.50 s",
