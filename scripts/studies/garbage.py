@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 """What `faultline diagnose` answers to recordings that are not what they say, over all rigs.
 
-    scripts/studies/garbage.py [--rigs RIG ...] [--profiles RIG=PROFILE ...] [--channels 2] [--seconds 60]
+    scripts/studies/garbage.py [--rigs RIG ...] [--profiles RIG=PROFILE ...] [--channels 2] [--seconds RIG=SECONDS ...]
         [--seeds 1 ...] [--work FOLDER] [--before FOLDER] [--print]
 
-A healthy run of each rig and seed (off nominal, with its small effects) is spoilt in one way and diagnosed, on all
+A healthy run of each rig and seed (off nominal, with its small effects; 60 s) is spoilt in one way and diagnosed, on all
 cores. Of each way that takes a channel or a pair, --channels are taken, spread over the rig's. What starts half way
 through says so. Prints the answers of the first seed, a table a rig, as Markdown, and a summary of all seeds. What is
 done stays in FOLDER; --before names that of another build, whose answers stand beside (FAULTLINE_PROGRAM says which
@@ -211,8 +211,12 @@ def verdict_on(way, channels, report):
 
 
 def moved(table, before, sheet):
-    """Root mean square change of the readings, in sigmas of their channel; the largest of all channels."""
+    """Root mean square change of the readings, in sigmas of their channel, of a command in hundredths of its range; the
+    largest of all channels."""
     sigmas = {c["name"]: np.hypot(c["noise_std"], c.get("resolution", 0) / np.sqrt(12)) for c in measured(sheet)}
+    for c in all_channels(sheet):
+        if c["role"] == "command" and not c.get("ground_truth"):
+            sigmas[c["name"]] = 0.01 * (c["range"][1] - c["range"][0])
     most = 0.0
     for name, sigma in sigmas.items():
         if name not in table or len(table[name]) != len(before[name]):
@@ -265,22 +269,24 @@ def main():
     parser.add_argument("--rigs", nargs="+", default=RIGS)
     parser.add_argument("--profiles", nargs="+", default=[], help="RIG=PROFILE; else the rig's first")
     parser.add_argument("--channels", type=int, default=2)
-    parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--seconds", nargs="+", default=[], help="RIG=SECONDS of a run; else 60")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--work", default=str(ROOT / "catkin_ws/reliability/garbage"))
     parser.add_argument("--before", help="FOLDER of another build")
     parser.add_argument("--print", action="store_true", help="run nothing")
     options = parser.parse_args()
     options.profiles = dict(item.split("=") for item in options.profiles)
+    lengths = {rig: float(seconds) for rig, seconds in (item.split("=") for item in options.seconds)}
     folder, earlier = pathlib.Path(options.work), options.before and pathlib.Path(options.before)
     counts = collections.defaultdict(lambda: collections.defaultdict(collections.Counter))
     for rig in options.rigs:
         sheet = datasheet(rig)
         profile = options.profiles.get(rig, sheet["profiles"][0]["name"])
+        seconds = lengths.get(rig, 60)
         more = (" before |", "---|") if earlier else ("", "")
         print(f"\n`{rig}`, {profile}, seed {options.seeds[0]}:\n\n| injected |{more[0]} answer |\n|---|---|{more[1]}")
         for seed in options.seeds:
-            file = f"{rig}_{profile}_{seed}_{options.seconds:g}.jsonl"
+            file = f"{rig}_{profile}_{seed}_{seconds:g}.jsonl"
             results = Results(folder / file)
             before = Results(earlier / file).all if earlier else {}
 
@@ -288,7 +294,7 @@ def main():
                 name = " ".join([way, *channels])
                 if options.print and name not in results.all:
                     return None
-                made = (way, channels, change, rig, sheet, profile, seed, options.seconds)
+                made = (way, channels, change, rig, sheet, profile, seed, seconds)
                 return way, before.get(name), results.once(name, lambda: answer(*made))
 
             for row in filter(None, on_all_cores(measure, list(injections(sheet, options.channels)))):

@@ -295,6 +295,7 @@ faultline_msgs::AlarmArray to_message(const AlarmReport& report) {
   message.header.frame_id = report.rig;
   message.rig = report.rig;
   message.verdict = report.verdict;
+  message.judged = report.judged;
   for (const Alarm& alarm : report.alarms) message.alarms.push_back(to_message(alarm));
   return message;
 }
@@ -304,6 +305,7 @@ AlarmReport from_message(const faultline_msgs::AlarmArray& message) {
   report.rig = message.rig;
   report.time = to_seconds(message.header.stamp);
   report.verdict = message.verdict;
+  report.judged = message.judged != 0;
   for (const faultline_msgs::Alarm& alarm : message.alarms) report.alarms.push_back(from_message(alarm));
   return report;
 }

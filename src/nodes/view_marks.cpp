@@ -99,14 +99,14 @@ std::vector<PartMark> part_marks(const ViewLayout& layout, const Datasheet& shee
   }
   std::vector<PartMark> marks;
   for (Graded& part : grades.parts()) {
-    if (part.rank == 0 && heard.alarms != nullptr) part.mark.level = PartLevel::healthy;
+    if (part.rank == 0 && heard.alarms != nullptr && heard.alarms->judged) part.mark.level = PartLevel::healthy;
     marks.push_back(part.mark);
   }
   return marks;
 }
 
 PartLevel level_of(const faultline_msgs::AlarmArray& alarms) {
-  PartLevel worst = PartLevel::healthy;
+  PartLevel worst = alarms.judged ? PartLevel::healthy : PartLevel::unjudged;
   for (const faultline_msgs::Alarm& alarm : alarms.alarms)
     if (alarm.active)
       worst = std::max(

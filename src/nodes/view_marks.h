@@ -12,7 +12,7 @@
 namespace faultline {
 
 enum class PartLevel {
-  unjudged,   // no alarms are heard
+  unjudged,   // no alarms are heard, or nothing could be judged yet
   healthy,    // no alarm and no gap names it
   candidate,  // not told apart from what is named, or named with less than even odds
   gap,        // the gap has left normal and is placed here

@@ -195,6 +195,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   Ranking ranking;
   ranking.since = 1.7e9 + 1.0 / 3;  // no stamp holds these
   ranking.judged_until = 1.0 / 7;
+  ranking.shows = false;
   ranking.threshold = 15;
   ranking.evidence = 130.5;
   ranking.doubt = "position: its sign is turned";
@@ -207,6 +208,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   ASSERT_TRUE(back.ranking);
   EXPECT_EQ(back.ranking->since, ranking.since);
   EXPECT_EQ(back.ranking->judged_until, ranking.judged_until);
+  EXPECT_FALSE(back.ranking->shows);
   EXPECT_EQ(back.ranking->threshold, 15);
   EXPECT_EQ(back.ranking->evidence, 130.5);
   EXPECT_EQ(back.ranking->doubt, ranking.doubt);
@@ -277,11 +279,13 @@ TEST(Conversion, AlarmsGoAroundUnchanged) {
   report.rig = "small";
   report.time = 1.7e9 + 30;
   report.verdict = "leak.";
+  report.judged = true;
   report.alarms = {alarm};
   const AlarmReport back = from_message(to_message(report));
   EXPECT_EQ(back.rig, report.rig);
   EXPECT_EQ(back.time, report.time);
   EXPECT_EQ(back.verdict, report.verdict);
+  EXPECT_TRUE(back.judged);
   ASSERT_EQ(back.alarms.size(), 1u);
   const Alarm& b = back.alarms[0];
   EXPECT_EQ(b.kind, alarm.kind);

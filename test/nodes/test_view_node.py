@@ -340,16 +340,16 @@ class ViewNode(unittest.TestCase):
                 return tell(topic, kind, text)
 
             gap = "{left_normal: %s, port: %s, effect: clogging, worst: 1.5, inseparable: [%s]}"
-            alarms = tell("alarms", "AlarmArray", "{alarms: []}")
+            alarms = tell("alarms", "AlarmArray", "{judged: true, alarms: []}")
             wait_for(seal=HEALTHY, valve=HEALTHY)
             gaps = tell("gap", "Gap", gap % ("true", valve, "line.valve_cylinder"))
             told = wait_for(seal=HEALTHY, valve=GAP, hoses=CANDIDATE)
             self.assertIn("gap: clogging", [marker["text"] for marker in told])
-            alarms = instead(alarms, "alarms", "AlarmArray", "{alarms: [%s]}" % alarm)
+            alarms = instead(alarms, "alarms", "AlarmArray", "{judged: true, alarms: [%s]}" % alarm)
             wait_for(seal=ERROR, valve=GAP, hoses=CANDIDATE)
             instead(gaps, "gap", "Gap", gap % ("false", "''", ""))
             wait_for(seal=ERROR, valve=HEALTHY, hoses=HEALTHY)
-            instead(alarms, "alarms", "AlarmArray", "{alarms: [%s]}" % alarm.replace("active: true", "active: false"))
+            instead(alarms, "alarms", "AlarmArray", "{judged: true, alarms: [%s]}" % alarm.replace("active: true", "active: false"))
             told = wait_for(seal=HEALTHY, valve=HEALTHY, hoses=HEALTHY)
             self.assertNotIn("gap: clogging", [marker["text"] for marker in told])
 

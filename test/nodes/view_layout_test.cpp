@@ -275,7 +275,11 @@ TEST_F(WrittenLayout, PartsHaveTheWorstOfAlarmAndGap) {
   };
   using L = PartLevel;
   EXPECT_EQ(levels(false), (std::vector<L>{L::unjudged, L::unjudged, L::unjudged}));
+  EXPECT_EQ(levels(true), (std::vector<L>{L::unjudged, L::unjudged, L::unjudged}));  // heard, but of nothing
+  EXPECT_EQ(level_of(alarms), L::unjudged);
+  alarms.judged = true;
   EXPECT_EQ(levels(true), (std::vector<L>{L::healthy, L::healthy, L::healthy}));
+  EXPECT_EQ(level_of(alarms), L::healthy);
   faultline_msgs::Alarm alarm;
   alarm.kind = "fault";
   alarm.effect = "orifice_leakage";

@@ -49,6 +49,7 @@ class Drawn : public testing::Test {
     base.at = {0, -2, 0};
     base.size = {3, 0.5, 0.3};
     layout_.parts = {tank, outlet, base};
+    alarms_.judged = true;
     alarm_.kind = "fault";
     alarm_.effect = "orifice_leakage";
     alarm_.port = "flow.tank_air";
