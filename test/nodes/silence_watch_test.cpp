@@ -26,6 +26,17 @@ TEST(SilenceWatch, APauseOfTheClockIsNoSilence) {
   EXPECT_NEAR(watch.now(80, 8.5), 1001.5, 1e-9);
 }
 
+TEST(SilenceWatch, AClockThatCatchesUpWithTheLastSampleIsNoSilence) {
+  SilenceWatch watch(0.5);
+  watch.arrived(1000, 50, 7);
+  EXPECT_TRUE(std::isnan(watch.now(50.2, 7)));
+  EXPECT_TRUE(std::isnan(watch.now(50.6, 7.3)));  // it stands there: the replay is paused behind that sample
+  EXPECT_TRUE(std::isnan(watch.now(60, 7.3)));
+  EXPECT_NEAR(watch.now(61, 8.3), 1001, 1e-9);
+  watch.arrived(1009, 70, 16);
+  EXPECT_TRUE(std::isnan(watch.now(70.6, 16.1)));
+}
+
 TEST(SilenceWatch, FastReplayIsNotSilentWithinThePatience) {
   SilenceWatch watch(0.5);
   watch.arrived(1000, 50, 7);
