@@ -1,9 +1,10 @@
 """Run in the built environment: a source of samples that does what it is told to do wrong. Reads lines from standard
 input, each the name of a KIND below, and goes on sending that kind until the next; ends with the input. `unfit` sends
 one estimate and one judgement that are not of this rig beside them. Stamps go on
-with every sample, 1 ms apart where nothing else is said.
+with every sample, 1 ms apart where nothing else is said; with CLOCK this node publishes simulated time that goes on
+like the stamps of good samples, while it is silent too.
 
-stream_source.py RIG_YAML NODE_NAME FIRST_STAGE"""
+stream_source.py RIG_YAML NODE_NAME FIRST_STAGE [clock]"""
 
 import sys
 import threading
@@ -11,6 +12,7 @@ import threading
 import rospy
 import yaml
 from faultline.msg import ChannelDescription, Detections, Estimate, Hypotheses, RigDescription, Sample
+from rosgraph_msgs.msg import Clock
 
 sheet = yaml.safe_load(open(sys.argv[1]))
 channels = sheet["channels"]
@@ -22,6 +24,7 @@ samples = rospy.Publisher(f"/{rig}/sample", Sample, queue_size=1000, tcp_nodelay
 estimates = rospy.Publisher(f"/{rig}/estimate", Estimate, queue_size=1)
 detections = rospy.Publisher(f"/{rig}/detections", Detections, queue_size=1)
 hypotheses = rospy.Publisher(f"/{rig}/hypotheses", Hypotheses, queue_size=1)
+clock = rospy.Publisher("/clock", Clock, queue_size=10, tcp_nodelay=True) if "clock" in sys.argv[4:] else None
 kind, over = ["good"], []
 
 
@@ -77,6 +80,8 @@ threading.Thread(target=listen, daemon=True).start()
 number = 0
 while not over and not rospy.is_shutdown():
     # Steps on, so that each batch of a kind is a run of its own.
+    if clock:
+        clock.publish(Clock(stamp(number)))
     for _ in range(50):
         if KINDS[kind[0]]:
             message = Sample(values=[])

@@ -1,4 +1,5 @@
-"""What sources of samples do wrong is told on /diagnostics by its name, and no longer once it is over."""
+"""What sources of samples do wrong is told on /diagnostics by its name, and no longer once it is over. In simulated
+time, which the source of samples publishes."""
 
 import json
 import pathlib
@@ -15,9 +16,9 @@ STAGE = "leak_filter"
 
 
 class Source:
-    def __init__(self, graph, name):
+    def __init__(self, graph, name, *more):
         self.process = subprocess.Popen(
-            ["python3", str(HERE / "stream_source.py"), str(SHEET), name, STAGE],
+            ["python3", str(HERE / "stream_source.py"), str(SHEET), name, STAGE, *more],
             env=graph.environment,
             stdin=subprocess.PIPE,
             text=True,
@@ -38,12 +39,13 @@ class BadStreams(unittest.TestCase):
     def setUpClass(cls):
         cls.graph = Graph().__enter__()
         cls.addClassCleanup(cls.graph.__exit__)
+        cls.graph.set("/use_sim_time", True)
         cls.heard = cls.graph.path / "heard"
         cls.graph.start(["python3", str(HERE / "listen.py"), RIG, "600", str(cls.heard), "diagnostics", "alarms"])
         cls.graph.node("alarm_node", "alarms", rig=RIG)
         cls.graph.node("isolator_node", "isolator", rig=RIG)
         cls.graph.node("kalman_node", "kalman", rig=RIG)
-        cls.source = Source(cls.graph, "source")
+        cls.source = Source(cls.graph, "source", "clock")
         cls.addClassCleanup(cls.source.end)
         cls.source.say("described")
 
