@@ -20,10 +20,11 @@ Xvfb -displayfd 3 -screen 0 1400x850x24 3>"$work/display" 2>/dev/null & pids+=($
 until [ -s "$work/display" ]; do sleep 0.1; done
 DISPLAY=:$(cat "$work/display")
 export DISPLAY
+: >"$work/said"
 roslaunch -p "$port" faultline view.launch rig:="$rig" bag:="$bag" "$@" >"$work/said" 2>&1 & pids+=($!)
 for ((i = 0; i < 300; i++)); do
     grep -q "player.*finished cleanly" "$work/said" && break
-    kill -0 "${pids[1]}" || { tail -5 "$work/said" >&2; exit 1; }
+    kill -0 "${pids[1]}" || { tail -25 "$work/said" >&2; exit 1; }
     sleep 1
 done
 sleep "${FAULTLINE_SETTLE:-15}"  # rviz may still be starting

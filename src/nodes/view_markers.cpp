@@ -16,7 +16,7 @@ namespace {
 using visualization_msgs::Marker;
 
 constexpr double kTextHeight = 0.6;  // z of all text: above every body
-constexpr double kGapLetters = 0.18, kBarLetters = 0.15;
+constexpr double kGapLetters = 0.18, kBarLetters = 0.15, kLeastLetters = 0.12;
 constexpr std::size_t kNamedBars = 12;                // of more than so many only those are named that stand out
 constexpr double kStandsOut = 2;                      // sigma
 constexpr double kBarsLeft = -7.6, kBarsRight = 4.2;  // x of the residuals' panel
@@ -238,17 +238,22 @@ void draw_bars(const std::vector<ResidualBar>& bars, Drawing& drawing) {
   }
 }
 
-// As large as it fits.
+// Text in the middle of the canvas, as large as it fits into a strip so tall, at most `letters`.
+void draw_strip(std::size_t id, double y, double tall, double letters, const std::string& text,
+                const std_msgs::ColorRGBA& colour, Drawing& drawing) {
+  std::string words;
+  for (;; letters -= 0.01) {
+    words = wrapped(text, static_cast<std::size_t>(34 / letters));
+    const auto lines = static_cast<double>(1 + std::count(words.begin(), words.end(), '\n'));
+    if (letters * lines <= tall || letters <= kLeastLetters) break;
+  }
+  drawing.text("head", id, "", 0, y, letters, words, colour);
+}
+
 void draw_head(const ViewHead& head, Drawing& drawing) {
   drawing.box("head", 0, 0, 4.05, kCanvasWidth, 0.75, 0, colour_of(head.level));
-  std::string words;
-  double letters = 0.3;
-  for (; letters > 0.14; letters -= 0.05) {
-    words = wrapped(head.verdict, static_cast<std::size_t>(34 / letters));
-    if (1.3 * letters * static_cast<double>(1 + std::count(words.begin(), words.end(), '\n')) < 0.8) break;
-  }
-  drawing.text("head", 1, "", 0, 4.05, letters, words, grey(head.level == PartLevel::error ? 1.0F : 0.05F));
-  drawing.text("head", 2, "", 0, 3.42, kGapLetters, wrapped(head.gap, 160));
+  draw_strip(1, 4.05, 0.62, 0.3, head.verdict, grey(head.level == PartLevel::error ? 1.0F : 0.05F), drawing);
+  draw_strip(2, 3.42, 0.4, kGapLetters, head.gap, grey(0.1F), drawing);
 }
 
 void draw_legend(const std::string& space, Drawing& drawing) {

@@ -11,7 +11,7 @@ namespace {
 constexpr double kMargin = 0.06;                    // of a mark's ground around its text
 constexpr double kLow = -3.05, kHigh = 3.2;         // the strips below and above the canvas begin here
 constexpr double kFarthest = 2.5, kStep = 0.05;     // of a mark from where it is wanted
-constexpr double kOverText = 100, kOverBodies = 3;  // what covering a unit of area weighs against a unit of distance
+constexpr double kOverText = 100, kOverBodies = 8;  // what covering a unit of area weighs against a unit of distance
 
 // At rest, on the canvas; a path has one a piece. Others are seen through clear parts, words as well.
 std::vector<Area> bodies_of(const ViewLayout& layout) {

@@ -137,6 +137,32 @@ TEST_F(Drawn, AClearPartIsSeenThroughAndLessSoWhereSomethingIsTheMatter) {
   EXPECT_FLOAT_EQ(alpha(), 0.55F);
 }
 
+// The strip of the verdict is 0.75 tall; below it are 0.45 before the canvas begins.
+TEST_F(Drawn, LongSentencesGetSmallerLettersAndStayWithinTheirStrips) {
+  const auto heads = [&](std::size_t words) {
+    ViewHead head;
+    for (std::size_t i = 0; i < words; ++i) head.verdict += "leakage@flow.tank ";
+    head.gap = head.verdict;
+    const std::vector<double> none(layout_.parts.size(), kNaN);
+    std::vector<Area> found;
+    for (const Marker& m : markers_of(layout_, sheet_, std::vector<PartMark>(layout_.parts.size()),
+                                      {{}, none, none, none}, head, {}, "stand")
+                               .markers)
+      if (m.ns == "head" && m.type == Marker::TEXT_VIEW_FACING) {
+        found.push_back(text_area(m.pose.position.x, m.pose.position.y, m.scale.z, m.text));
+        EXPECT_LE(0.9 * found.back().width, kCanvasWidth) << m.text;  // words are narrower than numbers
+      }
+    return found;
+  };
+  for (const std::size_t words : {3U, 12U, 18U, 24U}) {
+    const std::vector<Area> found = heads(words);
+    ASSERT_EQ(found.size(), 2U);
+    EXPECT_LE(found[0].height, 0.65) << words;
+    EXPECT_LE(found[1].height, 0.42) << words;
+  }
+  EXPECT_NEAR(heads(3)[0].height, 0.3, 1e-6);
+}
+
 class Bars : public Drawn {
  protected:
   struct Bar {
