@@ -58,6 +58,8 @@ def plotjuggler(tabs):
     ElementTree.SubElement(window, "currentTabIndex", index="0")
     plugin = ElementTree.SubElement(ElementTree.SubElement(root, "Plugins"), "plugin", ID="ROS Topic Subscriber")
     ElementTree.SubElement(plugin, "use_header_stamp", value="true")
+    ElementTree.SubElement(plugin, "discard_large_arrays", value="true")
+    ElementTree.SubElement(plugin, "max_array_size", value="100")
     ElementTree.SubElement(
         plugin, "selected_topics", value=";".join(topic for _, plots in tabs for _, drawn in plots for topic in drawn)
     )

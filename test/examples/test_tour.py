@@ -57,7 +57,10 @@ class Tour(unittest.TestCase):
             self.assertIn("eak", parts["rostopic echo -n 1 /servo_actuator/alarms/verdict"])
             self.assertIn("gap has left normal", parts["rostopic echo -n 1 /servo_actuator/gap/text"])
             self.assertIn("orifice_leakage@flow.chamber_a_chamber_b", parts["faultline diagnose session.bag"])
-            for name in ("session.bag", "session.html", "servo_actuator.perspective", "servo_actuator.plotjuggler.xml"):
+            gap = [part for command, part in parts.items() if command.startswith("faultline gap ")]
+            self.assertIn("deadband at restriction.valve closes", gap[0])
+            written = ["session.bag", "session.html", "gap.html"]
+            for name in written + ["servo_actuator.perspective", "servo_actuator.plotjuggler.xml"]:
                 self.assertGreater(os.path.getsize(os.path.join(folder, name)), 1000, name)
 
 

@@ -349,7 +349,8 @@ class ViewNode(unittest.TestCase):
             wait_for(seal=ERROR, valve=GAP, hoses=CANDIDATE)
             instead(gaps, "gap", "Gap", gap % ("false", "''", ""))
             wait_for(seal=ERROR, valve=HEALTHY, hoses=HEALTHY)
-            instead(alarms, "alarms", "AlarmArray", "{judged: true, alarms: [%s]}" % alarm.replace("active: true", "active: false"))
+            over = alarm.replace("active: true", "active: false")
+            instead(alarms, "alarms", "AlarmArray", "{judged: true, alarms: [%s]}" % over)
             told = wait_for(seal=HEALTHY, valve=HEALTHY, hoses=HEALTHY)
             self.assertNotIn("gap: clogging", [marker["text"] for marker in told])
 
