@@ -3,8 +3,8 @@
 //
 // Live: the samples' time goes on with a steady clock. In simulated time (replay): with /clock, so that a pause is no
 // silence; but /clock and samples travel on separate paths, so only what the clock goes on after `patience` seconds of
-// steady time without a sample counts: until then it may still be catching up with the last one. The alarm stage dates a
-// silence from the last sample, so the date is the same whenever it is noticed, and the same offline. Fails: a sample
+// steady time without a sample counts: until then it may still be catching up with the last one. The alarm stage dates
+// a silence from the last sample, so the date is the same whenever it is noticed, and the same offline. Fails: a sample
 // that is on its way for longer than `patience` makes a false alarm, which it takes back on arrival.
 #pragma once
 

@@ -1,5 +1,5 @@
 """Shipped bags replayed faster than real time while other processes keep every core busy three times over: a judgement
-may come late or be lost, which is then said; what is told is what `faultline diagnose` tells, and never another name."""
+may come late or be lost, which is then said; what is told is what `faultline diagnose` tells, never another name."""
 
 import json
 import os
