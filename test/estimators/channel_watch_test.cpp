@@ -77,6 +77,15 @@ TEST(ChannelWatch, WithoutDeclaredNoiseNothingIsJudged) {
   EXPECT_EQ(said(setpoint, 2000, [](int, double, double) { return 3.0; }), Said{ChannelStatus::good});
 }
 
+TEST(ChannelWatch, OfACommandThatIsMeasuredOnlyStandstillIsTold) {
+  Channel command = pressure();
+  command.role = Role::command;
+  EXPECT_EQ(said(command, 2000, [](int k, double x, double last) { return k < 1000 ? x : last; }),
+            (Said{ChannelStatus::good, ChannelStatus::frozen}));
+  EXPECT_EQ(said(command, 2000, [](int k, double x, double) { return k % 2 == 0 ? x : x + 3e5; }),
+            Said{ChannelStatus::good});
+}
+
 TEST(ChannelWatch, AllocatesNothing) {
   ChannelWatch watch(pressure());
   const std::uint64_t before = allocations();

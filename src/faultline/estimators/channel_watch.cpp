@@ -25,8 +25,8 @@ constexpr double kRootOfPi = 1.7724538509055159;
 ChannelWatch::ChannelWatch(const Channel& channel)
     : low_(channel.minimum),
       high_(channel.maximum),
-      watched_((channel.role == Role::output || channel.role == Role::input) && !channel.ground_truth &&
-               channel.noise_std > 0) {
+      command_(channel.role == Role::command),
+      watched_(channel.role != Role::setpoint && !channel.ground_truth && channel.noise_std > 0) {
   if (!watched_) return;
   sigma_ = std::hypot(channel.noise_std, channel.resolution / std::sqrt(12.0));
   rounded_ = channel.resolution > kRounded * channel.noise_std;
@@ -81,6 +81,7 @@ ChannelStatus ChannelWatch::judge() {
   longest_ = same_;
   equal_ = ends_ = 0;
   if (frozen) return ChannelStatus::frozen;
+  if (command_) return ChannelStatus::good;
   if (noisy_ >= kBlocksOnEnd) return ChannelStatus::noisy;
   if (spiky) return ChannelStatus::spiky;
   if (quiet_ >= kBlocksOnEnd) return ChannelStatus::quiet;

@@ -12,7 +12,8 @@
 //              eight blocks
 //
 // Readings at an end of the range say nothing of noise; where there are no others, at_end is said. Rounding coarser
-// than two sigma hides all but spikes. Without a declared noise nothing is judged.
+// than two sigma hides all but spikes. Without a declared noise nothing is judged, and of a command that is measured
+// only whether it is frozen: a controller makes its steps and noise.
 #pragma once
 
 #include <array>
@@ -35,7 +36,7 @@ class ChannelWatch {
   ChannelStatus judge();
 
   double low_, high_, sigma_ = 0, equal_share_ = 0;
-  bool watched_, rounded_ = false;
+  bool command_, watched_, rounded_ = false;
   std::size_t count_ = 0;                            // equal readings that are frozen
   std::array<double, kAround + kBlock> readings_{};  // of a block, after the last ones of the block before
   std::array<double, kBlock> sixth_{};
