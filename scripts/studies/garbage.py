@@ -4,11 +4,11 @@
     scripts/studies/garbage.py [--rigs RIG ...] [--profiles RIG=PROFILE ...] [--channels 2] [--seconds RIG=SECONDS ...]
         [--seeds 1 ...] [--work FOLDER] [--before FOLDER] [--print]
 
-A healthy run of each rig and seed (off nominal, with its small effects; 60 s) is spoilt in one way and diagnosed, on all
-cores. Of each way that takes a channel or a pair, --channels are taken, spread over the rig's. What starts half way
-through says so. Prints the answers of the first seed, a table a rig, as Markdown, and a summary of all seeds. What is
-done stays in FOLDER; --before names that of another build, whose answers stand beside (FAULTLINE_PROGRAM says which
-build is measured).
+A healthy run of each rig and seed (off nominal, with its small effects; 60 s) is spoilt in one way and diagnosed, on
+all cores. Of each way that takes a channel or a pair, --channels are taken, spread over the rig's. What starts half
+way through says so. Prints the answers of the first seed, a table a rig, as Markdown, and a summary of all seeds.
+What is done stays in FOLDER; --before names that of another build, whose answers stand beside (FAULTLINE_PROGRAM says
+which build is measured).
 
 named: what was done is said, with its channel. warned: an alarm that is no false name, or "not observable".
 false name: a fault, or another transducer. hidden: nothing is said, and the readings have moved by less than their

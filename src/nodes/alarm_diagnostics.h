@@ -11,8 +11,8 @@
 namespace faultline {
 
 // Of a report: the rig's verdict first, at the worst level (STALE while nothing could be judged), then one status for
-// each thing that has an alarm; one that is over is OK. Alarms of one name at the same time are numbered. `name`: of the rig in this graph, at the front of each status, so that two of one kind differ. Pure,
-// without stamp.
+// each thing that has an alarm; one that is over is OK. Alarms of one name at the same time are numbered. `name`: of
+// the rig in this graph, at the front of each status, so that two of one kind differ. Pure, without stamp.
 diagnostic_msgs::DiagnosticArray to_diagnostics(const AlarmReport& report, const std::string& name);
 
 // Closes what was shown once and is no longer in the report (an alarm that got another name, a run that began anew):

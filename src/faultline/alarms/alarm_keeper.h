@@ -3,11 +3,11 @@
 //
 // What a detector and an isolator both found is one alarm, by the detector's effect and size. An isolator's alarm
 // changes its place and size as it learns.
-// A cause is named once the confidence in that name is kNamed at least; what an isolator alone finds keeps it as long as
-// that is not below kKept and no other one is named, what a detector found until it ends. Until then the alarm says that
-// something changed, of kind unknown, with the candidates as its `equivalent`, the likeliest first.
-// Data alarms: a channel that is missing or out of range (ends a while after the last such sample); a rig that fell
-// silent (stale: from the last sample plus a while; alarm_options.h).
+// A cause is named once the confidence in that name is kNamed at least; what an isolator alone finds keeps it as long
+// as that is not below kKept and no other one is named, what a detector found until it ends. Until then the alarm says
+// that something changed, of kind unknown, with the candidates as its `equivalent`, the likeliest first. Data alarms: a
+// channel that is missing or out of range (ends a while after the last such sample); a rig that fell silent (stale:
+// from the last sample plus a while; alarm_options.h).
 #pragma once
 
 #include <string>

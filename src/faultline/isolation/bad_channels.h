@@ -1,8 +1,9 @@
 // Which channels give bad numbers now, by the statuses that the first stage gives them (estimators/estimate.h). A
 // channel counts as bad until for a while no bad number came, so that a loose contact is one trouble and not one a
 // sample. Its trouble stays what it is as long as that comes again within that while; but a reading out of range is
-// told as what else is found, since noise and spikes reach beyond the range too. Where every transducer whose noise should show repeats its reading, or stands at an end of its range, the
-// source is held: one trouble, and not one a channel. Setpoints and ground truth are not watched.
+// told as what else is found, since noise and spikes reach beyond the range too. Where every transducer whose noise
+// should show repeats its reading, or stands at an end of its range, the source is held: one trouble, and not one a
+// channel. Setpoints and ground truth are not watched.
 #pragma once
 
 #include <vector>

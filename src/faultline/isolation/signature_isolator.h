@@ -22,13 +22,13 @@
 // 5. A sensor's offset that grows in proportion to the time since the beginning is a drift; one that makes up for
 //    every change, so that the sensor itself shows none, means that it is stuck.
 // The finding is given at `confirm` samples if few hypotheses are left, else at `patience` s, and then as unknown if
-// there are still many, or where its size is the largest that is allowed; not at all while nothing fits better than "no change" by `significance`. It is sharpened as
-// samples come, kept while the rig is not armed, and ends `release_time` s after the last CUSUM fell below its
-// threshold. One fault at a time: two at once are named as the one that fits best, or as unknown. A fault that is there
-// from the start is learnt as normal, unless a reference learnt before is restored. Settings (signature_options.h):
-// stage, model, armed_by, armed_above, learn, false_alarms_per_hour, noise_limit, window, confirm, patience, rival,
-// significance, fit, relative_error (of a size, from tolerances), release_time; change_KIND and floor_KIND for each
-// kind of residual of the model.
+// there are still many, or where its size is the largest that is allowed; not at all while nothing fits better than "no
+// change" by `significance`. It is sharpened as samples come, kept while the rig is not armed, and ends `release_time`
+// s after the last CUSUM fell below its threshold. One fault at a time: two at once are named as the one that fits
+// best, or as unknown. A fault that is there from the start is learnt as normal, unless a reference learnt before is
+// restored. Settings (signature_options.h): stage, model, armed_by, armed_above, learn, false_alarms_per_hour,
+// noise_limit, window, confirm, patience, rival, significance, fit, relative_error (of a size, from tolerances),
+// release_time; change_KIND and floor_KIND for each kind of residual of the model.
 #pragma once
 
 #include <cstddef>
