@@ -10,9 +10,10 @@ way through says so. Prints the answers of the first seed, a table a rig, as Mar
 What is done stays in FOLDER; --before names that of another build, whose answers stand beside (FAULTLINE_PROGRAM says
 which build is measured).
 
-named: what was done is said, with its channel. warned: an alarm that is no false name, or "not observable".
-false name: a fault, or another transducer. hidden: nothing is said, and the readings have moved by less than their
-noise. healthy: nothing is said, though they have moved by more."""
+named: what was done is said, with its channel. warned: an alarm that is no false name, "not observable", or that
+something may be wrong which the run is too short to confirm. false name: a fault, or another transducer. hidden:
+nothing is said, and the readings have moved by less than their noise. healthy: nothing is said, though they have
+moved by more."""
 
 import argparse
 import collections
@@ -195,7 +196,7 @@ def injections(sheet, count):
 def verdict_on(way, channels, report):
     alarms = report["alarms"]
     if report["verdict"] == "healthy":
-        return "healthy"
+        return "healthy" if report["undecided_since"] is None else "warned"
     if report["verdict"] == "not_observable":
         return "named" if way.startswith(("one row", "nothing moves")) else "warned"
     told = report["sentence"].lower()

@@ -135,6 +135,7 @@ Json report_json(const RecordingFacts& facts, const Diagnosis& diagnosis, const 
                {"verdict", to_string(verdict.kind)},
                {"sentence", verdict.sentence},
                {"alarms", Json::array()},
+               {"undecided_since", Json()},
                {"not_observable", Json::array()},
                {"rankings", Json::array()},
                {"counts",
@@ -150,6 +151,8 @@ Json report_json(const RecordingFacts& facts, const Diagnosis& diagnosis, const 
                  {"duplicates", found.duplicates},
                  {"backward", found.backward}}},
                {"made_by", facts.made_by}};
+  if (const double since = diagnosis.report().undecided_since; !std::isnan(since))
+    json["undecided_since"] = rounded(since - facts.start);
   for (const Alarm& alarm : diagnosis.report().alarms) json["alarms"].push_back(alarm_json(alarm, facts.start));
   for (const Unobserved& u : diagnosis.report().unobserved)
     json["not_observable"].push_back({{"detector", u.detector},

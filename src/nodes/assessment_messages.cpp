@@ -36,6 +36,7 @@ faultline_msgs::Detections detections_of(const Assessment& a, const std::string&
   message.header.frame_id = rig;
   message.sequence = a.sequence;
   message.judged = a.judged;
+  message.undecided_since = a.undecided_since;
   for (const ChannelStatus status : a.channel_status)
     message.channel_status.push_back(static_cast<std::uint8_t>(status));
   message.detections.resize(a.detectors.size());
@@ -98,6 +99,7 @@ Assessment to_assessment(const faultline_msgs::Detections& detections, const fau
   a.time = to_seconds(detections.header.stamp);
   a.sequence = detections.sequence;
   a.judged = detections.judged != 0;
+  a.undecided_since = detections.undecided_since;
   for (const std::uint8_t status : detections.channel_status) a.channel_status.push_back(to_channel_status(status));
   for (const faultline_msgs::Detection& from : detections.detections) {
     DetectorResult to;

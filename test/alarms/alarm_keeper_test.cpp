@@ -1,12 +1,15 @@
 // From assessments to alarms: when a cause is told by its name, and what is told until then.
 #include "faultline/alarms/alarm_keeper.h"
 
+#include <cmath>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "detectors/estimates.h"
+#include "faultline/alarms/diagnosis.h"
 #include "faultline/isolation/isolation_stage.h"
 #include "faultline/signal/error.h"
 
@@ -106,6 +109,25 @@ TEST_F(Naming, ADetectorTooMustBeSureOfItsName) {
   EXPECT_EQ(told(0.5).effect, meaning.effect);
   EXPECT_EQ(told(0.1).effect, meaning.effect);  // while it fades it keeps the name that it earned
   EXPECT_EQ(keeper_.report().alarms.size(), 1u);
+}
+
+TEST_F(Naming, WhatIsNotDecidedIsNotCalledHealthyWithoutAWord) {
+  const auto verdicts = [&](double since) {
+    assessment_.judged = true;
+    assessment_.undecided_since = since;
+    assessment_.time += 1e-3;
+    keeper_.process(assessment_);
+    const AlarmReport& report = keeper_.report();
+    return std::make_pair(report.verdict, verdict_of(report, -20, report.time).sentence);
+  };
+  const auto [nothing, nothing_at_the_end] = verdicts(std::nan(""));
+  EXPECT_EQ(nothing, "No fault found.");
+  EXPECT_EQ(nothing_at_the_end, "No fault found in 20.0 s.");
+  const auto [now, at_the_end] = verdicts(-5);
+  EXPECT_EQ(now, "No fault found; something may be wrong for 5 s and is not confirmed.");
+  EXPECT_EQ(at_the_end,
+            "No fault found in 20.0 s; something may be wrong since 15.0 s, which the recording is too short to "
+            "confirm.");
 }
 
 TEST_F(Naming, TheDetectorGoesOnWithTheAlarmThatTheIsolatorLeaves) {

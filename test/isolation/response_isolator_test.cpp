@@ -75,6 +75,16 @@ TEST_F(ResponseIsolation, NamesTheBestWithItsSize) {
   EXPECT_FALSE(hear({}).active);
 }
 
+TEST_F(ResponseIsolation, WhatIsNotConfirmedIsUndecided) {
+  hear({});
+  EXPECT_TRUE(std::isnan(isolator_->undecided_since()));
+  left_ = 15;  // the threshold, without a cause
+  hear({});
+  EXPECT_EQ(isolator_->undecided_since(), 12);
+  hear({cause("orifice_leakage", kSeal, 3, 100)});
+  EXPECT_TRUE(std::isnan(isolator_->undecided_since()));
+}
+
 TEST_F(ResponseIsolation, RivalsWithinTheMarginAreEquivalent) {
   // 2 % of the evidence, at least 3: 4.
   const Finding& f = hear({cause("orifice_leakage", kSeal, 3, 200), cause("laminar_leakage", kOutside, 8, 196.5),

@@ -17,6 +17,8 @@ Assessment full(std::uint64_t number) {
   Assessment a;
   a.time = to_seconds(to_stamp(1.7e9 + 1e-3 * static_cast<double>(number)));
   a.sequence = number;
+  a.judged = true;
+  a.undecided_since = 2.0 / 7;
   a.channel_status = {ChannelStatus::good, ChannelStatus::out_of_range};
   DetectorResult d;
   d.name = "internal_leak";
@@ -61,6 +63,8 @@ TEST(AssessmentMessages, ThereAndBack) {
   const Assessment a = full(3), b = to_assessment(*detections(3), *hypotheses(3));
   EXPECT_EQ(b.time, a.time);
   EXPECT_EQ(b.sequence, 3u);
+  EXPECT_TRUE(b.judged);
+  EXPECT_EQ(b.undecided_since, a.undecided_since);
   EXPECT_EQ(b.channel_status, a.channel_status);
   const DetectorResult &d = b.detectors.at(0), &e = a.detectors[0];
   EXPECT_EQ(d.name, e.name);

@@ -1,6 +1,7 @@
 // An alarm: what a person sees. Dumb data.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -53,6 +54,8 @@ struct AlarmReport {
   std::vector<Unobserved> unobserved;
   std::vector<Withheld> withheld;
   bool judged = false;  // something that would show a fault has judged so far
+  // s, since when something may be wrong that is not confirmed yet; NaN: nothing is undecided
+  double undecided_since = std::numeric_limits<double>::quiet_NaN();
 };
 
 // Worst first: stale data hides everything else, then errors, then warnings.

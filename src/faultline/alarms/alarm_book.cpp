@@ -108,6 +108,7 @@ void AlarmBook::clear() {
   report.alarms.clear();
   report.unobserved.clear();
   report.judged = false;
+  report.undecided_since = std::nan("");
   sizes_.clear();
   ++changes_;
 }

@@ -1,6 +1,7 @@
 #include "faultline/alarms/alarm_keeper.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -93,6 +94,7 @@ void AlarmKeeper::process(const Assessment& a) {
   data_.arrived(last_time_, a.time, book_);
   last_time_ = book_.report.time = a.time;
   book_.report.judged = a.judged;
+  book_.report.undecided_since = a.undecided_since;
   data_.check_channels(a.time, a.channel_status, book_);
   for (std::size_t d = 0; d < detecting_.size(); ++d) take(detecting_[d], a.detectors[d], a.time);
   for (std::size_t i = 0; i < isolating_.size(); ++i) take(isolating_[i], a.isolators[i], a);
@@ -241,7 +243,13 @@ std::string AlarmKeeper::verdict() const {
   const Alarm* first = headline_now(report);
   if (!first && report.alarms.empty() && !report.judged)
     return "Nothing could be judged yet: the rig stands still, or just began.";
-  if (!first) return report.alarms.empty() ? "No fault found." : "No fault now; there were alarms before.";
+  if (!first) {
+    std::string text = report.alarms.empty() ? "No fault found" : "No fault now; there were alarms before";
+    if (!std::isnan(report.undecided_since))
+      text += fmt::format("; something may be wrong for {:.0f} s and is not confirmed",
+                          report.time - report.undecided_since);
+    return text + ".";
+  }
   const auto active =
       std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
   std::string text = first->text + size_text(*first) + ".";

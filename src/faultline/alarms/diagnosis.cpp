@@ -1,6 +1,7 @@
 #include "faultline/alarms/diagnosis.h"
 
 #include <array>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -91,7 +92,13 @@ Verdict verdict_of(const AlarmReport& report, double start, double end) {
     return {VerdictKind::not_observable,
             fmt::format("Not observable: in {} s no stage could judge; the rig stood still, or there is too little.",
                         seconds(end - start))};
-  if (!first) return {VerdictKind::healthy, fmt::format("No fault found in {} s.", seconds(end - start))};
+  if (!first) {
+    std::string sentence = fmt::format("No fault found in {} s", seconds(end - start));
+    if (!std::isnan(report.undecided_since))
+      sentence += fmt::format("; something may be wrong since {} s, which the recording is too short to confirm",
+                              seconds(report.undecided_since - start));
+    return {VerdictKind::healthy, sentence + "."};
+  }
   std::string sentence = text_of(*first, start);
   const std::size_t more = report.alarms.size() - 1;
   if (more > 0) sentence += fmt::format("; {} more alarm{}", more, more > 1 ? "s" : "");

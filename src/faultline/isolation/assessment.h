@@ -35,7 +35,8 @@ struct Assessment {
   std::uint64_t sequence = 0;
   std::vector<ChannelStatus> channel_status;  // one per channel of the rig
   bool judged = false;                        // something that would show a fault has judged so far
-  std::vector<DetectorResult> detectors;      // in the datasheet's order
+  double undecided_since = std::numeric_limits<double>::quiet_NaN();  // s, Isolator; NaN: nothing is
+  std::vector<DetectorResult> detectors;                              // in the datasheet's order
   std::vector<IsolatorResult> isolators;
 };
 

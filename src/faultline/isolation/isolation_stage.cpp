@@ -105,6 +105,7 @@ void IsolationStage::reset() {
   }
   channels_.reset();
   assessment_.judged = false;
+  assessment_.undecided_since = std::nan("");
   model_fits_ = true;
   running_ = false;
 }
@@ -225,12 +226,14 @@ void IsolationStage::detect(const Estimate* estimates) {
 
 void IsolationStage::isolate(const Estimate* estimates) {
   bool judged = false;
+  assessment_.undecided_since = std::nan("");
   for (std::size_t k = 0; k < isolated_.size(); ++k) {
     Isolated& i = isolated_[k];
     i.isolator->process(estimates[i.stage], doubted_, assessment_.isolators[k].finding);
     const double until = i.isolator->judged_until();
     if (std::isfinite(until) && until > begin_ + kJudgedShare * (assessment_.time - begin_) && i.isolator->could_see())
       judged = true;
+    assessment_.undecided_since = std::fmin(assessment_.undecided_since, i.isolator->undecided_since());
     const bool bad = channels_.held() || (i.isolator->rests_on_all_channels() && channels_.any_bad());
     i.on_bad_data = bad && raised_on_bad_data(i);
   }

@@ -51,6 +51,8 @@ class Isolator {
   virtual double judged_until() const { return std::numeric_limits<double>::infinity(); }  // s
   // Whether faults would have shown in what it judged: a rig that stands still shows few.
   virtual bool could_see() const { return true; }
+  // Since when [s] something may be wrong that what comes next must confirm; NaN: nothing.
+  virtual double undecided_since() const { return std::numeric_limits<double>::quiet_NaN(); }
   // As Detector has them: what it learnt of the healthy rig, and to judge by that instead of learning.
   virtual std::optional<Reference> reference() const { return {}; }
   virtual void restore(const Reference&) { throw InputError("this type of isolator keeps no reference"); }

@@ -52,6 +52,11 @@ class RankingFinding {
   bool second() const { return options_.second; }
   double judged_until() const { return judged_; }
   bool could_see() const { return heard_ && heard_->shows; }
+  // Evidence enough for a fault, but none that was confirmed; NaN: no such.
+  double undecided_since() const {
+    const bool undecided = heard_ && heard_->first.empty() && heard_->evidence >= heard_->threshold;
+    return undecided ? judged_ : std::numeric_limits<double>::quiet_NaN();
+  }
   // Nothing is wrong, or less than is told, and no cause could win as much evidence as makes them worth weighing. While
   // none is named, one stretch that leaves more does not end it: three judgements in a row do.
   bool all_explained() const { return all_explained_; }

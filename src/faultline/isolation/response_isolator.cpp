@@ -22,6 +22,7 @@ class ResponseIsolator : public Isolator {
   bool finds_all_explained() const override { return !answer_.second() && answer_.all_explained(); }
   double judged_until() const override { return answer_.judged_until(); }
   bool could_see() const override { return answer_.could_see(); }
+  double undecided_since() const override { return answer_.undecided_since(); }
 
   void process(const Estimate& estimate, const std::vector<bool>&, Finding& finding) override {
     if (estimate.ranking) return answer_.tell(estimate.ranking, estimate.restarted, finding);
