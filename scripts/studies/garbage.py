@@ -35,6 +35,7 @@ from rig_runs import (
 
 LATE = 0.05  # s
 HELD = 10  # samples
+SCALE = 1.5
 UNITS = {"bar": 1e5, "kPa": 1e3, "psi": 6894.757293168361}
 SIZES = ("m^2", "m^3/rad")  # of a parameter that another build has half as large again
 KINDS = ("named", "warned", "false name", "hidden", "healthy")
@@ -47,6 +48,8 @@ WORDS = {
     "sign turned": ("sign",),
     "exchanged": ("exchanged",),
     "out of range": ("outside",),
+    "dead": ("end of its range", "outside", "stuck"),
+    "scale": ("scale", "another build"),
     "all zero": ("stuck", "same value", "repeat", "zero"),
     "in": ("unit", "as if in"),
     "held": ("repeat", "held", "same value", "stuck"),
@@ -138,6 +141,18 @@ def injections(sheet, count):
 
         return change
 
+    def dead(name):
+        def change(table, _):
+            table[name][half(table) :] = span[name][0]
+
+        return change
+
+    def scaled(name):
+        def change(table, _):
+            table[name] *= SCALE
+
+        return change
+
     def zero(table, _):
         for name in table:
             if name != "t":
@@ -174,6 +189,8 @@ def injections(sheet, count):
     for name in few:
         yield "sign turned", [name], turn(name)
         yield "out of range, half way", [name], outside(name)
+        yield "dead: the low end, half way", [name], dead(name)
+        yield f"scale x {SCALE}", [name], scaled(name)
     units = collections.defaultdict(list)
     for c in measured(sheet):
         units[c["unit"]].append(c["name"])

@@ -457,6 +457,11 @@ TEST(Headline, AConsequenceDoesNotHideItsCause) {
                    alarm_of(AlarmKind::fault, "leak", 7.6, 15.3, false, 1)};
   EXPECT_EQ(headline(report)->text, "leak");
   EXPECT_EQ(headline_now(report)->text, "innovation");
+  report.alarms[0].kind = AlarmKind::unknown;
+  report.alarms[0].equivalent = {"scale@sensor.position"};  // a judgement of its own, in place of the leak
+  EXPECT_EQ(headline(report)->text, "innovation");
+  report.alarms[0].equivalent.clear();
+  EXPECT_EQ(headline(report)->text, "leak");
   report.alarms[0].since = 16;  // but what begins afterwards is not explained by it
   EXPECT_EQ(headline(report)->text, "innovation");
   EXPECT_EQ(verdict_of(report, 0, 20).kind, VerdictKind::unknown);

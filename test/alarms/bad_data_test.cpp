@@ -6,6 +6,7 @@
 #include <functional>
 #include <random>
 
+#include "config_folder.h"
 #include "detectors/estimates.h"
 #include "faultline/alarms/diagnosis.h"
 
@@ -59,6 +60,32 @@ TEST(BadData, NoiseThatReachesBeyondTheRangeIsOneAlarm) {
             2);  // the first reading beyond the range comes before a block of them is judged
   EXPECT_TRUE(
       std::any_of(alarms.begin(), alarms.end(), [](const Alarm& a) { return a.effect == "noise" && a.active; }));
+}
+
+TEST(BadData, ATransducerThatLostItsCableIsNotHealthy) {
+  for (const double dead : {0.0, 1e7}) {  // the ends of the range
+    const Told told = diagnosed([&](Recording& r, std::size_t k) {
+      if (k > 10000) at(r, k, "chamber_a_pressure") = dead;
+    });
+    EXPECT_NE(told.verdict.kind, VerdictKind::healthy) << told.verdict.sentence;
+    EXPECT_TRUE(std::any_of(told.report.alarms.begin(), told.report.alarms.end(), [](const Alarm& a) {
+      return a.active && a.port == "sensor.chamber_a_pressure" && a.text.find("end of its range") != std::string::npos;
+    })) << told.verdict.sentence;
+    expect_no_fault(told.report);
+  }
+}
+
+TEST(BadData, AWrongSignOfTheCommandFitsNoModel) {
+  const Datasheet drive = find_datasheet(config_folder(), "hydraulic_drive");
+  SimulationSetup setup;
+  setup.profile = "paper";
+  Recording r = simulate(drive, setup, 30);
+  Diagnosis diagnosis(drive);
+  for (std::size_t k = 0; k < r.rows(); ++k) {
+    at(r, k, "valve_voltage") *= -1;
+    diagnosis.process(r.sample(k));
+  }
+  EXPECT_EQ(verdict_of(diagnosis.report(), 0, 30).kind, VerdictKind::unknown);
 }
 
 TEST(BadData, PressuresInAnotherUnitAreDataNotAFault) {

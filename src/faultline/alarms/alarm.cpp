@@ -40,6 +40,7 @@ const Alarm* headline(const AlarmReport& report) {
   const Alarm* now = headline_now(report);
   if (!now) return first_of(report, [](const Alarm&) { return true; });
   if (now->kind != AlarmKind::model && now->kind != AlarmKind::unknown) return now;
+  if (!now->equivalent.empty()) return now;
   const Alarm* cause =
       first_of(report, [now](const Alarm& alarm) { return names_a_cause(alarm) && alarm.until >= now->since; });
   return cause ? cause : now;

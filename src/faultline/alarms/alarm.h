@@ -65,8 +65,8 @@ AlarmLevel worst(const AlarmReport& report);
 // was known until then; then the worse kind; then the greater confidence times duration, which puts a cause that has
 // stood for long before a first guess; then the longer; then the one that was raised first.
 const Alarm* headline_now(const AlarmReport& report);  // of those that are active
-// Of a whole recording: an active one before those that ended, unless it names no cause and began while there was an
-// alarm of a fault or a sensor: then it is taken for a consequence, and the cause comes first.
+// Of a whole recording: an active one before those that ended, unless it names neither a cause nor candidates and began
+// while there was an alarm of a fault or a sensor: then it is taken for a consequence, and the cause comes first.
 const Alarm* headline(const AlarmReport& report);
 
 }  // namespace faultline

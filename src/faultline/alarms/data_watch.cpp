@@ -19,7 +19,7 @@ struct Trouble {
 constexpr int kStandsStill = 3;
 constexpr std::size_t kMostStretches = 1000;  // while nothing is judged
 
-constexpr std::array<Trouble, 5> kTroubles = {{
+constexpr std::array<Trouble, 6> kTroubles = {{
     {ChannelStatus::missing, AlarmKind::data, "",
      "no number comes from this channel; check the cable and the converter"},
     {ChannelStatus::frozen, AlarmKind::sensor, "stuck", "this transducer is stuck: it repeats its reading"},
@@ -27,6 +27,8 @@ constexpr std::array<Trouble, 5> kTroubles = {{
     {ChannelStatus::spiky, AlarmKind::sensor, "", "this transducer has spikes; check cable and connector"},
     {ChannelStatus::quiet, AlarmKind::data, "",
      "far less noise than this transducer has; check the unit of its numbers and its cable"},
+    {ChannelStatus::at_end, AlarmKind::data, "",
+     "nothing but an end of its range; check its cable and supply, or whether it can show what there is"},
 }};
 
 }  // namespace

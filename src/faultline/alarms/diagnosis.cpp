@@ -46,7 +46,8 @@ std::string text_of(const Alarm& alarm, double start) {
   while (!text.empty() && text.back() == '.') text.pop_back();
   if (alarm.has_size) {
     const std::string unit = alarm.size_unit == "1" || alarm.size_unit.empty() ? "" : " " + alarm.size_unit;
-    text += fmt::format(", {:.3g}{} (90 %: {:.3g} to {:.3g})", alarm.size, unit, alarm.low, alarm.high);
+    text += fmt::format(", {:.3g}{}", alarm.size, unit);
+    if (alarm.low < alarm.high) text += fmt::format(" (90 %: {:.3g} to {:.3g})", alarm.low, alarm.high);
   }
   text += fmt::format(", since {} s", seconds(alarm.since - start));
   text += alarm.active ? ", still there at the end" : fmt::format(", until {} s", seconds(alarm.until - start));

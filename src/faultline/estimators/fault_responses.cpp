@@ -98,6 +98,16 @@ double FaultResponses::unexplained(const Stretch& stretch) const {
   return sum;
 }
 
+bool FaultResponses::far_off(const Stretch& stretch) const {
+  const Eigen::VectorXd theta = this->theta();
+  double squares = 0, values = 0;
+  for (const SegmentResponse& segment : stretch.segments) {
+    squares += (segment.residuals + segment.tolerances * theta).squaredNorm();
+    values += static_cast<double>(segment.residuals.size());
+  }
+  return squares > settings_.far_off_variances * values;
+}
+
 double FaultResponses::unexplained() const {
   double sum = doubt_;
   for (const auto& stretch : recent_)
@@ -431,7 +441,7 @@ void FaultResponses::judge_stretch() {
     if (!growing && !power_of_two(age_) && follow()) return;
   }
   const double left = unexplained();
-  explained_ = !event_ && left < settings_.explained_ratio * settings_.threshold_evidence;
+  explained_ = !event_ && left < settings_.explained_ratio * settings_.threshold_evidence && !far_off(*recent_.back());
   if (!event_ && settings_.refresh_stretches > 1 && left < weighed_from(settings_)) {
     evidence_ = std::max(0.0, left);
     end_event();

@@ -55,7 +55,7 @@ class FaultResponses {
   double since() const { return since_; }  // s, start of the first stretch that shows it
   // Of the best, refined or not; of a stretch not looked at closely, what there could be at most; of what is not
   // confirmed no more than the threshold. While no fault is there but residuals hold more than the rig without faults
-  // explains (explained_ratio), at least weighed_from().
+  // explains (explained_ratio), or the model is far off it, at least weighed_from().
   double evidence() const {
     if (event_) return confirmed_ ? evidence_ : std::min(evidence_, settings_.threshold_evidence);
     return explained_ ? evidence_ : std::max(evidence_, weighed_from(settings_));
@@ -78,8 +78,9 @@ class FaultResponses {
   void pass_over();
   Eigen::VectorXd theta() const;  // best, from the point
   double unexplained(const Stretch& stretch) const;
-  double unexplained() const;  // of the stretches that responded: evidence that no effect can exceed
-  void judge_stretch();        // the latest
+  bool far_off(const Stretch& stretch) const;  // with the parameters as well as they can be
+  double unexplained() const;                  // of the stretches that responded: evidence that no effect can exceed
+  void judge_stretch();                        // the latest
   void look_what_shows();
   void respond_all();
   void weigh_all();

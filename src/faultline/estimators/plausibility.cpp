@@ -137,9 +137,15 @@ std::string better_reading(const Datasheet& sheet, const StretchModel& model, co
         (earlier && misfit_with(model, *earlier, i, factor) > as_it_was))
       continue;
     least = found;
-    best =
-        fmt::format("{}: {:.2g} times the datasheet's value fits, as on another build or with another rig's datasheet",
-                    parameter.name, factor);
+    // What lies beyond all that was tried is no other build: something else is wrong that this parameter makes up for.
+    const bool beyond = std::abs(std::log(factor)) > std::log(kFarthest);
+    best = beyond ? std::string(
+                        "The model does not fit, whatever fault is in it: channels that are not what they are "
+                        "called, wrong scales, or another rig's datasheet")
+                  : fmt::format(
+                        "{}: {:.2g} times the datasheet's value fits, as on another build or with another rig's "
+                        "datasheet",
+                        parameter.name, factor);
   }
   return best;
 }

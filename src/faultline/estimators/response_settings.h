@@ -69,6 +69,9 @@ struct ResponseSettings {
   // Of the threshold, left in the residuals of the recent stretches beyond white noise, up to which the rig without
   // faults explains them: several small errors of the model in different directions are no fault.
   double explained_ratio = 3;
+  // Mean square residual in variances of the noise from which nothing is explained, however little of it an effect could
+  // win: segments count the less the farther off the model is. Healthy rigs, off nominal, reach 4.
+  double far_off_variances = 100;
   double over_evidence = 5;       // by which the latest stretch speaks against a fault that was there
   double longer_fraction = 0.05;  // of the evidence, by which one more stretch must speak for a fault to be part of it
   // Of the largest amplitude, tried beside the linear answer: sizes whose answers differ, over ranges of many decades.
@@ -136,6 +139,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(confirmed_fraction);
   FAULTLINE_OPTION(sure_ratio);
   FAULTLINE_OPTION(explained_ratio);
+  FAULTLINE_OPTION(far_off_variances);
   FAULTLINE_OPTION(over_evidence);
   FAULTLINE_OPTION(longer_fraction);
   FAULTLINE_OPTION(coarse_fractions);

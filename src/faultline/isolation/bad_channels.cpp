@@ -1,6 +1,7 @@
 #include "faultline/isolation/bad_channels.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace faultline {
 namespace {
@@ -9,10 +10,15 @@ namespace {
 // than three samples: a slow rig shows no burst in a second.
 constexpr double kHold = 1;  // s
 constexpr double kHoldPeriods = 3;
+// Healthy rigs of all kinds stay there for 0.13 s at most: a rod against its stop, a valve that is shut.
+constexpr double kAtEnd = 2;  // s
+constexpr double kAtEndPeriods = 64;
 
 }  // namespace
 
-BadChannels::BadChannels(const Datasheet& sheet) : hold_(std::max(kHold, kHoldPeriods * sheet.sample_period)) {
+BadChannels::BadChannels(const Datasheet& sheet)
+    : hold_(std::max(kHold, kHoldPeriods * sheet.sample_period)),
+      at_end_(std::max(kAtEnd, kAtEndPeriods * sheet.sample_period)) {
   for (const Channel& channel : sheet.channels) {
     Watched w;
     w.watched = channel.role != Role::setpoint && !channel.ground_truth;
@@ -25,6 +31,7 @@ void BadChannels::reset() {
   for (Watched& w : channels_) {
     w.bad = false;
     w.trouble = ChannelStatus::good;
+    w.last_within = std::numeric_limits<double>::infinity();
   }
   held_ = any_bad_ = unusable_ = false;
 }
@@ -54,9 +61,11 @@ void BadChannels::process(double time, const std::vector<ChannelStatus>& status)
   for (std::size_t c = 0; c < channels_.size() && c < status.size(); ++c) {
     Watched& w = channels_[c];
     if (!w.watched) continue;
-    if (status[c] != ChannelStatus::good && status[c] != ChannelStatus::at_end) {
+    if (status[c] != ChannelStatus::at_end) w.last_within = time;
+    const bool at_end = status[c] == ChannelStatus::at_end && !held_ && time - w.last_within >= at_end_;
+    if (at_end || (status[c] != ChannelStatus::good && status[c] != ChannelStatus::at_end)) {
       if (status[c] != ChannelStatus::frozen || !held_) {
-        if (!w.bad) w.since = time;
+        if (!w.bad) w.since = at_end ? w.last_within : time;
         const bool stays = w.bad && w.trouble != ChannelStatus::out_of_range && time - w.last_trouble <= hold_;
         if (!stays) w.trouble = status[c];
         if (w.trouble == status[c]) w.last_trouble = time;
@@ -69,7 +78,7 @@ void BadChannels::process(double time, const std::vector<ChannelStatus>& status)
     }
     if (!w.bad) continue;
     any_bad_ = true;
-    unusable_ = unusable_ || w.trouble == ChannelStatus::quiet;
+    unusable_ = unusable_ || w.trouble == ChannelStatus::quiet || w.trouble == ChannelStatus::at_end;
     bad_since_ = std::min(bad_since_, w.since);
   }
 }

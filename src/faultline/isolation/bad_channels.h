@@ -3,7 +3,8 @@
 // sample. Its trouble stays what it is as long as that comes again within that while; but a reading out of range is
 // told as what else is found, since noise and spikes reach beyond the range too. Where every transducer whose noise
 // should show repeats its reading, or stands at an end of its range, the source is held: one trouble, and not one a
-// channel. Setpoints and ground truth are not watched.
+// channel. An end of the range is trouble where nothing else comes for a while: a transducer that lost its cable.
+// Setpoints and ground truth are not watched.
 #pragma once
 
 #include <vector>
@@ -27,7 +28,7 @@ class BadChannels {
   // Whether any channel is bad, and since when [s].
   bool any_bad() const { return any_bad_; }
   double bad_since() const { return bad_since_; }
-  // Whether the numbers are held, or in another unit.
+  // Whether the numbers are held, in another unit, or an end of the range.
   bool unusable() const { return unusable_; }
 
  private:
@@ -36,10 +37,12 @@ class BadChannels {
     bool bad = false;
     ChannelStatus trouble = ChannelStatus::good;
     double since = 0, last_bad = 0, last_trouble = 0;
+    double last_within = 0;  // s, the last reading that was not at an end of the range
   };
   bool all_held(const std::vector<ChannelStatus>& status) const;
 
-  double hold_;  // s without a bad number
+  double hold_;    // s without a bad number
+  double at_end_;  // s at an end of the range
   std::vector<Watched> channels_;
   bool held_ = false, any_bad_ = false, unusable_ = false;
   double held_since_ = 0, last_held_ = 0, bad_since_ = 0;
