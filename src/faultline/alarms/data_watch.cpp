@@ -85,7 +85,9 @@ void DataWatch::tell(Watched& w, ChannelStatus status, double time, AlarmBook& b
         return a.active && a.effect == effect && a.port == w.port;
       });
   if (told_already) return;
-  w.alarm = book.raise(t->kind, effect, w.port, AlarmLevel::error, time, time, w.name + ": " + t->text);
+  // A rig may well be where its transducer ends: a tank that is full.
+  const AlarmLevel level = status == ChannelStatus::at_end ? AlarmLevel::warning : AlarmLevel::error;
+  w.alarm = book.raise(t->kind, effect, w.port, level, time, time, w.name + ": " + t->text);
   book.at(w.alarm).confidence = 1;
 }
 

@@ -9,8 +9,8 @@
 // `kLead` against the best fault: tolerances and faults leave L far above noise, but a wrong reading more so. It must
 // not be worse by as much on what was recorded before the fault was seen: cables change places between runs. A reading
 // out of range is none; what stands still tells nothing. A parameter that would have to be more than three times the
-// datasheet's value, or less than a third, names nothing: the line then says that the model does not fit. A fault that does what a parameter does fits as well, and
-// keeps its name.
+// datasheet's value, or less than a third, names nothing: the line then says that the model does not fit. A fault that
+// does what a parameter does fits as well, and keeps its name.
 #pragma once
 
 #include <string>

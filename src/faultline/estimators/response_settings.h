@@ -69,8 +69,8 @@ struct ResponseSettings {
   // Of the threshold, left in the residuals of the recent stretches beyond white noise, up to which the rig without
   // faults explains them: several small errors of the model in different directions are no fault.
   double explained_ratio = 3;
-  // Mean square residual in variances of the noise from which nothing is explained, however little of it an effect could
-  // win: segments count the less the farther off the model is. Healthy rigs, off nominal, reach 4.
+  // Mean square residual in variances of the noise from which nothing is explained, however little of it an effect
+  // could win: segments count the less the farther off the model is. Healthy rigs, off nominal, reach 4.
   double far_off_variances = 100;
   double over_evidence = 5;       // by which the latest stretch speaks against a fault that was there
   double longer_fraction = 0.05;  // of the evidence, by which one more stretch must speak for a fault to be part of it
