@@ -164,8 +164,8 @@ def file_facts(path):
 
 
 def size_text(size):
-    """`3.21·10⁻⁵ m³/s` and `2.90·10⁻⁵ to 3.52·10⁻⁵`; empty where an alarm has no size. In the answer's unit,
-    so that table, sentence, terminal and messages say the same number."""
+    """`3.21·10⁻⁵ m³/s` and `2.90·10⁻⁵ to 3.52·10⁻⁵`; empty where an alarm has no size. In the unit of
+    the answer, so that table, sentence, terminal and messages say the same number."""
     if not size or size.get("value") is None:
         return "", ""
     numbers = [size.get(key) for key in ("value", "low", "high")]
