@@ -145,12 +145,71 @@ TEST(Rosenbrock, SettlingTellsWhatDoesNotComeToRest) {
 }
 
 TEST(Rosenbrock, AStepAllocatesNothing) {
-  Kaps rig;
-  const std::unique_ptr<Integrator> method = make_rosenbrock(rig);
+  Kaps rig, near;
+  const std::unique_ptr<Integrator> method = make_rosenbrock(rig), beside = make_rosenbrock(near);
   method->state()[0] = method->state()[1] = 1;
   const auto before = allocations();
-  for (int k = 0; k < 100; ++k) method->step(0.01 * k, 0.01, nullptr);
+  for (int k = 0; k < 100; ++k) {
+    method->step(0.01 * k, 0.01, nullptr);
+    method->lead(0.01 * k, 0.01, nullptr);
+    beside->step_beside(0.01 * k, 0.01, nullptr, *method);
+  }
   EXPECT_EQ(allocations(), before);
+}
+
+// As a Kaps system that is pushed, beside one that is not, and off its start.
+class Pushed : public Kaps {
+ public:
+  void derivative(double t, const double* s, const double* c, double* rate) override {
+    Kaps::derivative(t, s, c, rate);
+    rate[1] += push_ * s[0];
+  }
+  double push_ = 0;
+};
+
+// How far what goes beside is from a fine run of its own, over how far the two courses are apart.
+double beside_error(double stiffness, double push, double off, int steps) {
+  Pushed rig, near;
+  rig.k_ = near.k_ = stiffness;
+  near.push_ = push;
+  const std::unique_ptr<Integrator> leader = make_rosenbrock(rig), beside = make_rosenbrock(near),
+                                    alone = make_rosenbrock(near);
+  for (const auto* method : {&leader, &beside, &alone}) (*method)->state()[0] = (*method)->state()[1] = 1;
+  beside->state()[1] = alone->state()[1] = 1 + off;
+  constexpr int kFiner = 50;
+  for (int k = 0; k < steps; ++k) {
+    const double h = 1.0 / steps;
+    leader->step(k * h, h, nullptr);
+    leader->lead(k * h, h, nullptr);
+    beside->step_beside(k * h, h, nullptr, *leader);
+    for (int i = 0; i < kFiner; ++i) alone->step(k * h, h / kFiner, nullptr);
+  }
+  return std::hypot(beside->state()[0] - alone->state()[0], beside->state()[1] - alone->state()[1]) /
+         std::hypot(leader->state()[0] - alone->state()[0], leader->state()[1] - alone->state()[1]);
+}
+
+TEST(Rosenbrock, WhatIsNearGoesBesideToSecondOrder) {
+  for (const double push : {0.0, 1e-3}) {
+    const double off = push > 0 ? 0 : 1e-3;
+    const double coarse = beside_error(1, push, off, 20), fine = beside_error(1, push, off, 40);
+    EXPECT_LT(coarse, 0.05) << push;
+    EXPECT_GT(coarse / fine, 3.2) << push;
+    EXPECT_LT(beside_error(1e8, push, off, 20), 0.02) << push;
+  }
+}
+
+TEST(Rosenbrock, OnlyItLeads) {
+  Kaps stiff;
+  EXPECT_TRUE(make_integrator(stiff)->leads());
+  class Soft : public Restless {
+   public:
+    Soft() : Restless(1, 0) {}
+    bool stiff() const override { return false; }
+  } plain;
+  const std::unique_ptr<Integrator> explicit_one = make_integrator(plain);
+  EXPECT_FALSE(explicit_one->leads());
+  EXPECT_THROW(explicit_one->lead(0, 1, nullptr), std::logic_error);
+  EXPECT_THROW(explicit_one->step_beside(0, 1, nullptr, *explicit_one), std::logic_error);
 }
 
 }  // namespace

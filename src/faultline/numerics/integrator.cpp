@@ -1,6 +1,7 @@
 #include "faultline/numerics/integrator.h"
 
 #include <array>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -46,6 +47,11 @@ std::unique_ptr<Integrator> make_in_place(OdeSystem& system, std::index_sequence
 }
 
 }  // namespace
+
+void Integrator::lead(double, double, const double*) { throw std::logic_error("this method leads no other"); }
+void Integrator::step_beside(double, double, const double*, const Integrator&) {
+  throw std::logic_error("this method goes beside no other");
+}
 
 std::unique_ptr<Integrator> make_integrator(OdeSystem& system) {
   if (system.stiff()) return make_rosenbrock(system);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include <Eigen/Core>
+
 #include "faultline/numerics/small_lu.h"
 #include "faultline/numerics/sparse_lu.h"
 
@@ -31,16 +33,47 @@ class SmallLu {
     factor_in_place<kSize>(matrix_.data(), order_.data());
   }
   void solve(double* right_side) const { solve_in_place<kSize>(matrix_.data(), order_.data(), right_side); }
+  // For many right sides.
+  void invert() {
+    inverse_.fill(0);
+    for (std::size_t i = 0; i < kSize; ++i) {
+      inverse_[i * kSize + i] = 1;
+      solve(&inverse_[i * kSize]);
+    }
+  }
+  void solve_inverted(double* right_side) const {
+    std::array<double, kSize> x{};
+    for (std::size_t k = 0; k < kSize; ++k)
+      for (std::size_t i = 0; i < kSize; ++i) x[i] += inverse_[k * kSize + i] * right_side[k];
+    std::copy_n(x.begin(), kSize, right_side);
+  }
 
  private:
-  std::array<double, kSize * kSize> matrix_{};
+  std::array<double, kSize * kSize> matrix_{}, inverse_{};
   std::array<int, kSize> order_{};
   std::vector<std::size_t> places_;  // of the entries
 };
 
 class AnyLu : public SparseLu {
  public:
-  explicit AnyLu(OdeSystem& system) : SparseLu(system.states(), system.jacobian_entries()) {}
+  explicit AnyLu(OdeSystem& system)
+      : SparseLu(system.states(), system.jacobian_entries()),
+        inverse_(system.states(), system.states()),
+        product_(system.states()) {}
+  // Full, and all the same a fifth of the work of a sparse solution: nothing is looked up.
+  void invert() {
+    inverse_.setIdentity();
+    for (Eigen::Index i = 0; i < inverse_.cols(); ++i) solve(inverse_.col(i).data());
+  }
+  void solve_inverted(double* right_side) const {
+    Eigen::Map<Eigen::VectorXd> x(right_side, product_.size());
+    product_.noalias() = inverse_ * x;
+    x = product_;
+  }
+
+ private:
+  Eigen::MatrixXd inverse_;
+  mutable Eigen::VectorXd product_;
 };
 
 // State: a vector, or an array of as many doubles as there are states.
@@ -54,6 +87,7 @@ class Rosenbrock : public Integrator {
         stage_(zero),
         rate_(zero),
         time_rate_(zero),
+        before_(zero),
         u_{zero, zero, zero, zero},
         jacobian_(system.jacobian_entries().size()) {}
 
@@ -61,6 +95,7 @@ class Rosenbrock : public Integrator {
     auto& [u1, u2, u3, u4] = u_;
     const std::size_t states = state_.size();
     const double per_step = 1 / dt;
+    before_ = state_;
     system_.jacobian(time, state_.data(), inputs, rate_.data(), time_rate_.data(), jacobian_.data());
     lu_.factor(2 / dt, jacobian_.data());
     for (std::size_t s = 0; s < states; ++s) u1[s] = rate_[s] + 0.5 * dt * time_rate_[s];
@@ -82,10 +117,50 @@ class Rosenbrock : public Integrator {
   }
   double* state() override { return state_.data(); }
 
+  bool leads() const override { return true; }
+  // stage_ becomes y_m, rate_ f there. Where f is linear, h f(y_m) is what the step has done, to the last digit.
+  void lead(double time, double dt, const double* inputs) override {
+    const auto& [u1, u2, u3, u4] = u_;
+    for (std::size_t s = 0; s < state_.size(); ++s)
+      stage_[s] = before_[s] + 1.5 * u1[s] - u2[s] / 6 + u3[s] / 3 + 0.5 * u4[s];
+    system_.derivative(time + 0.5 * dt, stage_.data(), inputs, rate_.data());
+    lu_.invert();
+  }
+  // The four stages where the right-hand side is J d + g, with N = (2/h I - J)^-1:
+  //   u_1 = N (2/h d + g) - d,  u_2 = u_1 + 4/h N u_1,  u_3 = -u_1 + (5 N u_1 - N u_2)/h,  u_4 = -2/(3 h) N u_3
+  void step_beside(double time, double dt, const double* inputs, const Integrator& other) override {
+    const auto& leader = static_cast<const Rosenbrock&>(other);
+    auto& [u1, n1, n2, u3] = u_;
+    const std::size_t states = state_.size();
+    const double per_step = 1 / dt;
+    for (std::size_t s = 0; s < states; ++s) {
+      stage_[s] = state_[s] - leader.before_[s];
+      u3[s] = leader.stage_[s] + stage_[s];
+    }
+    system_.derivative(time + 0.5 * dt, u3.data(), inputs, rate_.data());
+    for (std::size_t s = 0; s < states; ++s) u1[s] = 2 * per_step * stage_[s] + rate_[s] - leader.rate_[s];
+    const auto& entries = leader.system_.jacobian_entries();
+    for (std::size_t i = 0; i < entries.size(); ++i)
+      u1[static_cast<std::size_t>(entries[i].first)] -=
+          leader.jacobian_[i] * stage_[static_cast<std::size_t>(entries[i].second)];
+    leader.lu_.solve_inverted(u1.data());
+    for (std::size_t s = 0; s < states; ++s) n1[s] = u1[s] -= stage_[s];
+    leader.lu_.solve_inverted(n1.data());
+    for (std::size_t s = 0; s < states; ++s) n2[s] = u1[s] + 4 * per_step * n1[s];
+    leader.lu_.solve_inverted(n2.data());
+    for (std::size_t s = 0; s < states; ++s) {
+      u3[s] = (5 * n1[s] - n2[s]) * per_step - u1[s];
+      stage_[s] += 2 * u1[s] + u3[s];
+    }
+    leader.lu_.solve_inverted(u3.data());
+    for (std::size_t s = 0; s < states; ++s) state_[s] = leader.state_[s] + stage_[s] - 2.0 / 3 * per_step * u3[s];
+    system_.after_step(time + dt, state_.data(), inputs);
+  }
+
  private:
   OdeSystem& system_;
   Lu lu_;
-  State state_, stage_, rate_, time_rate_;
+  State state_, stage_, rate_, time_rate_, before_;
   std::array<State, 4> u_;
   std::vector<double> jacobian_;
 };

@@ -90,7 +90,7 @@ void SparseLu::solve_full(double* right_side) const {
   with_size<kFewStates>(size_, [&](auto n) { solve_in_place<n()>(values_.data(), order_.data(), right_side); });
 }
 
-void SparseLu::solve(double* right_side) {
+void SparseLu::solve(double* right_side) const {
   if (!order_.empty())
     solve_full(right_side);
   else if (klu_->numeric)

@@ -22,7 +22,7 @@ class SparseLu {
 
   // `values`: one per entry, in the same order.
   void factor(double diagonal, const double* values);
-  void solve(double* right_side);  // in place
+  void solve(double* right_side) const;  // in place
 
  private:
   void factor_full();

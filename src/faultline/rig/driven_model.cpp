@@ -38,10 +38,18 @@ struct DrivenModel::Parts {
     return [this, &recording, row](std::size_t channel, double later) { return look(recording, row, channel, later); };
   }
 
+  // `next` is the row that is there.
+  void arrive(double time) {
+    now.swap(next);
+    plant.follow(time, now.data());
+    last = time;
+  }
+
   RunningPlant plant;
   Around look;
   std::vector<double> now, next, ended;
-  double last = 0;  // s, time of the last row
+  std::vector<RunningPlant::Beside> plants;  // of those beside this one
+  double last = 0;                           // s, time of the last row
 };
 
 DrivenModel::DrivenModel(const Datasheet& sheet, const SimulationSetup& setup)
@@ -62,18 +70,31 @@ bool DrivenModel::remembers() const { return parts_->plant.remembers(); }
 
 void DrivenModel::set_around(Around around) { parts_->look = std::move(around); }
 
-void DrivenModel::advance(const Recording& recording, std::size_t to_row, const double* state) {
-  parts_->take(recording, to_row, parts_->next);
+bool DrivenModel::goes_beside(const DrivenModel& leader) const {
+  return parts_->plant.goes_beside(leader.parts_->plant);
+}
+
+void DrivenModel::advance(const Recording& recording, std::size_t to_row, const std::vector<Beside>& beside) {
   const double time = Parts::time(recording, to_row - 1);
-  parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
-  parts_->now.swap(parts_->next);
-  parts_->plant.follow(time + parts_->plant.period(), parts_->now.data());
-  parts_->last = time + parts_->plant.period();
-  if (state) {
-    std::copy_n(parts_->plant.state(), state_count(), parts_->ended.begin());
-    parts_->plant.restart(time + parts_->plant.period(), parts_->now.data(), state, parts_->around(recording, to_row),
-                          true);
+  parts_->take(recording, to_row, parts_->next);
+  if (beside.empty()) {
+    parts_->plant.advance(time, parts_->now.data(), parts_->next.data());
+  } else {
+    parts_->plants.clear();
+    for (const Beside& other : beside) {
+      Parts& parts = *other.model->parts_;
+      parts.take(recording, to_row, parts.next);
+      parts_->plants.push_back({&parts.plant, parts.now.data(), parts.next.data()});
+    }
+    parts_->plant.advance(time, parts_->now.data(), parts_->next.data(), parts_->plants);
   }
+  parts_->arrive(time + parts_->plant.period());
+  for (const Beside& other : beside) other.model->parts_->arrive(time + parts_->plant.period());
+}
+
+void DrivenModel::restart(const Recording& recording, std::size_t row, const double* state) {
+  std::copy_n(parts_->plant.state(), state_count(), parts_->ended.begin());
+  parts_->plant.restart(parts_->last, parts_->now.data(), state, parts_->around(recording, row), true);
 }
 
 const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }

@@ -32,19 +32,44 @@ class DrivenModel {
   template <class Row>
   void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
            const double* start_states, Row&& row) {
-    begin(recording, first, !restarts.empty() && restarts.front() == first ? start_states : nullptr);
+    run(recording, first, count, restarts, start_states, {},
+        [&row](std::size_t k, std::size_t, const double* channels) { return row(k, channels); });
+  }
+
+  // The same with others beside it (rosenbrock.h), each from start states of its own. Calls row(index, which, channels)
+  // for each model: 0 is this one, then in the order of `beside`.
+  struct Beside {
+    DrivenModel* model;
+    const double* start_states;
+  };
+  bool goes_beside(const DrivenModel& leader) const;
+  template <class Row>
+  void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
+           const double* start_states, const std::vector<Beside>& beside, Row&& row) {
     std::size_t next = !restarts.empty() && restarts.front() == first ? 1 : 0;
+    begin(recording, first, next > 0 ? start_states : nullptr);
+    for (const Beside& other : beside) other.model->begin(recording, first, next > 0 ? other.start_states : nullptr);
+    const auto show = [&row](std::size_t k, std::size_t which, const double* channels) {
+      if constexpr (std::is_same_v<decltype(row(k, which, channels)), bool>) {
+        return row(k, which, channels);
+      } else {
+        row(k, which, channels);
+        return true;
+      }
+    };
     for (std::size_t k = first; k < first + count; ++k) {
       if (k > first) {
-        const bool restart = next < restarts.size() && restarts[next] == k;
-        advance(recording, k, restart ? start_states + next * state_count() : nullptr);
-        next += restart;
+        advance(recording, k, beside);
+        if (next < restarts.size() && restarts[next] == k) {
+          restart(recording, k, start_states + next * state_count());
+          for (const Beside& other : beside)
+            other.model->restart(recording, k, other.start_states + next * state_count());
+          ++next;
+        }
       }
-      if constexpr (std::is_same_v<decltype(row(k, predicted())), bool>) {
-        if (!row(k, predicted())) return;
-      } else {
-        row(k, predicted());
-      }
+      bool go_on = show(k, 0, predicted());
+      for (std::size_t i = 0; i < beside.size(); ++i) go_on = show(k, i + 1, beside[i].model->predicted()) && go_on;
+      if (!go_on) return;
     }
   }
 
@@ -68,7 +93,8 @@ class DrivenModel {
 
  private:
   void begin(const Recording& recording, std::size_t row, const double* state);
-  void advance(const Recording& recording, std::size_t to_row, const double* state);
+  void advance(const Recording& recording, std::size_t to_row, const std::vector<Beside>& beside);
+  void restart(const Recording& recording, std::size_t row, const double* state);
   const double* predicted() const;
 
   struct Parts;

@@ -92,6 +92,14 @@ bool EffectSet::remembers() const {
   return std::any_of(effects_.begin(), effects_.end(), [](const auto& e) { return e->remembers(); });
 }
 
+bool EffectSet::remembers_inside() const {
+  for (std::size_t i = 0; i < specs_.size(); ++i) {
+    const PortKind kind = port_kind(specs_[i].port);
+    if (effects_[i]->remembers() && kind != PortKind::command && kind != PortKind::sensor) return true;
+  }
+  return false;
+}
+
 void EffectSet::reset() {
   set_time(0);
   for (const auto& effect : effects_) effect->reset();

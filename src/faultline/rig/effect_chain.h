@@ -135,6 +135,7 @@ class EffectSet {
   void set_time(double time);                            // grows what grows
   void reset();                                          // clears all memory
   bool remembers() const;                                // whether any has one
+  bool remembers_inside() const;                         // and acts in the equations, not on a signal
 
  private:
   std::vector<EffectSpec> specs_;

@@ -176,7 +176,33 @@ void RunningPlant::advance(double time, const double* now, const double* next, i
   }
 }
 
-void RunningPlant::step(double time, const double* now, const double* next, int first, int count) {
+bool RunningPlant::goes_beside(const RunningPlant& leader) const {
+  const auto own_states = [](const RunningPlant& plant) {
+    return static_cast<std::size_t>(plant.rig_->states()) > plant.sheet_.states.size();
+  };
+  return integrator_->leads() && even_ == 1 && parts_ == 1 && leader.substeps_ == substeps_ &&
+         !effects_.remembers_inside() && !leader.effects_.remembers_inside() && !own_states(*this) &&
+         !own_states(leader);
+}
+
+void RunningPlant::advance(double time, const double* now, const double* next, const std::vector<Beside>& beside) {
+  effects_.set_time(time);
+  for (const Beside& other : beside) other.plant->effects_.set_time(time);
+  for (int i = 0; i < substeps_; ++i) {
+    const double t = time + i * substep_;
+    step(time, now, next, i, 1);
+    if (!beside.empty()) integrator_->lead(t, substep_, true_.data());
+    if (i + 1 == substeps_ || !sensors_.empty()) observe(t + substep_);
+    for (const Beside& other : beside) {
+      RunningPlant& plant = *other.plant;
+      plant.drive(time, other.now, other.next, i, 1);
+      plant.integrator_->step_beside(t, substep_, plant.true_.data(), *integrator_);
+      if (i + 1 == substeps_ || !plant.sensors_.empty()) plant.observe(t + substep_);
+    }
+  }
+}
+
+void RunningPlant::drive(double time, const double* now, const double* next, int first, int count) {
   const double t = time + first * substep_;
   const double share = (first + 0.5 * count) / substeps_;
   for (const std::size_t c : run_) true_[c] = now[c] + share * (next[c] - now[c]);
@@ -184,7 +210,11 @@ void RunningPlant::step(double time, const double* now, const double* next, int 
   for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(now[channel], t);
   for (const Follower& f : followers_)
     true_[f.input] = use_ == Use::simulator ? f.values[static_cast<std::size_t>(first)] : now[f.input];
-  integrator_->step(t, count * substep_, true_.data());
+}
+
+void RunningPlant::step(double time, const double* now, const double* next, int first, int count) {
+  drive(time, now, next, first, count);
+  integrator_->step(time + first * substep_, count * substep_, true_.data());
 }
 
 bool RunningPlant::step_evenly(double time, const double* now, const double* next, int first) {

@@ -41,6 +41,16 @@ class RunningPlant {
   // follows a command has its mean over the period in the period's first row, and is held where a recording gives it.
   void advance(double time, const double* now, const double* next, int part = 0);
 
+  // Others that differ from this one by a little and go the same way at the same time: beside it (rosenbrock.h), for a
+  // fraction of a run of their own. `now`, `next`: theirs.
+  struct Beside {
+    RunningPlant* plant;
+    const double *now, *next;
+  };
+  void advance(double time, const double* now, const double* next, const std::vector<Beside>& beside);
+  // Only where no effect in the equations has a memory or states of its own, and both take the same steps.
+  bool goes_beside(const RunningPlant& leader) const;
+
   const std::vector<double>& seen() const { return shown_; }
   const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
   const double* state() const { return integrator_->state(); }
@@ -58,7 +68,9 @@ class RunningPlant {
   // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
   void move_to(const double* nominal_state, const double* channels);
 
-  // Substeps `first` .. `first + count - 1` of the period as one step.
+  // What drives the equations in substeps `first` .. `first + count - 1` of the period.
+  void drive(double time, const double* now, const double* next, int first, int count);
+  // These as one step.
   void step(double time, const double* now, const double* next, int first, int count);
   // The same for a long one; false, and nothing has happened, where there may be an event in it.
   bool step_evenly(double time, const double* now, const double* next, int first);

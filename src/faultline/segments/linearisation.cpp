@@ -76,9 +76,9 @@ Eigen::MatrixXd StartProjection::whitened(const std::vector<const Eigen::MatrixX
 std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedRun& run, const StartProjection& starts,
                                      const std::vector<double>& sigma, const ModelChange& at,
                                      const std::vector<Direction>& directions, int jobs, Eigen::MatrixXf* at_model) {
-  std::vector<Eigen::MatrixXf> residuals(directions.size() + 1);
-  in_parallel(residuals.size(), jobs,
-              [&](std::size_t i) { residuals[i] = model.residuals(i == 0 ? at : directions[i - 1].to, run, sigma); });
+  std::vector<SegmentModel::Variant> variants{{&at, starts_of(run)}};
+  for (const Direction& direction : directions) variants.push_back({&direction.to, variants.front().starts});
+  std::vector<Eigen::MatrixXf> residuals = model.residuals(variants, run, sigma, jobs);
   std::vector<const Eigen::MatrixXf*> columns;
   for (std::size_t i = 1; i < residuals.size(); ++i) {
     residuals[i] = (residuals[i] - residuals[0]) / static_cast<float>(directions[i - 1].size);

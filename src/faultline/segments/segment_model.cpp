@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "faultline/numerics/in_parallel.h"
 #include "faultline/rig/effect_chain.h"
 #include "faultline/segments/smoothing.h"
 #include "faultline/segments/state_smoother.h"
@@ -178,20 +179,20 @@ std::unique_ptr<DrivenModel> SegmentModel::driven(const ModelChange& change, con
   return model;
 }
 
-Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const SegmentedRun& run,
-                                       const std::vector<std::size_t>& restarts, const std::vector<double>& starts,
-                                       const std::vector<double>& sigma, Restarted restarted,
-                                       const Enough& enough) const {
-  const std::unique_ptr<DrivenModel> model = this->driven(change, run, sigma);
-  DrivenModel& driven = *model;
+std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& variants, const Models& models,
+                                                    const SegmentedRun& run, const std::vector<std::size_t>& restarts,
+                                                    const std::vector<double>& sigma, Restarted restarted,
+                                                    const Enough& enough) const {
+  DrivenModel& driven = *models.front();
   const double largest = options_.largest_residual_sigma;
-  Eigen::MatrixXf result = Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(run.recording.rows()),
-                                                 static_cast<Eigen::Index>(outputs_.size()));
+  std::vector<Eigen::MatrixXf> results(models.size(),
+                                       Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(run.recording.rows()),
+                                                             static_cast<Eigen::Index>(outputs_.size())));
   struct Compared {
     std::size_t channel;
     double minimum, maximum, per_sigma;
     const double* unsmoothed;  // null: what the recording holds
-    float* result;
+    std::ptrdiff_t begin;      // of its residuals in a result
   };
   std::vector<Compared> compared;
   for (std::size_t i = 0; i < outputs_.size(); ++i) {
@@ -199,9 +200,9 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
     const Channel& channel = sheet_->channels[c];
     compared.push_back({c, channel.minimum, channel.maximum, 1 / sigma[i],
                         run.unsmoothed[c].empty() ? nullptr : run.unsmoothed[c].data(),
-                        result.data() + static_cast<Eigen::Index>(i) * result.rows()});
+                        static_cast<Eigen::Index>(i) * results.front().rows()});
   }
-  const auto compare = [&](std::size_t row, const double* channels) {
+  const auto compare = [&](std::size_t row, const double* channels, float* result) {
     const double* const measured = run.recording.row(row);
     for (const Compared& one : compared) {
       if (!std::isfinite(measured[one.channel])) continue;  // as counts() says
@@ -209,24 +210,34 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
       const double r = (std::clamp(reading, one.minimum, one.maximum) -
                         std::clamp(channels[one.channel], one.minimum, one.maximum)) *
                        one.per_sigma;
-      one.result[row] = static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
+      result[one.begin + static_cast<std::ptrdiff_t>(row)] =
+          static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
     }
   };
   // A state that no start puts back goes on as well, and is what the effects before have made of it.
+  const std::vector<double>& starts = variants.front().starts;
   const bool goes_on = std::any_of(starts.begin(), starts.end(), [](double value) { return std::isnan(value); });
-  const std::size_t lead = goes_on || driven.remembers() ? 0 : run.lead;
+  const bool remembers = std::any_of(models.begin(), models.end(), [](const auto& m) { return m->remembers(); });
+  const std::size_t lead = goes_on || remembers ? 0 : run.lead;
   auto restart = restarts.begin();
   bool ended = false;
   // From a restart on, of which `own` follow without a break.
-  const auto run_on = [&](const std::vector<std::size_t>& own, const double* first, std::size_t last) {
+  const auto run_on = [&](const std::vector<std::size_t>& own, std::size_t first, std::size_t last) {
     auto next = own.begin() + 1;
-    driven.run(run.recording, own.front(), last - own.front(), own, first, [&](std::size_t k, const double* channels) {
-      const bool shows_the_last = (next != own.end() && *next == k) || (lead > 0 && k == own.front());
-      next += next != own.end() && *next == k;
-      if (!(shows_the_last && restarted == Restarted::left_out)) compare(k, channels);
-      ended = enough && enough(k, result);
-      return !ended;
-    });
+    bool shows_the_last = false;
+    std::vector<DrivenModel::Beside> beside;
+    for (std::size_t i = 1; i < models.size(); ++i) beside.push_back({models[i].get(), &variants[i].starts[first]});
+    driven.run(run.recording, own.front(), last - own.front(), own, &starts[first], beside,
+               [&](std::size_t k, std::size_t which, const double* channels) {
+                 if (which == 0) {
+                   const bool restarts_here = next != own.end() && *next == k;
+                   shows_the_last = restarts_here || (lead > 0 && k == own.front());
+                   next += restarts_here;
+                 }
+                 if (!(shows_the_last && restarted == Restarted::left_out)) compare(k, channels, results[which].data());
+                 if (which == 0) ended = enough && enough(k, results.front());
+                 return !ended;
+               });
   };
   for (const Stretched& stretch : run.stretches) {
     // What follows a lead is as it would be without.
@@ -234,15 +245,15 @@ Eigen::MatrixXf SegmentModel::simulate(const ModelChange& change, const Segmente
     if (restart == ends) continue;
     restart += std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(lead), ends - restart - 1);
     while (restart != ends && !ended) {
-      const double* first = starts.data() + static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
+      const std::size_t first = static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
       std::vector<std::size_t> own{*restart++};
       while (restart != ends && !(run.parted && *restart > own.back() + run.segment)) own.push_back(*restart++);
       run_on(own, first, run.parted ? std::min(stretch.last, own.back() + run.segment) : stretch.last);
     }
-    if (ended) return result;
+    if (ended) return results;
   }
-  read_held_values(change, run, result);
-  return result;
+  for (std::size_t i = 0; i < models.size(); ++i) read_held_values(*variants[i].change, run, results[i]);
+  return results;
 }
 
 // What a stuck sensor holds is read from the recording: its simulated value has the error of the segment in which it
@@ -278,7 +289,49 @@ Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const Segment
 
 Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
                                         const std::vector<double>& sigma, const Enough& enough) const {
-  return simulate(change, run, run.restarts, starts_of(run), sigma, Restarted::left_out, enough);
+  Models models;
+  models.push_back(driven(change, run, sigma));
+  return std::move(
+      simulate({{&change, starts_of(run)}}, models, run, run.restarts, sigma, Restarted::left_out, enough).front());
+}
+
+std::vector<Eigen::MatrixXf> SegmentModel::residuals(const std::vector<Variant>& variants, const SegmentedRun& run,
+                                                     const std::vector<double>& sigma, int jobs) const {
+  Models models(variants.size());
+  std::vector<std::vector<std::size_t>> groups;  // that run together, after the first
+  std::vector<std::size_t> light, heavy;         // beside it; heavy: what remembers needs the lead of the run
+  for (std::size_t i = 0; i < variants.size(); ++i) {
+    models[i] = driven(*variants[i].change, run, sigma);
+    if (i == 0) continue;
+    if (!models[i]->goes_beside(*models.front()))
+      groups.push_back({i});
+    else if (models[i]->remembers())
+      heavy.push_back(i);
+    else
+      light.push_back(i);
+  }
+  const std::size_t parts = static_cast<std::size_t>(std::max(1, jobs));
+  for (const std::vector<std::size_t>* beside : {&heavy, &light})
+    for (std::size_t part = 0; part < parts; ++part) {
+      std::vector<std::size_t> group{0};
+      for (std::size_t i = part; i < beside->size(); i += parts) group.push_back((*beside)[i]);
+      if (group.size() > 1 || (beside == &light && part + 1 == parts)) groups.push_back(std::move(group));
+    }
+  std::reverse(groups.begin(), groups.end());  // the longest first
+  std::vector<Eigen::MatrixXf> results(variants.size());
+  in_parallel(groups.size(), jobs, [&](std::size_t g) {
+    std::vector<Variant> own;
+    Models together;
+    for (const std::size_t i : groups[g]) {
+      own.push_back(variants[i]);
+      together.push_back(i == 0 ? driven(*variants[0].change, run, sigma) : std::move(models[i]));
+    }
+    std::vector<Eigen::MatrixXf> found = simulate(own, together, run, run.restarts, sigma, Restarted::left_out, {});
+    // Every group that the first leads has its own; one tells.
+    for (std::size_t k = g > 0 && groups[g][0] == 0 ? 1 : 0; k < found.size(); ++k)
+      results[groups[g][k]] = std::move(found[k]);
+  });
+  return results;
 }
 
 Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,
@@ -288,20 +341,26 @@ Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const Segment
   for (const Stretched& stretch : run.stretches)
     for (std::size_t k = stretch.first; k < stretch.last; k += horizon) cut.restarts.push_back(k);
   place_starts(cut, noise, change);
-  return simulate(change, cut, cut.restarts, starts_of(cut), noise, Restarted::counted, {});
+  Models models;
+  models.push_back(driven(change, cut, noise));
+  return std::move(
+      simulate({{&change, starts_of(cut)}}, models, cut, cut.restarts, noise, Restarted::counted, {}).front());
 }
 
 std::vector<Eigen::MatrixXf> SegmentModel::start_columns(const ModelChange& change, const SegmentedRun& run,
                                                          const std::vector<double>& sigma) const {
-  const Eigen::MatrixXf now = residuals(change, run, sigma);
   const double step = options_.start_difference_sigma;
-  std::vector<Eigen::MatrixXf> result;
-  SegmentedRun moved = run;
+  std::vector<Variant> variants{{&change, starts_of(run)}};
+  const std::size_t states = shown_by_.size();
   for (Eigen::Index i = 0; i < run.start_shift.front().size(); ++i) {
-    for (Eigen::VectorXd& shift : moved.start_shift) shift[i] += step;
-    result.push_back((residuals(change, moved, sigma) - now) / static_cast<float>(step));
-    for (Eigen::VectorXd& shift : moved.start_shift) shift[i] -= step;
+    variants.push_back(variants.front());
+    for (std::size_t g = 0; g < run.segments(); ++g)
+      Eigen::Map<Eigen::VectorXd>(&variants.back().starts[g * states], static_cast<Eigen::Index>(states)) +=
+          step * run.start_roots[g].col(i);
   }
+  std::vector<Eigen::MatrixXf> result = residuals(variants, run, sigma, 1);
+  for (std::size_t i = 1; i < result.size(); ++i) result[i] = (result[i] - result[0]) / static_cast<float>(step);
+  result.erase(result.begin());
   return result;
 }
 

@@ -58,6 +58,14 @@ class SegmentModel {
   // each counted. `noise`: of each output, for the smoothing.
   Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& noise,
                             std::size_t horizon) const;
+  // Of several models, or of one from several starts: one matrix each. All that can go beside the first do
+  // (RunningPlant::Beside), so differences from it are what they are for. With `jobs` threads.
+  struct Variant {
+    const ModelChange* change;
+    std::vector<double> starts;  // starts_of()
+  };
+  std::vector<Eigen::MatrixXf> residuals(const std::vector<Variant>& variants, const SegmentedRun& run,
+                                         const std::vector<double>& sigma, int jobs) const;
   // d residuals / d shift, by differences: one matrix per direction.
   std::vector<Eigen::MatrixXf> start_columns(const ModelChange& change, const SegmentedRun& run,
                                              const std::vector<double>& sigma) const;
@@ -70,9 +78,12 @@ class SegmentModel {
   // The row of a restart still shows where the segment before it ended, which is not what this segment's states
   // explain; but it is what a run of so many samples says.
   enum class Restarted { left_out, counted };
-  Eigen::MatrixXf simulate(const ModelChange& change, const SegmentedRun& run, const std::vector<std::size_t>& restarts,
-                           const std::vector<double>& starts, const std::vector<double>& sigma, Restarted restarted,
-                           const Enough& enough) const;
+  // The first leads, if the others go beside it.
+  using Models = std::vector<std::unique_ptr<DrivenModel>>;
+  std::vector<Eigen::MatrixXf> simulate(const std::vector<Variant>& variants, const Models& models,
+                                        const SegmentedRun& run, const std::vector<std::size_t>& restarts,
+                                        const std::vector<double>& sigma, Restarted restarted,
+                                        const Enough& enough) const;
   void read_held_values(const ModelChange& change, const SegmentedRun& run, Eigen::MatrixXf& residuals) const;
   void place_hidden(SegmentedRun& run, std::size_t segment, const Eigen::VectorXd& mean,
                     const Eigen::MatrixXd& covariance, const std::vector<int>& hidden, Eigen::Index direction) const;

@@ -1,0 +1,116 @@
+// Models beside one another (numerics/rosenbrock.h): what they say of parameters, effects and start states is what runs
+// of their own say, or nearer to what short steps say.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "faultline/attribution/fault_hypothesis.h"
+#include "faultline/segments/segment_model.h"
+#include "rigs/cooling_circuit/runs.h"
+#include "rigs/pump_cylinder/runs.h"
+
+namespace faultline {
+namespace {
+
+constexpr float kNear = 0.08f;  // of a response, that one by a run of its own may be apart ...
+constexpr float kSmall = 0.1f;  // ... or this root of a sum of squares, in noises over a whole run
+
+struct Course {
+  const Datasheet& sheet;
+  SegmentModel model{sheet};
+  SegmentedRun run;
+  std::vector<double> sigma;
+
+  Course(const Datasheet& of, const std::string& profile, double segment) : sheet(of) {
+    SimulationSetup setup;
+    setup.profile = profile;
+    setup.parameters = draw_parameters(of, 3);
+    run = cut_run(of, "run", simulate(of, setup, 3), segment);
+    sigma = noise_of(of, {run});
+    model.place_starts(run, sigma, model.nominal());
+  }
+  DrivenModel driven(const ModelChange& change) const {
+    SimulationSetup setup;
+    setup.parameters = change.parameters;
+    setup.effects = change.effects;
+    return {sheet, setup};
+  }
+};
+
+// Every parameter by half a tolerance, and every cause that a datasheet allows, where it changes the Jacobian little.
+std::vector<ModelChange> changes(const Datasheet& sheet) {
+  std::vector<ModelChange> result;
+  for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
+    result.push_back({sheet.nominal(), {}});
+    result.back().parameters[i] *= 1 + 0.5 * sheet.parameters[i].tolerance;
+  }
+  for (const FaultHypothesis& h : fault_hypotheses(sheet, HypothesisOptions()))
+    result.push_back({sheet.nominal(), {h.at(h.effect == "added_mass" ? 0.05 * h.probe : h.probe)}});
+  return result;
+}
+
+std::string name_of(const ModelChange& change) {
+  return change.effects.empty() ? "a parameter" : change.effects.front().effect + "@" + change.effects.front().port;
+}
+
+void expect_as_near(const Course& course, std::size_t least) {
+  const ModelChange nominal = course.model.nominal();
+  const std::vector<ModelChange> all = changes(course.sheet);
+  std::vector<SegmentModel::Variant> variants{{&nominal, starts_of(course.run)}};
+  for (const ModelChange& change : all) variants.push_back({&change, variants.front().starts});
+  for (const int jobs : {1, 2}) {
+    const std::vector<Eigen::MatrixXf> together = course.model.residuals(variants, course.run, course.sigma, jobs);
+    const Eigen::MatrixXf now = course.model.residuals(nominal, course.run, course.sigma);
+    EXPECT_EQ((together[0] - now).squaredNorm(), 0.0f);
+    std::size_t beside = 0;
+    const DrivenModel leader = course.driven(nominal);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const Eigen::MatrixXf alone = course.model.residuals(all[i], course.run, course.sigma) - now;
+      const float apart = (together[i + 1] - now - alone).norm();
+      EXPECT_LT(apart, std::max(kSmall, kNear * alone.norm())) << i << " " << name_of(all[i]) << " of " << alone.norm();
+      if (!course.driven(all[i]).goes_beside(leader)) {
+        EXPECT_EQ(apart, 0.0f) << name_of(all[i]);
+      } else {
+        ++beside;
+      }
+    }
+    EXPECT_GE(beside, least);
+  }
+}
+
+TEST(Beside, CylinderRespondsAsAlone) { expect_as_near({cylinder(), "steps", 0.25}, 30); }
+TEST(Beside, CoolingCircuitRespondsAsAlone) { expect_as_near({cooling(), "valve_steps", 0.2}, 100); }
+
+TEST(Beside, StartsAreAsAlone) {
+  const Course course(cylinder(), "steps", 0.25);
+  const ModelChange nominal = course.model.nominal();
+  const std::vector<Eigen::MatrixXf> columns = course.model.start_columns(nominal, course.run, course.sigma);
+  const Eigen::MatrixXf now = course.model.residuals(nominal, course.run, course.sigma);
+  const double step = course.model.options().start_difference_sigma;
+  ASSERT_EQ(columns.size(), 3u);
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    SegmentedRun moved = course.run;
+    for (Eigen::VectorXd& shift : moved.start_shift) shift[static_cast<Eigen::Index>(i)] += step;
+    const Eigen::MatrixXf alone =
+        (course.model.residuals(nominal, moved, course.sigma) - now) / static_cast<float>(step);
+    EXPECT_LT((columns[i] - alone).norm(), kNear * alone.norm()) << i;
+  }
+}
+
+// Effects with states or a memory in the equations, and rigs whose method has no Jacobian, take runs of their own.
+TEST(Beside, WhatIsOfAnotherShapeGoesAlone) {
+  const Course course(cylinder(), "steps", 0.25);
+  const DrivenModel leader = course.driven(course.model.nominal());
+  const auto goes = [&](const char* effect) {
+    return course.driven({cylinder().nominal(), {parse_effect(effect)}}).goes_beside(leader);
+  };
+  EXPECT_TRUE(goes("laminar_leakage@flow.chamber_a_chamber_b:coefficient=1e-13"));
+  EXPECT_TRUE(goes("lag@sensor.position:time_constant=0.002"));
+  EXPECT_FALSE(goes("line_inertia@line.a:inertance=1e6"));
+  EXPECT_FALSE(goes("displacement_ripple@source.pump2:amplitude=0.01,order=9"));
+  const DrivenModel one(servo(), {}), other(servo(), {});
+  EXPECT_FALSE(one.goes_beside(other));
+}
+
+}  // namespace
+}  // namespace faultline
