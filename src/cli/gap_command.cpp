@@ -98,6 +98,11 @@ Json regions_json(const std::vector<Region>& regions) {
   return list;
 }
 
+Json since_json(const GapResult& result) {
+  if (!result.since) return Json();
+  return {{"run", result.runs[result.since->run]}, {"time", result.since->time}, {"within", result.since->within}};
+}
+
 Json result_json(const Datasheet& sheet, const GapResult& result) {
   Json json = {
       {"rig", result.rig}, {"runs", result.runs}, {"holdout", result.holdout}, {"deciding_run", result.deciding_run}};
@@ -140,6 +145,7 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
                    {"unknown_probability", result.unknown_probability},
                    {"sentence", result.sentence},
                    {"effects", effects},
+                   {"since", since_json(result)},
                    {"equivalent", equivalent},
                    {"why_equivalent", result.why_equivalent},
                    {"ranked", causes}};

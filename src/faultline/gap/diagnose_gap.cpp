@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <mutex>
 
 #include <fmt/format.h>
 
@@ -10,6 +11,7 @@
 #include "faultline/gap/grid_step.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
+#include "faultline/gap/onset.h"
 #include "faultline/gap/unknown_shape.h"
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/quantiles.h"
@@ -21,8 +23,9 @@
 namespace faultline {
 namespace {
 
-constexpr double kMuchLeft = 3;    // times the noise
-constexpr double kMuchNoise = 10;  // times the datasheet's
+constexpr double kFirstShare = 0.96;  // of the progress, before it is asked since when
+constexpr double kMuchLeft = 3;       // times the noise
+constexpr double kMuchNoise = 10;     // times the datasheet's
 
 // `apart`: how far fits of single runs lie from each other, in the effect's coordinates.
 // `ninety`: half width of 90 % bounds in standard errors.
@@ -304,11 +307,9 @@ void remark_noise(const Datasheet& sheet, GapResult& result) {
   }
 }
 
-}  // namespace
-
-GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
+// Steps 1 to 5 of the header.
+GapResult diagnose_all(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
                        const GapSettings& settings, const GapProgress& progress) {
-  const auto begin = std::chrono::steady_clock::now();
   const GapOptions& options = settings.options;
   const GapOptions::Verdict& verdict = options.verdict;
   GapResult result;
@@ -421,6 +422,66 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   const bool no_cause = !answer.names && result.verdict != "unknown";
   if (no_cause) remark_noise(sheet, result);
   describe(sheet, result, no_cause ? what_is_left(result) : "");
+  return result;
+}
+
+// Step 6. Nothing where no cause that began is told.
+std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                        const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
+                                        const GapProgress& progress) {
+  OnsetSearch search(sheet, runs, settings.options, settings.jobs);
+  const std::optional<Onset> onset = search.find();
+  if (!onset) return std::nullopt;
+  const SegmentOptions& segments = settings.options.segments;
+  std::vector<SegmentedRun> rest{rest_of(sheet, runs[onset->run], onset->segment, segments)};
+  rest.insert(rest.end(), runs.begin() + static_cast<std::ptrdiff_t>(onset->run) + 1, runs.end());
+  GapResult result = diagnose_all(calibrated(sheet, *onset), std::move(rest), holdout, settings, progress);
+  if (result.verdict != "named") return std::nullopt;
+  std::vector<EffectSpec> effects;
+  for (const NamedEffect& named : result.effects) {
+    EffectSpec effect{named.effect, named.port, {}};
+    for (const auto& parameter : find_effect_type(named.effect)->parameters)
+      effect.parameters.push_back(named.parameters.at(parameter.name));
+    effects.push_back(std::move(effect));
+  }
+  if (search.contradicted(*onset, effects) < settings.options.onset.contradicted_fraction) return std::nullopt;
+  const SegmentedRun& run = runs[onset->run];
+  result.since = Since{onset->run, onset->time, static_cast<double>(run.segment) * run.period};
+  result.sentence += fmt::format(" Since {:.4g} s of {} (to {:.2g} s); until then the model explains the recording.",
+                                 onset->time, run.name, result.since->within);
+  result.series.run += onset->run;
+  if (result.series.run == onset->run)
+    for (double& time : result.series.time) time += onset->time;
+  return result;
+}
+
+}  // namespace
+
+GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
+                       const GapSettings& settings, const GapProgress& progress) {
+  const auto begin = std::chrono::steady_clock::now();
+  std::vector<std::string> names;
+  for (const SegmentedRun& run : runs) names.push_back(run.name);
+  // A search that begins again does not take the progress back.
+  std::mutex guard;
+  double furthest = 0;
+  GapProgress forward, again;
+  if (progress) {
+    forward = [&](double done, const std::string& text) {
+      const std::lock_guard<std::mutex> lock(guard);
+      furthest = std::max(furthest, done);
+      progress(furthest, text);
+    };
+    again = [&](double done, const std::string& text) { forward(kFirstShare + (1 - kFirstShare) * done, text); };
+  }
+  GapResult result = diagnose_all(sheet, runs, holdout, settings, forward);
+  if (result.verdict != "none") {
+    if (forward) forward(kFirstShare, "looking since when");
+    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, settings, again)) {
+      since->runs = std::move(names);
+      result = std::move(*since);
+    }
+  }
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

@@ -139,6 +139,19 @@ struct GapOptions {
     double apart_tolerances = 1;          // but at least this: less is what an effect that is missing bends
   } agreement;
 
+  // onset.h: since when.
+  struct Onset {
+    std::size_t least_segments = 6;   // before and after, that parameters of their own may be fitted to
+    std::size_t inside_segments = 3;  // from an end of its run, that an onset lies: nearer it is the runs that differ
+    std::size_t rounds = 3;           // linearisations, at most,
+    double settled_tolerances = 0.3;  // ... until the parameters move less
+    double before_fraction = 0.25;    // of the excess that follows, which the model may leave before
+    double least_excess_variances = 0.1;  // that follows: less is the scatter of what is never modelled
+    double least_spread_tolerances =
+        0.1;                             // as well as parameters are known at best: the model is always a little wrong
+    double contradicted_fraction = 0.1;  // OnsetSearch::contradicted(), from which a cause was not there before
+  } onset;
+
   // diagnose_gap.h: the verdict.
   struct Verdict {
     // Excess of a healthy rig at the datasheet's noise: what small unmodelled things leave (development) ...
@@ -278,6 +291,14 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(agreement.least_excess_variances);
   FAULTLINE_OPTION(agreement.apart_standard_errors);
   FAULTLINE_OPTION(agreement.apart_tolerances);
+  FAULTLINE_OPTION(onset.least_segments);
+  FAULTLINE_OPTION(onset.inside_segments);
+  FAULTLINE_OPTION(onset.rounds);
+  FAULTLINE_OPTION(onset.settled_tolerances);
+  FAULTLINE_OPTION(onset.before_fraction);
+  FAULTLINE_OPTION(onset.least_excess_variances);
+  FAULTLINE_OPTION(onset.least_spread_tolerances);
+  FAULTLINE_OPTION(onset.contradicted_fraction);
   FAULTLINE_OPTION(verdict.quiet_excess_variances);
   FAULTLINE_OPTION(verdict.quiet_noisy_fraction);
   FAULTLINE_OPTION(verdict.material_evidence_fraction);

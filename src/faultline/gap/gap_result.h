@@ -90,6 +90,13 @@ struct LevelDiscrepancy {
   Discrepancy discrepancy;
 };
 
+// A cause that began during a run: until then the model, calibrated there, explains the recordings.
+struct Since {
+  std::size_t run = 0;  // position among the runs
+  double time = 0;      // s from its beginning
+  double within = 0;    // s; how long a segment is
+};
+
 struct GapResult {
   std::string rig;
   std::vector<std::string> runs, holdout;
@@ -103,6 +110,7 @@ struct GapResult {
   double unknown_probability = 0;  // that the cause is something that the library does not have
   std::string sentence;
   std::vector<NamedEffect> effects;
+  std::optional<Since> since;  // of the effects; then all levels and shares are of what follows, nominal: calibrated
   std::vector<NamedEffect> equivalent;
   std::string why_equivalent;
   std::vector<RankedCause> ranked;

@@ -1,0 +1,136 @@
+#include "faultline/gap/onset.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/LU>
+
+namespace faultline {
+namespace {
+
+double excess(const std::vector<double>& losses, std::size_t first, std::size_t last, double values) {
+  double sum = 0;
+  for (std::size_t i = first; i < last; ++i) sum += losses[i];
+  return std::max(0.0, 2 * sum / (values * static_cast<double>(last - first)) - 1);
+}
+
+std::vector<Eigen::MatrixXd> part(const std::vector<Eigen::MatrixXd>& products, std::size_t first, std::size_t last) {
+  return {products.begin() + static_cast<std::ptrdiff_t>(first), products.begin() + static_cast<std::ptrdiff_t>(last)};
+}
+
+}  // namespace
+
+OnsetSearch::OnsetSearch(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options, int jobs)
+    : jobs_(jobs), residuals_(sheet, std::move(runs), options) {
+  for (std::size_t i = 0; i < residuals_.runs().size(); ++i) every_.push_back(i);
+}
+
+std::size_t OnsetSearch::first_segment(std::size_t run) const {
+  std::size_t first = 0;
+  for (std::size_t r = 0; r < run; ++r) first += residuals_.runs()[r].segments();
+  return first;
+}
+
+void OnsetSearch::settle(const ModelChange& at) {
+  std::vector<std::vector<Eigen::MatrixXf>> starts;
+  for (const std::size_t run : every_) starts.push_back(residuals_.settle_starts(at, run));
+  linear_ = std::make_shared<Linearisation>(residuals_, at, every_, jobs_, std::move(starts));
+}
+
+std::optional<OnsetSearch::Split> OnsetSearch::best_split(const std::vector<Eigen::MatrixXd>& products,
+                                                          const Eigen::VectorXd& z) const {
+  const std::size_t fewest = residuals_.options().onset.least_segments, all = products.size();
+  std::optional<Split> best;
+  double least = 0;
+  for (std::size_t t = fewest; t + fewest <= all; ++t) {
+    Split split{t, adjusted(*linear_, part(products, 0, t), z), adjusted(*linear_, part(products, t, all), z)};
+    const double loss = split.before.loss + split.after.loss;
+    if (best && loss >= least) continue;
+    least = loss;
+    best = std::move(split);
+  }
+  return best;
+}
+
+std::optional<Onset> OnsetSearch::find() {
+  const GapOptions::Onset& options = residuals_.options().onset;
+  const Datasheet& sheet = residuals_.sheet();
+  ModelChange model{sheet.nominal(), {}};
+  std::optional<Split> split;
+  std::vector<Eigen::MatrixXd> products;
+  for (std::size_t round = 0; round < options.rounds; ++round) {
+    settle(model);
+    products = linear_->products(linear_->at_model());
+    const std::size_t before = split ? split->segment : 0;
+    split = best_split(products, deviations(sheet, linear_->free_parameters(), model.parameters));
+    if (!split) return std::nullopt;
+    const Eigen::VectorXd move = split->before.move;
+    if (round > 0 && split->segment == before && move.cwiseAbs().maxCoeff() < options.settled_tolerances) break;
+    shift_parameters(residuals_, linear_->free_parameters(), move, model.parameters);
+  }
+  settle(model);
+  products = linear_->products(linear_->at_model());
+  const std::vector<double> losses = linear_->segment_losses(linear_->at_model());
+  const double values = linear_->segment_values();
+  const double earlier = excess(losses, 0, split->segment, values);
+  const double later = excess(losses, split->segment, losses.size(), values);
+  if (later < options.least_excess_variances || earlier > options.before_fraction * later) return std::nullopt;
+
+  Onset onset;
+  while (onset.run + 1 < every_.size() && first_segment(onset.run + 1) <= split->segment) ++onset.run;
+  onset.segment = split->segment - first_segment(onset.run);
+  const SegmentedRun& run = residuals_.runs()[onset.run];
+  if (onset.segment < options.inside_segments || onset.segment + options.inside_segments > run.segments())
+    return std::nullopt;
+  onset.time = run.recording.time[run.restarts[onset.segment]] - run.recording.time.front();
+  onset.parameters = model.parameters;
+  onset.spread.assign(model.parameters.size(), 0.0);
+  const auto n = static_cast<Eigen::Index>(linear_->free_parameters().size());
+  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
+  for (std::size_t s = 0; s < split->segment; ++s) information += linear_->weights()[s] * products[s].block(1, 1, n, n);
+  const Eigen::MatrixXd covariance = information.inverse();
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const std::size_t p = linear_->free_parameters()[static_cast<std::size_t>(i)];
+    onset.spread[p] = std::max(options.least_spread_tolerances, std::sqrt(covariance(i, i))) *
+                      sheet.parameters[p].tolerance * std::abs(sheet.parameters[p].nominal);
+  }
+  return onset;
+}
+
+double OnsetSearch::contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const {
+  const std::size_t t = first_segment(onset.run) + onset.segment;
+  const Eigen::VectorXd z = deviations(residuals_.sheet(), linear_->free_parameters(), onset.parameters);
+  const auto gain = [&](const std::vector<Eigen::MatrixXd>& without, const std::vector<Eigen::MatrixXd>& with,
+                        std::size_t first, std::size_t last) {
+    return (adjusted(*linear_, part(without, first, last), z).loss -
+            adjusted(*linear_, part(with, first, last), z).loss) /
+           static_cast<double>(last - first);
+  };
+  const std::vector<Eigen::MatrixXd> without = linear_->products(linear_->at_model());
+  const std::vector<Eigen::MatrixXd> with =
+      linear_->products(residuals_of(residuals_, {onset.parameters, effects}, every_, jobs_));
+  const double later = gain(without, with, t, without.size());
+  return later > 0 ? std::max(0.0, -gain(without, with, 0, t)) / later : 0.0;
+}
+
+SegmentedRun rest_of(const Datasheet& sheet, const SegmentedRun& run, std::size_t segment,
+                     const SegmentOptions& options) {
+  Recording rest;
+  rest.rig = run.recording.rig;
+  rest.channels = run.recording.channels;
+  for (std::size_t k = run.restarts[segment]; k < run.recording.rows(); ++k) rest.append(run.measured(k));
+  return cut_run(sheet, run.name, std::move(rest), static_cast<double>(run.segment) * run.period, options);
+}
+
+Datasheet calibrated(const Datasheet& sheet, const Onset& onset) {
+  Datasheet result = sheet;
+  for (std::size_t i = 0; i < result.parameters.size(); ++i) {
+    Parameter& p = result.parameters[i];
+    if (!(onset.spread[i] > 0)) continue;
+    p.nominal = onset.parameters[i];
+    p.tolerance = onset.spread[i] / std::abs(p.nominal);
+  }
+  return result;
+}
+
+}  // namespace faultline

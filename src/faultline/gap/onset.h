@@ -1,0 +1,58 @@
+// Since when: whether the model, with parameters of its own, explains runs up to some moment and not from then on.
+//
+//   min over t, theta_1, theta_2 of  L_before(theta_1) + L_after(theta_2)          L: linearisation.h
+//
+// theta_2 takes of what came what parameters can, so that t is found before anything is known of the cause. The model
+// is then made linear anew around theta_1, and t sought again. A change of parameters alone is no cause that began: it
+// leaves nothing after t either. Whether a cause that explains what follows was not there before is asked of the runs
+// before t (contradicted()): a cause that did not show there, since the rig did not move so, may have been there all
+// the time. Runs follow one another in the order in which they are given.
+#pragma once
+
+#include <optional>
+
+#include "faultline/gap/fit_gap.h"
+
+namespace faultline {
+
+struct Onset {
+  std::size_t run = 0;             // in which it lies
+  std::size_t segment = 0;         // of that run, the first that shows it
+  double time = 0;                 // s from that run's beginning, of that segment
+  std::vector<double> parameters;  // theta_1, in the datasheet's order
+  std::vector<double> spread;      // standard deviation of those, in the parameter's unit; of fixed ones 0
+};
+
+class OnsetSearch {
+ public:
+  // Runs as they are, none cut.
+  OnsetSearch(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options, int jobs);
+
+  // Nothing where before t there is as much to explain as after, or where t is an end of a run: then the runs differ.
+  std::optional<Onset> find();
+  // By how much the log-likelihood of what was before, over that of what follows (per segment each), falls with these
+  // effects in the model: 0 where they do not show before, 1 where they harm there as much as they help later.
+  double contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const;
+
+ private:
+  struct Split {
+    std::size_t segment = 0;  // over all runs, first that follows
+    Adjusted before, after;
+  };
+  std::size_t first_segment(std::size_t run) const;
+  void settle(const ModelChange& at);
+  std::optional<Split> best_split(const std::vector<Eigen::MatrixXd>& products, const Eigen::VectorXd& z) const;
+
+  int jobs_;
+  ResidualModel residuals_;
+  std::vector<std::size_t> every_;
+  std::shared_ptr<const Linearisation> linear_;
+};
+
+// The run from the segment on, as a run of its own.
+SegmentedRun rest_of(const Datasheet& sheet, const SegmentedRun& run, std::size_t segment,
+                     const SegmentOptions& options);
+// The rig as it was before: its parameters and how well they are known are the datasheet's.
+Datasheet calibrated(const Datasheet& sheet, const Onset& onset);
+
+}  // namespace faultline

@@ -1,0 +1,94 @@
+// Since when: a cause that begins during a run is dated and named; one that was there all the time, or runs that differ,
+// get no date.
+#include "faultline/gap/onset.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "faultline/gap/diagnose_gap.h"
+#include "faultline/segments/segment_length.h"
+#include "rigs/servo_actuator/runs.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kFrom = 4.5, kDuration = 10;
+
+SegmentedRun servo_run(const std::string& leak, std::uint64_t seed) {
+  SimulationSetup setup = servo_setup("multisine");
+  setup.seed = seed;
+  setup.parameters = draw_parameters(servo(), 5);
+  for (const std::string& text : servo().nuisance) setup.effects.push_back(parse_effect(text));
+  if (!leak.empty()) setup.effects.push_back(parse_effect("laminar_leakage@flow.chamber_a_chamber_b:" + leak));
+  return cut_run(servo(), "run", simulate(servo(), setup, kDuration), segment_length(servo()));
+}
+
+const SegmentedRun& leaks_later() {
+  static const SegmentedRun run = servo_run("coefficient=2e-11,from=4.5", 1);
+  return run;
+}
+
+OnsetSearch search_of(std::vector<SegmentedRun> runs) { return {servo(), std::move(runs), GapOptions(), 2}; }
+
+TEST(Onset, OfALeakIsFoundToASegment) {
+  OnsetSearch search = search_of({leaks_later()});
+  const std::optional<Onset> onset = search.find();
+  ASSERT_TRUE(onset);
+  EXPECT_EQ(onset->run, 0u);
+  EXPECT_NEAR(onset->time, kFrom, 1.01 * segment_length(servo()));
+  // What follows is explained by the leak, which before was not there; and by what cannot show before.
+  const std::string leak = "laminar_leakage@flow.chamber_a_chamber_b:coefficient=2e-11";
+  EXPECT_GT(search.contradicted(*onset, {parse_effect(leak)}), 0.5);
+  EXPECT_LT(search.contradicted(*onset, {parse_effect(leak + ",from=4.5")}), 0.02);
+  // As a rig of its own.
+  const Datasheet before = calibrated(servo(), *onset);
+  for (std::size_t i = 0; i < before.parameters.size(); ++i) {
+    EXPECT_EQ(before.parameters[i].nominal, onset->parameters[i]);
+    EXPECT_LE(before.parameters[i].tolerance, 1.5 * servo().parameters[i].tolerance);
+  }
+  const SegmentedRun rest = rest_of(servo(), leaks_later(), onset->segment, GapOptions().segments);
+  EXPECT_NEAR(rest.duration(), kDuration - onset->time, 0.01);
+}
+
+TEST(Onset, IsNoneWhereNothingBegins) {
+  EXPECT_FALSE(search_of({servo_run("", 1)}).find());
+  EXPECT_FALSE(search_of({servo_run("coefficient=2e-11", 1)}).find());
+}
+
+// Then they disagree, which is another answer (run_agreement.h).
+TEST(Onset, IsNoneBetweenRuns) {
+  EXPECT_FALSE(search_of({servo_run("", 1), servo_run("coefficient=2e-11", 2)}).find());
+}
+
+TEST(Onset, IsFoundInALaterRun) {
+  const std::optional<Onset> onset = search_of({servo_run("", 2), leaks_later()}).find();
+  ASSERT_TRUE(onset);
+  EXPECT_EQ(onset->run, 1u);
+  EXPECT_NEAR(onset->time, kFrom, 1.01 * segment_length(servo()));
+}
+
+TEST(Onset, IsToldWithTheName) {
+  GapSettings settings;
+  settings.jobs = 2;
+  settings.most_effects = 1;
+  double last = 0;
+  const GapResult result = diagnose_gap(servo(), {leaks_later()}, {}, settings, [&](double done, const std::string&) {
+    EXPECT_GE(done, last);
+    last = done;
+  });
+  EXPECT_EQ(result.verdict, "named") << result.sentence;
+  ASSERT_EQ(result.effects.size(), 1u);
+  EXPECT_EQ(result.effects.front().effect, "laminar_leakage");
+  EXPECT_EQ(result.effects.front().port, "flow.chamber_a_chamber_b");
+  EXPECT_NEAR(result.effects.front().parameters.at("coefficient"), 2e-11, 0.3e-11);
+  ASSERT_TRUE(result.since);
+  EXPECT_EQ(result.since->run, 0u);
+  EXPECT_NEAR(result.since->time, kFrom, 1.01 * result.since->within);
+  EXPECT_EQ(result.runs, std::vector<std::string>{"run"});
+  EXPECT_NE(result.sentence.find("Since 4.5 s of run"), std::string::npos) << result.sentence;
+  EXPECT_GE(result.series.time.front(), result.since->time - 1e-9);
+}
+
+}  // namespace
+}  // namespace faultline
