@@ -62,7 +62,7 @@ void AlarmKeeper::reset() {
   }
   data_.reset();
   book_.clear();
-  running_ = false;
+  running_ = idle_ = false;
 }
 
 void AlarmKeeper::advance(double now) {
@@ -76,7 +76,7 @@ void AlarmKeeper::check(const Assessment& a) const {
   };
   ask("detectors", a.detectors.size(), detecting_.size());
   ask("isolators", a.isolators.size(), isolating_.size());
-  for (std::size_t d = 0; d < detecting_.size(); ++d)
+  for (std::size_t d = 0; d < detecting_.size() && !a.quiet; ++d)
     if (const int from = a.detectors[d].takes_over; from >= static_cast<int>(isolating_.size()))
       throw InputError(fmt::format("{}: there is no isolator {}", rig_, from));
   for (const IsolatorResult& i : a.isolators)
@@ -96,13 +96,19 @@ void AlarmKeeper::process(const Assessment& a) {
   book_.report.judged = a.judged;
   book_.report.undecided_since = a.undecided_since;
   data_.check_channels(a.time, a.channel_status, book_);
-  for (std::size_t d = 0; d < detecting_.size(); ++d) take(detecting_[d], a.detectors[d], a.time);
+  if (!(a.quiet && idle_)) {
+    idle_ = a.quiet;
+    for (std::size_t d = 0; d < detecting_.size(); ++d) {
+      take(detecting_[d], a.detectors[d], a.time);
+      idle_ = idle_ && is_idle(detecting_[d]);
+    }
+  }
   for (std::size_t i = 0; i < isolating_.size(); ++i) take(isolating_[i], a.isolators[i], a);
 }
 
 void AlarmKeeper::take(Detecting& d, const DetectorResult& result, double time) {
   const bool nothing = result.reason == Reason::absent && result.takes_over < 0 && !result.detection.blind;
-  if (nothing && d.withheld.reason == Reason::absent && d.alarm < 0 && d.unobserved < 0) return;  // the usual case
+  if (nothing && is_idle(d)) return;  // the usual case
   if (result.detection.blind || d.unobserved >= 0) watch_blindness(d, result, time);
   d.withheld.reason = result.reason;
   if (result.takes_over >= 0) {

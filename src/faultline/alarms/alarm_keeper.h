@@ -79,6 +79,11 @@ class AlarmKeeper {
   std::vector<Detecting> detecting_;
   std::vector<Isolating> isolating_;
   DataWatch data_;
+  static bool is_idle(const Detecting& d) {
+    return d.withheld.reason == Reason::absent && d.alarm < 0 && d.unobserved < 0;
+  }
+
+  bool idle_ = false;  // all detectors have been so since they were quiet
   bool running_ = false;
   double last_time_ = 0;
   mutable AlarmBook book_;  // the report's verdict and what is withheld are only written when somebody reads it

@@ -18,7 +18,7 @@ ExtendedKalmanFilter::ExtendedKalmanFilter(const ProcessModel& model) : model_(m
 void ExtendedKalmanFilter::predict(double dt, double noise_scale) {
   model_.predict(s_.state.data(), dt, next_.data());
   model_.jacobian(s_.state.data(), dt, a_.data());
-  s_.wide.leftCols(s_.n).noalias() = a_.lazyProduct(s_.root);
+  s_.propagate(a_);
   s_.add_noise(dt, noise_scale);
   s_.state = next_;
 }

@@ -13,16 +13,19 @@
 
 namespace faultline {
 
-// Returns off^2/s.
-template <class Vector, class Root, class Row>
-double correct_row(Vector& state, Root& root, const Row& h, double off, double r) {
-  Vector v(state.size()), sv(state.size());
-  v.noalias() = root.transpose().lazyProduct(h);
-  sv.noalias() = root.lazyProduct(v);
+// Both return off^2/s.
+template <class Vector, class Root, class Column>
+double correct_along(Vector& state, Root& root, const Column& v, double off, double r) {
+  const Column sv = root.lazyProduct(v);
   const double s = r + v.squaredNorm();
   state += (off / s) * sv;
   root.noalias() -= (sv / (s + std::sqrt(r * s))).lazyProduct(v.transpose());
   return off * off / s;
+}
+
+template <class Vector, class Root, class Row>
+double correct_row(Vector& state, Root& root, const Row& h, double off, double r) {
+  return correct_along(state, root, Vector(root.transpose().lazyProduct(h)), off, r);
 }
 
 }  // namespace faultline

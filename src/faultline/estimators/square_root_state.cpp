@@ -1,6 +1,7 @@
 #include "faultline/estimators/square_root_state.h"
 
 #include <cmath>
+#include <type_traits>
 
 #include <fmt/format.h>
 
@@ -9,6 +10,43 @@
 #include "faultline/signal/error.h"
 
 namespace faultline {
+namespace {
+
+// Loops whose length the compiler knows, for the sizes that filters here have: calls work(N) with N a constant,
+// Eigen::Dynamic for others.
+template <class Work>
+void with_states(int n, Work&& work) {
+  switch (n) {
+    case 2:
+      return work(std::integral_constant<int, 2>());
+    case 3:
+      return work(std::integral_constant<int, 3>());
+    case 4:
+      return work(std::integral_constant<int, 4>());
+    case 5:
+      return work(std::integral_constant<int, 5>());
+    case 6:
+      return work(std::integral_constant<int, 6>());
+    default:
+      return work(std::integral_constant<int, Eigen::Dynamic>());
+  }
+}
+
+template <int N>
+using Roots = Eigen::Map<Eigen::Matrix<double, N, N, Eigen::RowMajor, N == Eigen::Dynamic ? kMaximumStates : N,
+                                       N == Eigen::Dynamic ? kMaximumStates : N>>;
+template <int N>
+using Column = Eigen::Matrix<double, N, 1, 0, N == Eigen::Dynamic ? kMaximumStates : N, 1>;
+
+template <int N, int kColumns>
+bool reduced(SquareRootState::Wide& wide) {
+  if (wide.cols() != kColumns) return false;
+  Eigen::Map<Eigen::Matrix<double, N, kColumns, Eigen::RowMajor>> fixed(wide.data());
+  reduce_to_triangle(fixed);
+  return true;
+}
+
+}  // namespace
 
 SquareRootState::SquareRootState(const ProcessModel& of, int propagated, int extra)
     : model(of),
@@ -30,8 +68,6 @@ SquareRootState::SquareRootState(const ProcessModel& of, int propagated, int ext
   g.setZero(n, inputs);
   wide.setZero(n, columns + inputs + n);
   for (Outputs* v : {&predicted, &innovation, &innovation_std}) v->setZero(m);
-  selection_.setZero(m, n);
-  for (int i = 0; i < static_cast<int>(observed.size()); ++i) selection_(i, observed[static_cast<std::size_t>(i)]) = 1;
 }
 
 void SquareRootState::reset(const double* first, const double* variance) {
@@ -51,8 +87,23 @@ void SquareRootState::add_noise(double dt, double noise_scale) {
   wide.rightCols(n).setZero();
   const double scale = std::sqrt(noise_scale);
   for (int i = 0; i < n; ++i) wide(i, columns + inputs + i) = scale * process_root[i];
-  reduce_to_triangle(wide);
+  with_states(n, [this](auto size) {
+    constexpr int kStates = size();
+    if constexpr (kStates != Eigen::Dynamic)
+      if (reduced<kStates, 2 * kStates>(wide) || reduced<kStates, 2 * kStates + 2>(wide) ||
+          reduced<kStates, 3 * kStates>(wide))
+        return;
+    reduce_to_triangle(wide);
+  });
   root = wide.leftCols(n);
+}
+
+void SquareRootState::propagate(const Square& a) {
+  with_states(n, [&](auto size) {
+    constexpr int kStates = size();
+    using Const = Eigen::Map<const typename Roots<kStates>::PlainObject>;
+    wide.leftCols(n).noalias() = Const(a.data(), n, n).lazyProduct(Const(root.data(), n, n));
+  });
 }
 
 void SquareRootState::correct_rows(const double* y, const bool* use, const Observation& c) {
@@ -74,13 +125,37 @@ void SquareRootState::correct_rows(const double* y, const bool* use, const Obser
   }
 }
 
+// As correct_rows() with rows that are one where the state stands and zero elsewhere: S'h is a row of S.
 void SquareRootState::correct_observed(const double* y, const bool* use) {
-  for (int i = 0; i < m; ++i) predicted[i] = state[observed[static_cast<std::size_t>(i)]];
-  correct_rows(y, use, selection_);
+  innovation.setZero();
+  innovation_std.setZero();
+  normalised_innovation = 0;
+  with_states(n, [&](auto size) {
+    constexpr int kStates = size();
+    Roots<kStates> s(root.data(), n, n);
+    for (int i = 0; i < m; ++i) {
+      const int at = observed[static_cast<std::size_t>(i)];
+      predicted[i] = state[at];
+      if (!use[i]) continue;
+      innovation[i] = y[i] - predicted[i];
+      innovation_std[i] = std::sqrt(s.row(at).squaredNorm() + measurement_variance[i]);
+    }
+    Eigen::Map<Column<kStates>> x(state.data(), n);
+    for (int i = 0; i < m; ++i) {
+      if (!use[i]) continue;
+      const int at = observed[static_cast<std::size_t>(i)];
+      normalised_innovation +=
+          correct_along(x, s, Column<kStates>(s.row(at).transpose()), y[i] - x[at], measurement_variance[i]);
+    }
+  });
 }
 
 void SquareRootState::covariance(double* row_major) const {
-  Eigen::Map<Square>(row_major, n, n).noalias() = root.lazyProduct(root.transpose());
+  with_states(n, [&](auto size) {
+    constexpr int kStates = size();
+    const Eigen::Map<const typename Roots<kStates>::PlainObject> s(root.data(), n, n);
+    Roots<kStates>(row_major, n, n).noalias() = s.lazyProduct(s.transpose());
+  });
 }
 
 }  // namespace faultline

@@ -28,6 +28,7 @@ struct SquareRootState {
   SquareRootState(const ProcessModel& of, int propagated, int extra = 0);
 
   void reset(const double* first, const double* variance);
+  void propagate(const Square& a);                // a S, the first columns of `wide`
   void add_noise(double dt, double noise_scale);  // of the inputs at `state`, before it is replaced
   // `predicted` must hold h(x-).
   void correct_rows(const double* y, const bool* use, const Observation& c);
@@ -44,9 +45,6 @@ struct SquareRootState {
   Square root;
   Wide wide;
   double normalised_innovation = 0;
-
- private:
-  Observation selection_;
 };
 
 }  // namespace faultline

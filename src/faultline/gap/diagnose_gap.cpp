@@ -435,7 +435,8 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
   const SegmentOptions& segments = settings.options.segments;
   std::vector<SegmentedRun> rest{rest_of(sheet, runs[onset->run], onset->segment, segments)};
   rest.insert(rest.end(), runs.begin() + static_cast<std::ptrdiff_t>(onset->run) + 1, runs.end());
-  GapResult result = diagnose_all(calibrated(sheet, *onset), std::move(rest), holdout, settings, progress);
+  GapResult result = diagnose_all(calibrated(sheet, *onset, settings.options.onset.tolerance_fraction), std::move(rest),
+                                  holdout, settings, progress);
   if (result.verdict != "named") return std::nullopt;
   std::vector<EffectSpec> effects;
   for (const NamedEffect& named : result.effects) {

@@ -147,8 +147,8 @@ struct GapOptions {
     double settled_tolerances = 0.3;  // ... until the parameters move less
     double before_fraction = 0.25;    // of the excess that follows, which the model may leave before
     double least_excess_variances = 0.1;  // that follows: less is the scatter of what is never modelled
-    double least_spread_tolerances =
-        0.1;                             // as well as parameters are known at best: the model is always a little wrong
+    // Left of the tolerances by what was before: the model is always a little wrong.
+    double tolerance_fraction = 0.05;
     double contradicted_fraction = 0.1;  // OnsetSearch::contradicted(), from which a cause was not there before
   } onset;
 
@@ -297,7 +297,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(onset.settled_tolerances);
   FAULTLINE_OPTION(onset.before_fraction);
   FAULTLINE_OPTION(onset.least_excess_variances);
-  FAULTLINE_OPTION(onset.least_spread_tolerances);
+  FAULTLINE_OPTION(onset.tolerance_fraction);
   FAULTLINE_OPTION(onset.contradicted_fraction);
   FAULTLINE_OPTION(verdict.quiet_excess_variances);
   FAULTLINE_OPTION(verdict.quiet_noisy_fraction);

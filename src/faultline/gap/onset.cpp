@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/LU>
-
 namespace faultline {
 namespace {
 
@@ -84,33 +82,20 @@ std::optional<Onset> OnsetSearch::find() {
     return std::nullopt;
   onset.time = run.recording.time[run.restarts[onset.segment]] - run.recording.time.front();
   onset.parameters = model.parameters;
-  onset.spread.assign(model.parameters.size(), 0.0);
-  const auto n = static_cast<Eigen::Index>(linear_->free_parameters().size());
-  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
-  for (std::size_t s = 0; s < split->segment; ++s) information += linear_->weights()[s] * products[s].block(1, 1, n, n);
-  const Eigen::MatrixXd covariance = information.inverse();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const std::size_t p = linear_->free_parameters()[static_cast<std::size_t>(i)];
-    onset.spread[p] = std::max(options.least_spread_tolerances, std::sqrt(covariance(i, i))) *
-                      sheet.parameters[p].tolerance * std::abs(sheet.parameters[p].nominal);
-  }
   return onset;
 }
 
 double OnsetSearch::contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const {
   const std::size_t t = first_segment(onset.run) + onset.segment;
   const Eigen::VectorXd z = deviations(residuals_.sheet(), linear_->free_parameters(), onset.parameters);
-  const auto gain = [&](const std::vector<Eigen::MatrixXd>& without, const std::vector<Eigen::MatrixXd>& with,
-                        std::size_t first, std::size_t last) {
-    return (adjusted(*linear_, part(without, first, last), z).loss -
-            adjusted(*linear_, part(with, first, last), z).loss) /
-           static_cast<double>(last - first);
-  };
   const std::vector<Eigen::MatrixXd> without = linear_->products(linear_->at_model());
   const std::vector<Eigen::MatrixXd> with =
       linear_->products(residuals_of(residuals_, {onset.parameters, effects}, every_, jobs_));
-  const double later = gain(without, with, t, without.size());
-  return later > 0 ? std::max(0.0, -gain(without, with, 0, t)) / later : 0.0;
+  std::vector<Eigen::MatrixXd> later = part(without, 0, t);
+  later.insert(later.end(), with.begin() + static_cast<std::ptrdiff_t>(t), with.end());
+  const double never = adjusted(*linear_, without, z).loss, always = adjusted(*linear_, with, z).loss,
+               since = adjusted(*linear_, later, z).loss;
+  return never > since ? std::max(0.0, always - since) / (never - since) : 0.0;
 }
 
 SegmentedRun rest_of(const Datasheet& sheet, const SegmentedRun& run, std::size_t segment,
@@ -122,13 +107,13 @@ SegmentedRun rest_of(const Datasheet& sheet, const SegmentedRun& run, std::size_
   return cut_run(sheet, run.name, std::move(rest), static_cast<double>(run.segment) * run.period, options);
 }
 
-Datasheet calibrated(const Datasheet& sheet, const Onset& onset) {
+Datasheet calibrated(const Datasheet& sheet, const Onset& onset, double tolerance_fraction) {
   Datasheet result = sheet;
   for (std::size_t i = 0; i < result.parameters.size(); ++i) {
     Parameter& p = result.parameters[i];
-    if (!(onset.spread[i] > 0)) continue;
+    if (!(p.tolerance > 0)) continue;
     p.nominal = onset.parameters[i];
-    p.tolerance = onset.spread[i] / std::abs(p.nominal);
+    p.tolerance *= tolerance_fraction;
   }
   return result;
 }

@@ -20,7 +20,6 @@ struct Onset {
   std::size_t segment = 0;         // of that run, the first that shows it
   double time = 0;                 // s from that run's beginning, of that segment
   std::vector<double> parameters;  // theta_1, in the datasheet's order
-  std::vector<double> spread;      // standard deviation of those, in the parameter's unit; of fixed ones 0
 };
 
 class OnsetSearch {
@@ -30,8 +29,8 @@ class OnsetSearch {
 
   // Nothing where before t there is as much to explain as after, or where t is an end of a run: then the runs differ.
   std::optional<Onset> find();
-  // By how much the log-likelihood of what was before, over that of what follows (per segment each), falls with these
-  // effects in the model: 0 where they do not show before, 1 where they harm there as much as they help later.
+  // How much worse the runs are explained with these effects from the beginning than from the onset on, over how much
+  // worse they are without: 0 where they may have been there all the time. Parameters at their best for each.
   double contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const;
 
  private:
@@ -52,7 +51,8 @@ class OnsetSearch {
 // The run from the segment on, as a run of its own.
 SegmentedRun rest_of(const Datasheet& sheet, const SegmentedRun& run, std::size_t segment,
                      const SegmentOptions& options);
-// The rig as it was before: its parameters and how well they are known are the datasheet's.
-Datasheet calibrated(const Datasheet& sheet, const Onset& onset);
+// The rig as it was before: its parameters are the datasheet's, known to a fraction of its tolerances. They do not
+// move by themselves: what moves them is a cause.
+Datasheet calibrated(const Datasheet& sheet, const Onset& onset, double tolerance_fraction);
 
 }  // namespace faultline

@@ -36,7 +36,8 @@ struct Assessment {
   std::vector<ChannelStatus> channel_status;  // one per channel of the rig
   bool judged = false;                        // something that would show a fault has judged so far
   double undecided_since = std::numeric_limits<double>::quiet_NaN();  // s, Isolator; NaN: nothing is
-  std::vector<DetectorResult> detectors;                              // in the datasheet's order
+  bool quiet = false;  // for two samples no detector says anything or is blind; where it is not known: false
+  std::vector<DetectorResult> detectors;  // in the datasheet's order
   std::vector<IsolatorResult> isolators;
 };
 

@@ -107,7 +107,7 @@ void IsolationStage::reset() {
   assessment_.judged = false;
   assessment_.undecided_since = std::nan("");
   model_fits_ = true;
-  running_ = false;
+  running_ = quiet_ = false;
 }
 
 References IsolationStage::references() const {
@@ -167,10 +167,14 @@ const Assessment& IsolationStage::process(const Estimate* estimates) {
   assessment_.sequence = estimate.sequence;
   assessment_.channel_status = estimate.channel_status;
   channels_.process(estimate.time, estimate.channel_status);
-  detect(estimates);
+  // What every detector said of nothing stays said, so that the usual sample costs no more than the detectors.
+  const bool was_quiet = quiet_;
+  assessment_.quiet = !detect(estimates) && was_quiet;
   isolate(estimates);
-  hand_over();
-  decide_detections();
+  if (!(quiet_ && was_quiet)) {
+    hand_over();
+    decide_detections();
+  }
   decide_findings();
   return assessment_;
 }
@@ -183,8 +187,9 @@ const Detection& IsolationStage::detection(const Watched& w) const {
   return assessment_.detectors[static_cast<std::size_t>(&w - watched_.data())].detection;
 }
 
-void IsolationStage::detect(const Estimate* estimates) {
-  model_fits_ = true;
+bool IsolationStage::detect(const Estimate* estimates) {
+  bool blind = false;
+  model_fits_ = quiet_ = true;
   for (std::size_t c = 0; c < doubted_.size(); ++c) doubted_[c] = channels_.is_bad(c);
   const auto doubt = [this](const Watched& w) {
     for (const std::size_t channel : w.doubts) doubted_[channel] = true;
@@ -200,8 +205,10 @@ void IsolationStage::detect(const Estimate* estimates) {
         (std::isfinite(criterion.value) || age >= kLongEnough))
       assessment_.judged = true;
     w.stands = false;
+    blind = blind || result.detection.blind;
     w.claim.holds = result.detection.active;
-    if (!w.claim.holds) continue;    // most of them, at every sample
+    if (!w.claim.holds) continue;  // most of them, at every sample
+    quiet_ = false;
     if (result.size_name.empty()) {  // some know the unit from the first estimate on
       result.size_name = w.detector->size_name();
       result.size_unit = w.detector->size_unit();
@@ -209,6 +216,7 @@ void IsolationStage::detect(const Estimate* estimates) {
     if (w.withholds) model_fits_ = false;
     if (w.meaning.kind == AlarmKind::sensor) doubt(w);
   }
+  if (quiet_) return blind;
   for (Watched& w : watched_) {
     if (!w.claim.holds) continue;
     w.claim = Claim();
@@ -222,6 +230,7 @@ void IsolationStage::detect(const Estimate* estimates) {
   }
   for (const Watched& w : watched_)
     if (w.stands && w.meaning.kind == AlarmKind::fault) doubt(w);
+  return true;
 }
 
 void IsolationStage::isolate(const Estimate* estimates) {

@@ -62,7 +62,7 @@ class IsolationStage {
     int told_for = -1;  // the detector that found the same, while this one's alarm tells it
   };
   const Assessment& process(const Estimate* estimates);
-  void detect(const Estimate* estimates);
+  bool detect(const Estimate* estimates);  // whether any detector says something, or is blind
   void isolate(const Estimate* estimates);
   void hand_over();  // alarms to the detectors that still find what an isolator no longer does
   void decide_detections();
@@ -94,6 +94,7 @@ class IsolationStage {
   std::vector<bool> doubted_;  // one per channel: its transducer is known to be off
   bool weighs_all_ = false;    // an isolator overrules: that one says what could have been seen
   bool model_fits_ = true;
+  bool quiet_ = false;  // no detector said anything
   bool running_ = false;
   double begin_ = 0;  // s
   Assessment assessment_;

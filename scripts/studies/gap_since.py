@@ -1,0 +1,94 @@
+#!/usr/bin/python3
+"""Causes that begin during a run, and whether `faultline gap` names and dates them.
+
+    scripts/studies/gap_since.py [--rigs RIG ...] [--runs 12] [--first 1001] [--work FOLDER] [--always] [--list]
+
+Rig, profile, effect and size are drawn as by random_faults.py, the onset between 30 and 70 % of one run; `stuck`, which
+has a time of its own, is drawn again. With --always the effect is there from the beginning, so that every date is false.
+What is done stays in FOLDER: stopped, it goes on where it was.
+
+dated: named (or in its equivalence set) and dated to two segments. undated: named without a date. misdated: named with
+another date. other: something else is named, whatever its date. unknown; none: no cause, or parameters only."""
+
+import argparse
+import collections
+import json
+import pathlib
+import random
+import tempfile
+
+from random_faults import draw
+from rig_runs import ROOT, Results, datasheet, faultline, on_all_cores, record
+
+SECONDS = {"control_valve": 60, "cooling_circuit": 20, "hydraulic_drive": 60, "pump_cylinder": 24, "servo_actuator": 20}
+GRADES = ("dated", "undated", "misdated", "other", "unknown", "none")
+
+
+def draw_one(ports, profiles, seed):
+    """(profile, effect@port, as simulate takes it without its onset)"""
+    for again in range(1000):
+        profile, _, _, name, effect, _ = draw(ports, profiles, seed + 100000 * again)
+        if not name.startswith("stuck@"):
+            return profile, name, effect.rsplit(",from=", 1)[0]
+    raise SystemExit("this rig has no effect that can begin")
+
+
+def run(rig, ports, profiles, seed, always):
+    profile, name, effect = draw_one(ports, profiles, seed)
+    onset = round(random.Random(f"onset {seed}").uniform(0.3, 0.7) * SECONDS[rig], 2)
+    given = effect if always else f"{effect},from={onset}"
+    with tempfile.TemporaryDirectory() as folder:
+        more = ["--profile", profile, "--duration", SECONDS[rig], "--off-nominal", "--nuisance", "--seed", seed]
+        bag = record(rig, pathlib.Path(folder) / "run.bag", *more, "--effect", given)
+        cause = json.loads(faultline("gap", bag, "--json", "-"))["cause"]
+    entry = {"effect": given, "onset": onset, "verdict": cause["verdict"], "since": cause["since"]}
+    entry["sentence"] = cause["sentence"]
+    entry["named"] = [f"{e['effect']}@{e['port']}" for e in cause["effects"]]
+    entry["equivalent"] = [f"{e['effect']}@{e['port']}" for e in cause["equivalent"]]
+    return {**entry, "grade": grade(name, onset, entry)}
+
+
+def grade(name, onset, entry):
+    if entry["verdict"] != "named":
+        return "unknown" if entry["verdict"] == "unknown" else "none"
+    if name not in entry["named"] + entry["equivalent"]:
+        return "other"
+    since = entry["since"]
+    if since is None:
+        return "undated"
+    return "dated" if abs(since["time"] - onset) <= 2 * since["within"] else "misdated"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rigs", nargs="+", default=sorted(SECONDS))
+    parser.add_argument("--runs", type=int, default=12, help="of each rig")
+    parser.add_argument("--first", type=int, default=1001, help="the first seed")
+    parser.add_argument("--work", default=str(ROOT / "catkin_ws/gap_since"))
+    parser.add_argument("--always", action="store_true", help="from the beginning")
+    parser.add_argument("--list", action="store_true", help="every run, too")
+    options = parser.parse_args()
+    print("| rig | runs | " + " | ".join(GRADES) + " | dates |\n|" + "---|" * (len(GRADES) + 3))
+    listed = []
+    for rig in options.rigs:
+        ports = json.loads(faultline("rigs", rig, "--json", "-"))["rigs"][0]["ports"]
+        profiles = datasheet(rig)["profiles"]
+        results = Results(pathlib.Path(options.work) / f"{rig}{'_always' if options.always else ''}.jsonl")
+
+        def once(seed):
+            return results.once(str(seed), lambda: run(rig, ports, profiles, seed, options.always))
+
+        seeds = range(options.first, options.first + options.runs)
+        entries = list(on_all_cores(once, [(seed,) for seed in seeds]))
+        grades = collections.Counter(entry["grade"] for entry in entries)
+        dates = sum(entry["since"] is not None for entry in entries)
+        told = " | ".join(str(grades[g]) for g in GRADES)
+        print(f"| `{rig}` | {len(entries)} | {told} | {dates} |", flush=True)
+        listed += [(rig, seed, entry) for seed, entry in zip(seeds, entries)]
+    if options.list:
+        for rig, seed, entry in listed:
+            print(f"- {rig} {seed}: {entry['effect']}: {entry['grade']}: {entry['sentence']}")
+
+
+if __name__ == "__main__":
+    main()
