@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "faultline/numerics/quick_tanh.h"
+
 namespace faultline {
 namespace {
 
@@ -90,7 +92,7 @@ void Network::step(const double* weights, const double* inputs) {
     for (const Tap& tap : unit.beside) work.z[next++] = value(tap, unit);
     work.h.noalias() = RowMap(w + p.first_layer, p.hidden, p.entries) * work.z;
     work.h += VectorMap(w + p.first_bias, p.hidden);
-    for (double& h : work.h) h = std::tanh(h);
+    for (double& h : work.h) h = quick_tanh(h);
     for (std::size_t i = 0; i < unit.outputs.size(); ++i) {
       const double* own = w + p.second_layer + static_cast<Eigen::Index>(i) * p.per_output;
       double y = VectorMap(own, p.hidden).dot(work.h);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "faultline/numerics/quick_tanh.h"
+
 namespace faultline {
 namespace {
 
@@ -160,7 +162,7 @@ double PumpCylinder::modulus_b(double pressure, Kept& oil) const {
 
 double PumpCylinder::resistance(double position, double velocity, double load, double share, bool loaded) const {
   const double viscosity = oil_port_.viscosity().factor;
-  const double direction = direction_.at(velocity, [this](double v) { return std::tanh(v / width_); });
+  const double direction = direction_.at(velocity, [this](double v) { return quick_tanh(v / width_); });
   if (!has_force_) return share * (viscosity * p_.viscous * velocity + p_.coulomb * direction);
   const BodyForces extra = force_.forces({position, velocity, load});
   const double level = p_.coulomb + (velocity > 0 ? extra.sliding_plus : extra.sliding_minus);
@@ -256,7 +258,7 @@ void PumpCylinder::jacobian(double time, const double* state, const double* chan
   const double volume_a = p_.volume_a + p_.cap_area * state[kPosition];
   const double volume_b = p_.volume_b - p_.rod_area * state[kPosition];
   const double stiff_a = modulus_a / volume_a, stiff_b = modulus_b / volume_b;
-  const double direction = direction_.at(velocity, [this](double v) { return std::tanh(v / width_); });
+  const double direction = direction_.at(velocity, [this](double v) { return quick_tanh(v / width_); });
   const double friction = factor * p_.viscous + p_.coulomb * (1 - direction * direction) / width_;
   const auto by = [entries](int column, int row) -> double& { return entries[column * kNominalStates + row]; };
   std::fill_n(entries, kNominalStates * kNominalStates, 0.0);

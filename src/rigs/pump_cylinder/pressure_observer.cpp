@@ -24,6 +24,7 @@
 #include <unsupported/Eigen/MatrixFunctions>
 
 #include "faultline/estimators/process_model.h"
+#include "faultline/numerics/quick_tanh.h"
 #include "faultline/signal/error.h"
 #include "rigs/pump_cylinder/plant.h"
 
@@ -52,9 +53,6 @@ Square exponential(Square m) {
   for (; squarings > 0; --squarings) e = (e * e).eval();
   return e;
 }
-
-// By one exponential, half the time of std::tanh; the error is of the size of the last digit of 1.
-double smooth_sign(double x) { return 1 - 2 / (std::exp(2 * x) + 1); }
 
 using Rows = Eigen::Matrix<double, kStates, kStates, Eigen::RowMajor>;
 
@@ -267,7 +265,7 @@ class NonlinearModel : public PressureModel {
     const double volume_a = p_.volume_a + p_.cap_area * x[kPosition],
                  volume_b = p_.volume_b - p_.rod_area * x[kPosition];
     const double beta_a = p_.oil.value(x[kPressureA]), beta_b = p_.oil.value(x[kPressureB]);
-    const double into_a = inflow_a(x), into_b = inflow_b(x), level = smooth_sign(x[kVelocity] * sharpness_);
+    const double into_a = inflow_a(x), into_b = inflow_b(x), level = quick_tanh(x[kVelocity] * sharpness_);
     Square f = Square::Zero();  // (25)
     f(kPosition, kVelocity) = 1;
     f(kVelocity, kVelocity) = -(p_.viscous + signed_ * (1 - level * level) * sharpness_) / p_.mass;
@@ -301,7 +299,7 @@ class NonlinearModel : public PressureModel {
   }
   // (23); stiff: beta/V of a side
   Eigen::Vector4d rate(const Eigen::Vector4d& x, double stiff_a, double stiff_b) const {
-    const double dry = constant_ + (signed_ > 0 ? signed_ * smooth_sign(x[kVelocity] * sharpness_) : 0.0);
+    const double dry = constant_ + (signed_ > 0 ? signed_ * quick_tanh(x[kVelocity] * sharpness_) : 0.0);
     const double force = p_.cap_area * x[kPressureA] - p_.rod_area * x[kPressureB] - p_.viscous * x[kVelocity];
     return {x[kVelocity], (force - dry - weight_) * per_mass_, stiff_a * inflow_a(x), stiff_b * inflow_b(x)};
   }
