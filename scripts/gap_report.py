@@ -187,6 +187,13 @@ def sentence_of(answer, sheet):
                 join(parts), "is" if len(parts) == 1 else "are", "it" if len(parts) == 1 else "them", percent(heldout)
             )
         )
+        since = cause.get("since")
+        if since:
+            text += " {} began {:.4g} s into {}.".format(
+                "It" if len(parts) == 1 else "They", since["time"], os.path.basename(since["run"])
+            )
+            after += ", of what follows that moment (known to {:.2g} s)".format(since["within"])
+            after += "; until then the model explains the recording, calibrated there"
         return text[:1].upper() + text[1:], after + "."
     place = answer["where"]["ranked"][0]["port"] if answer["where"]["ranked"] else ""
     part = " at or near the " + sheet.component(place) if place else ""
@@ -360,6 +367,7 @@ def render(answer, series, sheet, facts):
         moved=moved_parameters(answer, sheet),
         heldout=percent(shrink["heldout"] or 0.0),
         against_nominal=percent(shrink["against_nominal"] or 0.0),
+        since=answer["cause"].get("since"),
         interval=[percent(end or 0.0) for end in shrink["interval"]],
         closable=percent(shrink["closable"] or 0.0),
         missing=missing_text(answer, sheet),

@@ -4,7 +4,7 @@
     scripts/studies/gap_since.py [--rigs RIG ...] [--runs 12] [--first 1001] [--work FOLDER] [--always] [--list]
 
 Rig, profile, effect and size are drawn as by random_faults.py, the onset between 30 and 70 % of one run; `stuck`, which
-has a time of its own, is drawn again. With --always the effect is there from the beginning, so that every date is false.
+has a time of its own, is drawn again. With --always the effect is there from the beginning, and every date is false.
 What is done stays in FOLDER: stopped, it goes on where it was.
 
 dated: named (or in its equivalence set) and dated to two segments. undated: named without a date. misdated: named with

@@ -41,6 +41,14 @@ class FirstSentence(unittest.TestCase):
         self.assertIn("closes 96 %", text)
         self.assertIn("94 % to 98 %", after)
 
+    def test_says_since_when(self):
+        began = answer(CLOGGED)
+        began["cause"]["since"] = {"run": "runs/second.bag", "time": 9.125, "within": 0.25}
+        text, after = gap_report.sentence_of(began, Sheet)
+        self.assertTrue(text.endswith("It began 9.125 s into second.bag."), text)
+        self.assertIn("0.25 s", after)
+        self.assertNotIn("began", gap_report.sentence_of(answer(CLOGGED), Sheet)[0])
+
     def test_rounding_closes_nothing_and_says_why(self):
         text, after = gap_report.sentence_of(answer(ROUNDED, heldout=0.0), Sheet)
         self.assertIn("position transducer", text)

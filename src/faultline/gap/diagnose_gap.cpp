@@ -307,9 +307,9 @@ void remark_noise(const Datasheet& sheet, GapResult& result) {
   }
 }
 
-// Steps 1 to 5 of the header.
-GapResult diagnose_all(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
-                       const GapSettings& settings, const GapProgress& progress) {
+// Steps 1 to 5 of the header. `stated`: what the user's datasheet says of the parameters.
+GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vector<SegmentedRun> runs,
+                       std::vector<SegmentedRun> holdout, const GapSettings& settings, const GapProgress& progress) {
   const GapOptions& options = settings.options;
   const GapOptions::Verdict& verdict = options.verdict;
   GapResult result;
@@ -336,7 +336,7 @@ GapResult diagnose_all(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   work.tell(0.02, "refitting parameters");
   const EffectSearch search = search_effects(work, settings.most_effects, quiet);
   if (std::string text = work.runs_disagree(search.base); !text.empty()) result.remarks.push_back(std::move(text));
-  for (std::string& remark : told_at_bounds(sheet, search.base.model, options))
+  for (std::string& remark : told_at_bounds(stated, search.base.model, options))
     result.remarks.push_back(std::move(remark));
   ModelChange nominal;
   nominal.parameters = sheet.nominal();
@@ -435,8 +435,8 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
   const SegmentOptions& segments = settings.options.segments;
   std::vector<SegmentedRun> rest{rest_of(sheet, runs[onset->run], onset->segment, segments)};
   rest.insert(rest.end(), runs.begin() + static_cast<std::ptrdiff_t>(onset->run) + 1, runs.end());
-  GapResult result = diagnose_all(calibrated(sheet, *onset, settings.options.onset.tolerance_fraction), std::move(rest),
-                                  holdout, settings, progress);
+  GapResult result = diagnose_all(calibrated(sheet, *onset, settings.options.onset.tolerance_fraction), sheet,
+                                  std::move(rest), holdout, settings, progress);
   if (result.verdict != "named") return std::nullopt;
   std::vector<EffectSpec> effects;
   for (const NamedEffect& named : result.effects) {
@@ -446,6 +446,14 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
     effects.push_back(std::move(effect));
   }
   if (search.contradicted(*onset, effects) < settings.options.onset.contradicted_fraction) return std::nullopt;
+  // Factors on what the user's datasheet says.
+  for (GapLevel& level : result.gap)
+    for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
+      const Parameter& p = sheet.parameters[i];
+      if (onset->parameters[i] == p.nominal) continue;
+      const auto factor = level.parameters.emplace(p.name, 1.0).first;
+      factor->second *= onset->parameters[i] / p.nominal;
+    }
   const SegmentedRun& run = runs[onset->run];
   result.since = Since{onset->run, onset->time, static_cast<double>(run.segment) * run.period};
   result.sentence += fmt::format(" Since {:.4g} s of {} (to {:.2g} s); until then the model explains the recording.",
@@ -475,7 +483,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     };
     again = [&](double done, const std::string& text) { forward(kFirstShare + (1 - kFirstShare) * done, text); };
   }
-  GapResult result = diagnose_all(sheet, runs, holdout, settings, forward);
+  GapResult result = diagnose_all(sheet, sheet, runs, holdout, settings, forward);
   if (result.verdict != "none") {
     if (forward) forward(kFirstShare, "looking since when");
     if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, settings, again)) {
