@@ -6,10 +6,21 @@
 namespace faultline {
 namespace {
 
-double excess(const std::vector<double>& losses, std::size_t first, std::size_t last, double values) {
+double mean(const std::vector<double>& values, std::size_t first, std::size_t last) {
   double sum = 0;
-  for (std::size_t i = first; i < last; ++i) sum += losses[i];
-  return std::max(0.0, 2 * sum / (values * static_cast<double>(last - first)) - 1);
+  for (std::size_t i = first; i < last; ++i) sum += values[i];
+  return sum / static_cast<double>(last - first);
+}
+
+double squares(const std::vector<double>& values, std::size_t first, std::size_t last) {
+  const double middle = mean(values, first, last);
+  double sum = 0;
+  for (std::size_t i = first; i < last; ++i) sum += (values[i] - middle) * (values[i] - middle);
+  return sum;
+}
+
+double excess(const std::vector<double>& losses, std::size_t first, std::size_t last, double values) {
+  return std::max(0.0, 2 * mean(losses, first, last) / values - 1);
 }
 
 std::vector<Eigen::MatrixXd> part(const std::vector<Eigen::MatrixXd>& products, std::size_t first, std::size_t last) {
@@ -37,14 +48,24 @@ void OnsetSearch::settle(const ModelChange& at) {
 
 std::optional<OnsetSearch::Split> OnsetSearch::best_split(const std::vector<Eigen::MatrixXd>& products,
                                                           const Eigen::VectorXd& z) const {
-  const std::size_t fewest = residuals_.options().onset.least_segments, all = products.size();
+  const GapOptions::Onset& options = residuals_.options().onset;
+  const std::size_t all = products.size();
+  const Eigen::Index n = z.size();
   std::optional<Split> best;
-  double least = 0;
-  for (std::size_t t = fewest; t + fewest <= all; ++t) {
-    Split split{t, adjusted(*linear_, part(products, 0, t), z), adjusted(*linear_, part(products, t, all), z)};
-    const double loss = split.before.loss + split.after.loss;
-    if (best && loss >= least) continue;
-    least = loss;
+  double most = 0;
+  std::vector<double> level(all);
+  Eigen::VectorXd at = Eigen::VectorXd::Ones(1 + n);
+  for (std::size_t t = options.least_segments; t + options.least_segments <= all; ++t) {
+    Split split{t, adjusted(*linear_, part(products, 0, t), z)};
+    at.tail(n) = split.before.move;
+    for (std::size_t i = 0; i < all; ++i) level[i] = linear_->robust(0.5 * at.dot(products[i] * at));
+    const double step = mean(level, t, all) - mean(level, 0, t);
+    const double scatter = squares(level, 0, t) + squares(level, t, all);
+    const double first = static_cast<double>(t), second = static_cast<double>(all - t);
+    const double least = options.least_step_variances * linear_->segment_values();
+    const double score = first * second / (first + second) * step * std::abs(step) / (scatter + least * least);
+    if (score <= most) continue;
+    most = score;
     best = std::move(split);
   }
   return best;
@@ -60,7 +81,8 @@ std::optional<Onset> OnsetSearch::find() {
     settle(model);
     products = linear_->products(linear_->at_model());
     const std::size_t before = split ? split->segment : 0;
-    split = best_split(products, deviations(sheet, linear_->free_parameters(), model.parameters));
+    const Eigen::VectorXd z = deviations(sheet, linear_->free_parameters(), model.parameters);
+    split = best_split(products, z);
     if (!split) return std::nullopt;
     const Eigen::VectorXd move = split->before.move;
     if (round > 0 && split->segment == before && move.cwiseAbs().maxCoeff() < options.settled_tolerances) break;

@@ -1,12 +1,13 @@
 // Since when: whether the model, with parameters of its own, explains runs up to some moment and not from then on.
 //
-//   min over t, theta_1, theta_2 of  L_before(theta_1) + L_after(theta_2)          L: linearisation.h
+//   max over t of  n_1 n_2/(n_1 + n_2) (mean_2 - mean_1)^2 / (squares_1 + squares_2)
 //
-// theta_2 takes of what came what parameters can, so that t is found before anything is known of the cause. The model
-// is then made linear anew around theta_1, and t sought again. A change of parameters alone is no cause that began: it
-// leaves nothing after t either. Whether a cause that explains what follows was not there before is asked of the runs
-// before t (contradicted()): a cause that did not show there, since the rig did not move so, may have been there all
-// the time. Runs follow one another in the order in which they are given.
+// of the segments' log-likelihoods (linearisation.h) with theta, which is fitted to what is before t; mean_i and
+// squares_i, the scatter around it, before and after. Each segment has a noise level of its own there, so theta
+// is that of the segments that it explains, and one in which the model goes astray is no step. The model is then made
+// linear anew around theta, and t sought again. Whether a cause that explains what follows was not there before is
+// asked of all runs (contradicted()): one that did not show before, since the rig did not move so, may have been
+// there all the time. Runs follow one another in the order in which they are given.
 #pragma once
 
 #include <optional>
@@ -19,7 +20,7 @@ struct Onset {
   std::size_t run = 0;             // in which it lies
   std::size_t segment = 0;         // of that run, the first that shows it
   double time = 0;                 // s from that run's beginning, of that segment
-  std::vector<double> parameters;  // theta_1, in the datasheet's order
+  std::vector<double> parameters;  // theta, in the datasheet's order
 };
 
 class OnsetSearch {
@@ -36,7 +37,7 @@ class OnsetSearch {
  private:
   struct Split {
     std::size_t segment = 0;  // over all runs, first that follows
-    Adjusted before, after;
+    Adjusted before;
   };
   std::size_t first_segment(std::size_t run) const;
   void settle(const ModelChange& at);
