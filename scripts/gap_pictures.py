@@ -21,6 +21,12 @@ def shown_levels(answer):
     return [name for name in LEVELS if name != "explained" or answer["cause"]["effects"]]
 
 
+def level_name(answer, level):
+    """Of a cause that began, the levels are of what follows."""
+    began = level == "nominal" and answer["cause"].get("since")
+    return "model as calibrated before" if began else LEVELS[level][1]
+
+
 def telling_channels(answer, most=4):
     """Channels that show the gap, the plainest first; at least one."""
     gap = answer["gap"]
@@ -72,7 +78,7 @@ def comparison(answer, series, sheet, label="comparison"):
         )
         parts = []
         for order, level in enumerate(levels):
-            colour, text = LEVELS[level]
+            colour, text = LEVELS[level][0], level_name(answer, level)
             simulated = series.get(level + ":" + name)
             difference = scale.span(1) * (measured - simulated)
             parts.append(difference)
@@ -139,7 +145,7 @@ def shrink(answer, label="shrink"):
                 color=LEVELS[level][0],
                 markersize=7,
                 zorder=3,
-                label=LEVELS[level][1] if row == 0 else None,
+                label=level_name(answer, level) if row == 0 else None,
             )
     axis.axvline(1, color="#5a646e", linewidth=1.0, linestyle=(0, (3, 2)), zorder=1)
     axis.set_xscale("log")

@@ -355,7 +355,7 @@ def render(answer, series, sheet, facts):
         deciding=os.path.basename(answer.get("deciding_run") or ""),
         where_kind=answer["where"].get("kind"),
         has_effect=has_effect,
-        level_names=[gap_pictures.LEVELS[name][1] for name in gap_pictures.shown_levels(answer)],
+        level_names=[gap_pictures.level_name(answer, name) for name in gap_pictures.shown_levels(answer)],
         causes=[effect_row(effect, sheet) for effect in answer["cause"]["ranked"][:RANKED]],
         left_out=max(0, len(answer["cause"]["ranked"]) - RANKED),
         effects=[effect_row(effect, sheet) for effect in answer["cause"]["effects"]],
