@@ -255,14 +255,15 @@ class Diagnosed(unittest.TestCase):
     def test_says_since_when(self):
         self.assertIsNone(self.answer["cause"]["since"])
         options = ["--profile", "multisine", "--duration", 10, "--seed", 3, "--quiet", "-o", "later.bag"]
-        effect = ["--effect", f"{EFFECT}@{PORT}:coefficient={SIZE:g},from=4.5"]
+        leak = "laminar_leakage@flow.chamber_a_chamber_b"
+        effect = ["--effect", f"{leak}:coefficient=2e-11,from=4.5"]
         done = call(self.folder, "simulate", "servo_actuator", *options, *effect)
         self.assertEqual(done.returncode, 0, done.stderr)
         done = call(self.folder, "gap", "later.bag", "--json", "later.json", "--report", "later.html")
         self.assertEqual(done.returncode, 0, done.stderr)
         answer = json.loads((self.folder / "later.json").read_text())
         self.assertEqual(check_schema(answer, SCHEMA), [])
-        self.assertEqual([e["effect"] + "@" + e["port"] for e in answer["cause"]["effects"]], [f"{EFFECT}@{PORT}"])
+        self.assertEqual([e["effect"] + "@" + e["port"] for e in answer["cause"]["effects"]], [leak])
         since = answer["cause"]["since"]
         self.assertEqual((since["run"], answer["runs"]), ("later.bag", ["later.bag"]))
         self.assertAlmostEqual(since["time"], 4.5, delta=since["within"])
