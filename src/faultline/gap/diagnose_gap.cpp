@@ -484,7 +484,12 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     again = [&](double done, const std::string& text) { forward(kFirstShare + (1 - kFirstShare) * done, text); };
   }
   GapResult result = diagnose_all(sheet, sheet, runs, holdout, settings, forward);
-  if (result.verdict != "none") {
+  // What closes all from the beginning on did not begin, unless it is a stuck sensor, which takes a moment of its own.
+  const bool closed = result.verdict == "named" &&
+                      result.shrink_refit >= settings.options.verdict.closed_shrink_fraction &&
+                      std::none_of(result.effects.begin(), result.effects.end(),
+                                   [](const NamedEffect& e) { return e.effect == "stuck"; });
+  if (result.verdict != "none" && !closed) {
     if (forward) forward(kFirstShare, "looking since when");
     if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, settings, again)) {
       since->runs = std::move(names);

@@ -143,10 +143,12 @@ struct GapOptions {
   struct Onset {
     std::size_t least_segments = 6;   // before and after, that parameters of their own may be fitted to
     std::size_t inside_segments = 3;  // from an end of its run, that an onset lies: nearer it is the runs that differ
-    double least_step_variances = 0.05;   // of a segment, by which two that are alike may differ
-    std::size_t rounds = 4;               // linearisations, at most,
-    double settled_tolerances = 0.3;      // ... until the parameters move less
-    double before_fraction = 0.25;        // of the excess that follows, which the model may leave before
+    double least_step_variances = 0.05;  // of a segment, by which two that are alike may differ
+    std::size_t rounds = 4;              // linearisations, at most,
+    double settled_tolerances = 0.3;     // ... until the parameters move less
+    double before_fraction = 0.25;       // of the excess that follows, which the model may leave before
+    double shown_fraction =
+        0.1;  // of the information about parameters that a segment holds later, and must hold before
     double least_excess_variances = 0.1;  // that follows: less is the scatter of what is never modelled
     // Left of the tolerances by what was before: the model is always a little wrong.
     double tolerance_fraction = 0.05;
@@ -298,6 +300,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(onset.rounds);
   FAULTLINE_OPTION(onset.settled_tolerances);
   FAULTLINE_OPTION(onset.before_fraction);
+  FAULTLINE_OPTION(onset.shown_fraction);
   FAULTLINE_OPTION(onset.least_excess_variances);
   FAULTLINE_OPTION(onset.tolerance_fraction);
   FAULTLINE_OPTION(onset.contradicted_fraction);

@@ -95,6 +95,11 @@ std::optional<Onset> OnsetSearch::find() {
   const double earlier = excess(losses, 0, split->segment, values);
   const double later = excess(losses, split->segment, losses.size(), values);
   if (later < options.least_excess_variances || earlier > options.before_fraction * later) return std::nullopt;
+  // A rig that only begins to move then has told nothing before.
+  std::vector<double> shown;
+  for (const Eigen::MatrixXd& segment : products) shown.push_back(segment.diagonal().tail(segment.rows() - 1).sum());
+  if (mean(shown, 0, split->segment) < options.shown_fraction * mean(shown, split->segment, shown.size()))
+    return std::nullopt;
 
   Onset onset;
   while (onset.run + 1 < every_.size() && first_segment(onset.run + 1) <= split->segment) ++onset.run;
