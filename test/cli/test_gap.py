@@ -271,7 +271,7 @@ class Diagnosed(unittest.TestCase):
         self.assertIn("as calibrated before", (self.folder / "later.html").read_text())
 
     def test_interrupted(self):
-        for number, wait in ((signal.SIGINT, 1.5), (signal.SIGTERM, 0.5)):
+        for number, wait in ((signal.SIGINT, 0.6), (signal.SIGTERM, 0.5)):
             with self.subTest(signal=number):
                 before = sorted(os.listdir(self.folder))
                 running = subprocess.Popen(
