@@ -1,5 +1,5 @@
-// Since when: a cause that begins during a run is dated and named; one that was there all the time, or runs that differ,
-// get no date.
+// Since when: a cause that begins during a run is dated and named; one that was there all the time gets no date, nor do
+// runs that differ.
 #include "faultline/gap/onset.h"
 
 #include <gtest/gtest.h>
