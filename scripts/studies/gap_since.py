@@ -41,7 +41,7 @@ def run(rig, ports, profiles, seed, always):
         more = ["--profile", profile, "--duration", SECONDS[rig], "--off-nominal", "--nuisance", "--seed", seed]
         bag = record(rig, pathlib.Path(folder) / "run.bag", *more, "--effect", given)
         cause = json.loads(faultline("gap", bag, "--json", "-"))["cause"]
-    entry = {"effect": given, "onset": onset, "verdict": cause["verdict"], "since": cause["since"]}
+    entry = {"effect": given, "onset": onset, "verdict": cause["verdict"], "since": cause.get("since")}
     entry["sentence"] = cause["sentence"]
     entry["named"] = [f"{e['effect']}@{e['port']}" for e in cause["effects"]]
     entry["equivalent"] = [f"{e['effect']}@{e['port']}" for e in cause["equivalent"]]
