@@ -65,6 +65,9 @@ class AlarmKeeper {
     Finding shown, shown_of;
     int shown_for = -1;
   };
+  static bool is_idle(const Detecting& d) {
+    return d.withheld.reason == Reason::absent && d.alarm < 0 && d.unobserved < 0;
+  }
   void check(const Assessment& assessment) const;
   void take(Detecting& d, const DetectorResult& result, double time);
   void take(Isolating& i, const IsolatorResult& result, const Assessment& assessment);
@@ -79,10 +82,6 @@ class AlarmKeeper {
   std::vector<Detecting> detecting_;
   std::vector<Isolating> isolating_;
   DataWatch data_;
-  static bool is_idle(const Detecting& d) {
-    return d.withheld.reason == Reason::absent && d.alarm < 0 && d.unobserved < 0;
-  }
-
   bool idle_ = false;  // all detectors have been so since they were quiet
   bool running_ = false;
   double last_time_ = 0;

@@ -1,4 +1,4 @@
-// tanh by one exponential, in less than half the time of std::tanh. The error is of the size of the last digit of 1, so
+// tanh by one exponential, in half the time of std::tanh. The error is of the size of the last digit of 1, so
 // it is relative to 1, not to the value: for saturating functions, not for small arguments that must keep their digits.
 #pragma once
 

@@ -60,7 +60,7 @@ class AnyLu : public SparseLu {
       : SparseLu(system.states(), system.jacobian_entries()),
         inverse_(system.states(), system.states()),
         product_(system.states()) {}
-  // Full, and all the same a fifth of the work of a sparse solution: nothing is looked up.
+  // Full: nothing is looked up, and one serves all that go beside.
   void invert() {
     inverse_.setIdentity();
     for (Eigen::Index i = 0; i < inverse_.cols(); ++i) solve(inverse_.col(i).data());
