@@ -6,6 +6,7 @@ each that was off. Held beside each other, the two rows say what a class costs.
 import math
 
 import answer
+import nature
 import truth_classes
 import twins
 
@@ -17,6 +18,14 @@ def _length(label):
     if length is None:
         return "as the rig's"
     return "8-15 s" if length < 15 else "15-30 s" if length < 30 else "30-60 s"
+
+
+def _own_level(label):
+    """Of the channel in which the truth without any effect is farthest from the model, in units of the noise."""
+    level = max(label["level"].values(), default=0) if label.get("level") else None
+    if level is None:
+        return "not known"
+    return "1: below 2" if level < 2 else "2: 2-5" if level < 5 else "3: above 5"
 
 
 def _classes(label):
@@ -31,6 +40,7 @@ OF = {
     "class": _classes,
     "rig": lambda label: [label["rig"]],
     "noise": lambda label: [label["noise"]],
+    "level": lambda label: [_own_level(label)],
     "length": lambda label: [_length(label)],
     "runs": lambda label: [str(label.get("runs", 2))],
     "excitation": lambda label: [label["excitations"][0]],
@@ -68,6 +78,7 @@ def counts(cases, answers):
         part = label["part"]
         if part == "none":
             add("none right", right(label, given))
+            add("none, false name", given.verdict == "named" and nature.foreign(label, given.effects))
             continue
         keys = list(label["effects"])
         if not label.get("structure") or label.get("severity") not in ("2-5", "above 5"):
@@ -77,6 +88,8 @@ def counts(cases, answers):
         if part == "closed" and plain(label):
             top = (given.effects + given.ranked + [None])[0]
             add("closed right", right(label, given))
+            found = given.verdict == "named" and keys[0] in given.effects
+            add("right but for nature", found and not nature.foreign(label, given.effects))
             add("ranks first", top == keys[0])
             add("place", given.place == keys[0].split("@")[1])
             add("false unknown", given.verdict == "unknown")
@@ -90,6 +103,7 @@ def counts(cases, answers):
 
 COLUMNS = [
     "closed right",
+    "right but for nature",
     "ranks first",
     "place",
     "false unknown",
@@ -97,6 +111,7 @@ COLUMNS = [
     "named or equivalent",
     "open unknown",
     "none right",
+    "none, false name",
     "both of two",
 ]
 
@@ -123,8 +138,9 @@ def markdown(title, method, labels, answers, seconds):
     text = [
         f"## {method} by {title}",
         "",
-        "Right: the verdict with exactly the true effects. All but none: severity above 2 and more than parameters can"
-        " explain; the first five columns: told from every near-equivalent too. Level: median residual over noise that"
+        "Right: the verdict with exactly the true effects; but for nature: further effects may be what the drawn truth has"
+        " by nature (nature.py). All but none: severity above 2 and more than parameters can"
+        " explain; the first six columns: told from every near-equivalent too. Level: median residual over noise that"
         " the truth leaves without any effect. In brackets: number of cases.",
         "",
         f"| {title} | cases | level | " + " | ".join(COLUMNS) + " | s |",

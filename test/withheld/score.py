@@ -14,6 +14,7 @@ import os
 
 import answer
 import groups
+import nature
 import sizes
 import twins
 
@@ -23,7 +24,7 @@ MISSING = answer.Answer({})
 
 def rate(values):
     values = list(values)
-    return (sum(values) / len(values), len(values)) if values else (math.nan, 0)
+    return (sum(map(bool, values)) / len(values), len(values)) if values else (math.nan, 0)
 
 
 def median(values):
@@ -138,6 +139,10 @@ def summarise(labels, answers, seconds, third):
         result["false_off" if off else "false"] = rate(
             answers.get(n, MISSING).verdict not in ("none", "miscalibrated") for n in inside
         )
+    bare = {n: (l, answers.get(n, MISSING)) for n, l in parts["none"].items()}
+    result["none_unknown"] = rate(a.verdict == "unknown" for _, a in bare.values())
+    result["none_name"] = rate(a.verdict == "named" for _, a in bare.values())
+    result["none_foreign"] = rate(a.verdict == "named" and nature.foreign(l, a.effects) for l, a in bare.values())
     opened = [
         n
         for n, l in parts["open"].items()
@@ -198,6 +203,9 @@ LINES = [
     ("twin_set", "not separable: named or in its set"),
     ("false", "false alarms, parameters within tolerance"),
     ("false_off", "false alarms, parameters off by up to 30 %"),
+    ("none_unknown", "no effect: unknown"),
+    ("none_name", "no effect: a name"),
+    ("none_foreign", "no effect: a name that the truth does not have by nature either"),
     ("open_unknown", "open: verdict unknown"),
     ("open_at_5", "open: unknown at 5 % false unknowns"),
     ("open_place", "open: place top-1"),

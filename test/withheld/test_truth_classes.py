@@ -18,6 +18,7 @@ sys.path.insert(0, HERE)
 
 import generate
 import groups
+import nature
 import levels
 import score
 import truth_classes
@@ -172,7 +173,7 @@ class Tables(unittest.TestCase):
         self.labels = {
             "case_0001": {"part": "closed", **effect, **with_friction},
             "case_0002": {"part": "closed", **effect, **without},
-            "case_0003": {"part": "none", "effects": {}, **without},
+            "case_0003": {"part": "none", "effects": {}, "parameters_off": [], **without},
         }
         named = {"cause": {"verdict": "named", "effects": [{"effect": "lag", "port": "command.valve"}]}}
         make = groups.answer.Answer
@@ -187,6 +188,29 @@ class Tables(unittest.TestCase):
         self.assertEqual(groups.counts(found["friction, any"], self.answers)["closed right"], [0, 1])
         off = groups.counts(found["friction, off"], self.answers)
         self.assertEqual((off["closed right"], off["none right"]), ([1, 1], [0, 1]))
+
+    def test_what_a_truth_has_by_nature_is_no_error(self):
+        label = {**self.labels["case_0003"], "classes": {"valve": "second_order", "sensor": "bow"}}
+        names = ["lag@command.valve", "lag@sensor.speed", "gain_curve@sensor.speed"]
+        self.assertEqual(nature.foreign(label, names), ["lag@sensor.speed"])
+        labels = {"case_0003": label}
+        self.assertEqual(groups.counts(labels, self.answers)["none, false name"], [0, 1])
+        self.assertEqual(groups.counts(labels, self.answers)["none right"], [0, 1])
+        found = score.summarise({**self.labels, **labels}, self.answers, {}, {})[0]
+        self.assertEqual((found["none_name"], found["none_foreign"]), ((1, 1), (0, 1)))
+        found = score.summarise(self.labels, self.answers, {}, {})[0]
+        self.assertEqual(found["none_foreign"], (1, 1))
+
+    def test_every_variant_has_a_nature_or_is_like_no_effect(self):
+        like_none = {"cross_talk", "coloured", "hum", "heavy", "by_level", "jitter", "missed"}
+        known = set()
+        for rig in map(generate.truth_of, generate.RIGS):
+            for name in truth_classes.CLASSES:
+                for variant in truth_classes.variants(rig, name):
+                    known |= {(name, variant), name}
+                    if name != "integrator" and variant not in like_none:
+                        self.assertTrue(nature.NATURE.get((name, variant), nature.NATURE.get(name)), (name, variant))
+        self.assertEqual(set(nature.NATURE) - known, set())
 
     def test_the_rows_are_markdown(self):
         for title in groups.OF:
