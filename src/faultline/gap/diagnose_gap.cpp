@@ -12,6 +12,8 @@
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
 #include "faultline/gap/onset.h"
+#include "faultline/gap/ranked_causes.h"
+#include "faultline/gap/split_runs.h"
 #include "faultline/gap/unknown_shape.h"
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/quantiles.h"
@@ -26,38 +28,6 @@ namespace {
 constexpr double kFirstShare = 0.96;  // of the progress, before it is asked since when
 constexpr double kMuchLeft = 3;       // times the noise
 constexpr double kMuchNoise = 10;     // times the datasheet's
-
-// `apart`: how far fits of single runs lie from each other, in the effect's coordinates.
-// `ninety`: half width of 90 % bounds in standard errors.
-NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart, double ninety,
-                  const GapOptions::Verdict& options) {
-  // The covariance knows nothing of what the model lacks.
-  const double width = ninety * options.interval_ratio;
-  const Candidate& candidate = fit.effects[position];
-  NamedEffect result;
-  result.effect = candidate.effect.effect;
-  result.port = candidate.effect.port;
-  result.family = candidate.family;
-  const EffectType* type = find_effect_type(candidate.effect.effect);
-  // The effects' coordinates stand last in the covariance, in order; those with a range only.
-  Eigen::Index at = fit.covariance.rows();
-  for (std::size_t e = fit.effects.size(); e-- > position;)
-    for (const Bounds& b : fit.effects[e].bounds) at -= b.minimum < b.maximum;
-  for (std::size_t p = 0; p < candidate.effect.parameters.size(); ++p) {
-    const double value = candidate.effect.parameters[p];
-    result.parameters[type->parameters[p].name] = value;
-    if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum) continue;
-    const double place = candidate.to_coordinate(p, value);
-    if (std::abs(place - 0.5) > 0.5 - options.bound_coordinate) result.at_bounds.push_back(type->parameters[p].name);
-    if (fit.covariance.rows() == 0) continue;
-    const double between = static_cast<Eigen::Index>(p) < apart.size() ? apart[static_cast<Eigen::Index>(p)] : 0.0;
-    const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)) + between * between);
-    ++at;
-    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, place - width * std),
-                                                  candidate.from_coordinate(p, place + width * std)};
-  }
-  return result;
-}
 
 // Excess that small unmodelled things leave where nothing is missing. They have a size of their own, so the noisier
 // the recording against the datasheet's noise, the less of them is seen.
@@ -75,10 +45,6 @@ double quiet_excess(const ResidualModel& model) {
   return options.quiet_excess_variances * (noisy + (1 - noisy) / std::max(1.0, count > 0 ? ratio / count : 1.0));
 }
 
-std::string kind_of(const Datasheet& sheet, const std::string& port) {
-  return sheet.port(port).kind == PortKind::sensor ? "sensor" : "process";
-}
-
 std::vector<std::string> told_at_bounds(const Datasheet& sheet, const ModelChange& model, const GapOptions& options) {
   std::vector<std::string> remarks;
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
@@ -93,58 +59,6 @@ std::vector<std::string> told_at_bounds(const Datasheet& sheet, const ModelChang
                       p.name, std::abs(z)));
   }
   return remarks;
-}
-
-std::vector<SegmentedRun> cut_in_two(const Datasheet& sheet, const SegmentedRun& run, const SegmentOptions& options) {
-  std::vector<SegmentedRun> parts;
-  const std::size_t rows = run.recording.rows();
-  const std::size_t middle = rows / 2;
-  for (int half = 0; half < 2; ++half) {
-    Recording part;
-    part.rig = run.recording.rig;
-    part.channels = run.recording.channels;
-    for (std::size_t k = half ? middle : 0; k < (half ? rows : middle); ++k) part.append(run.measured(k));
-    parts.push_back(cut_run(sheet, run.name + (half ? " (second half)" : " (first half)"), std::move(part),
-                            static_cast<double>(run.segment) * run.period, options));
-  }
-  return parts;
-}
-
-// Which runs are learned from and which judge: held-out runs, or the runs each other, a single one its halves.
-struct Split {
-  std::vector<SegmentedRun> runs;
-  std::vector<std::size_t> learn;
-  std::vector<Fold> folds;
-};
-
-Split split_runs(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
-                 const SegmentOptions& options) {
-  if (runs.empty()) throw InputError("gap: no run was given");
-  Split split;
-  if (runs.size() == 1 && holdout.empty()) {
-    const std::size_t least = 4 * runs.front().segment;  // two segments in each half
-    if (runs.front().recording.rows() < least)
-      throw InputError(fmt::format("{}: too short to be cut in two; a single run needs at least {:g} s",
-                                   runs.front().name, static_cast<double>(least) * runs.front().period));
-    runs = cut_in_two(sheet, runs.front(), options);
-  }
-  for (std::size_t i = 0; i < runs.size(); ++i) split.learn.push_back(i);
-  if (!holdout.empty()) {
-    Fold fold;
-    fold.train = split.learn;
-    for (std::size_t i = 0; i < holdout.size(); ++i) fold.test.push_back(runs.size() + i);
-    split.folds = {fold};
-  } else {
-    Fold even, odd;
-    for (const std::size_t i : split.learn) {
-      (i % 2 ? odd : even).train.push_back(i);
-      (i % 2 ? even : odd).test.push_back(i);
-    }
-    split.folds = {even, odd};
-  }
-  for (SegmentedRun& run : holdout) runs.push_back(std::move(run));
-  split.runs = std::move(runs);
-  return split;
 }
 
 // 90 % interval of 1 - excess(after)/excess(before), by bootstrap over the segments.
@@ -172,84 +86,6 @@ Interval shrink_interval(const std::vector<double>& before, const std::vector<do
   return {middle + wider * (low - middle), std::min(1.0, middle + wider * (high - middle))};
 }
 
-// The finalists of the first round with their distances and probabilities. Those that were not followed to the end
-// are as far behind as their quick fits.
-std::vector<RankedCause> rank_causes(const GapTrials& work, const EffectSearch& search) {
-  const GapOptions::Verdict& options = work.options().verdict;
-  std::vector<RankedCause> result;
-  if (search.ranked.empty()) return result;
-  const Structure& best = search.ranked.front();
-  const double whole = sum(search.plain.score) - sum(best.score);
-  double weights = 0, last = 0;
-  for (const Structure& s : search.ranked) {
-    RankedCause cause;
-    cause.effect = named(s.fit, s.fit.effects.size() - 1, s.apart, work.ninety_percent(), options);
-    if (!s.score.empty()) {
-      const std::vector<double> behind = minus(s.score, best.score);
-      cause.behind = sum(behind);
-      cause.standard_error = work.standard_error(behind);
-      last = cause.behind;
-    } else {
-      cause.behind = std::max(last, best.quick - s.quick);
-      cause.standard_error = work.standard_error({cause.behind});
-    }
-    cause.gain = whole - cause.behind;
-    const double scale = std::max({1.0, cause.standard_error, options.rival_gain_fraction * whole});
-    cause.effect.probability = std::exp(-0.5 * std::pow(cause.behind / scale, 2));
-    weights += cause.effect.probability;
-    result.push_back(cause);
-  }
-  std::stable_sort(result.begin(), result.end(),
-                   [](const RankedCause& a, const RankedCause& b) { return a.behind < b.behind; });
-  for (RankedCause& cause : result) cause.effect.probability /= std::max(weights, 1e-300);
-  return result;
-}
-
-// Places by the best candidate of each port.
-std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<Structure>& screened,
-                                    const std::vector<RankedCause>& causes, double inseparable) {
-  std::map<std::string, double> gains, shares;
-  for (const Structure& s : screened) {
-    double& gain = gains[s.fit.effects.back().effect.port];
-    gain = std::max(gain, s.screened);
-  }
-  for (const RankedCause& cause : causes) shares[cause.effect.port] += cause.effect.probability;
-  std::vector<PlaceScore> result;
-  for (const auto& [port, gain] : gains) {
-    PlaceScore place;
-    place.port = port;
-    place.component = sheet.port(port).component;
-    place.kind = kind_of(sheet, port);
-    place.score = gain;
-    place.share = shares[port];
-    result.push_back(place);
-  }
-  std::stable_sort(result.begin(), result.end(), [](const PlaceScore& a, const PlaceScore& b) {
-    return a.share != b.share ? a.share > b.share : a.score > b.score;
-  });
-  for (std::size_t i = 1; i < result.size(); ++i)
-    if (result[i].share > inseparable) result.front().inseparable.push_back(result[i].port);
-  return result;
-}
-
-// Places by what a free signal there wins.
-std::vector<PlaceScore> free_places(const Datasheet& sheet, const Discrepancy& discrepancy) {
-  std::vector<PlaceScore> result;
-  double sum = 0;
-  for (const FreePlace& free : discrepancy.places) {
-    PlaceScore place;
-    place.port = free.port;
-    place.component = sheet.port(free.port).component;
-    place.kind = kind_of(sheet, free.port);
-    place.score = free.gain;
-    place.share = std::exp(free.gain - discrepancy.places.front().gain);
-    sum += place.share;
-    result.push_back(place);
-  }
-  for (PlaceScore& place : result) place.share /= sum;
-  return result;
-}
-
 // Gap beyond the noise over what the channels move.
 double gap_size(const GapLevel& level) {
   double squares = 0;
@@ -258,33 +94,6 @@ double gap_size(const GapLevel& level) {
     squares += std::pow(c.nrmse.at("segment"), 2) * beyond;
   }
   return level.channels.empty() ? 0 : std::sqrt(squares / static_cast<double>(level.channels.size()));
-}
-
-bool same_cause(const NamedEffect& a, const NamedEffect& b) { return a.effect == b.effect && a.port == b.port; }
-
-// The effects that were found, and the rivals of the first.
-void name_effects(const EffectSearch& search, double ninety, const GapOptions::Verdict& options, GapResult& result) {
-  for (std::size_t round = 0; round < search.round_of.size(); ++round) {
-    const std::size_t e = position_of(search, round);
-    NamedEffect effect = named(search.base, e, search.apart[e], ninety, options);
-    effect.probability = 1;
-    if (round == 0)
-      for (const RankedCause& cause : result.ranked)
-        if (same_cause(cause.effect, effect)) effect.probability = cause.effect.probability;
-    result.effects.push_back(effect);
-  }
-  for (const RankedCause& cause : result.ranked) {
-    if (std::any_of(result.effects.begin(), result.effects.end(),
-                    [&](const NamedEffect& e) { return same_cause(e, cause.effect); }))
-      continue;
-    if (cause.behind < options.rival_standard_errors * cause.standard_error ||
-        cause.behind < options.rival_gain_fraction * result.ranked.front().gain)
-      result.equivalent.push_back(cause.effect);
-  }
-  if (!result.equivalent.empty())
-    result.why_equivalent =
-        fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors",
-                    options.rival_standard_errors);
 }
 
 // "none" and "miscalibrated" say that no cause is seen, not that nothing is left. In words; empty: nothing.
@@ -323,7 +132,7 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   const double segment_s = static_cast<double>(runs.front().segment) * runs.front().period;
   if (std::string text = remark_of_own_start(sheet, segment_s); !text.empty())
     result.remarks.push_back(std::move(text));
-  Split split = split_runs(sheet, std::move(runs), std::move(holdout), options.segments);
+  SplitRuns split = split_runs(sheet, std::move(runs), std::move(holdout), options.segments);
 
   GapTrials work(sheet, std::move(split.runs), split.folds, split.learn, settings, progress);
   const double values = work.held_out_values();

@@ -8,12 +8,9 @@
 
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/gap/fit_gap.h"
+#include "faultline/gap/split_runs.h"
 
 namespace faultline {
-
-struct Fold {
-  std::vector<std::size_t> train, test;  // positions of runs
-};
 
 // Start states and linearisation around a model.
 struct Surroundings {

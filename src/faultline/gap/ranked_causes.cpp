@@ -1,0 +1,150 @@
+#include "faultline/gap/ranked_causes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include <fmt/format.h>
+
+namespace faultline {
+namespace {
+
+// `apart`: how far fits of single runs lie from each other, in the effect's coordinates.
+// `ninety`: half width of 90 % bounds in standard errors.
+NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart, double ninety,
+                  const GapOptions::Verdict& options) {
+  // The covariance knows nothing of what the model lacks.
+  const double width = ninety * options.interval_ratio;
+  const Candidate& candidate = fit.effects[position];
+  NamedEffect result;
+  result.effect = candidate.effect.effect;
+  result.port = candidate.effect.port;
+  result.family = candidate.family;
+  const EffectType* type = find_effect_type(candidate.effect.effect);
+  // The effects' coordinates stand last in the covariance, in order; those with a range only.
+  Eigen::Index at = fit.covariance.rows();
+  for (std::size_t e = fit.effects.size(); e-- > position;)
+    for (const Bounds& b : fit.effects[e].bounds) at -= b.minimum < b.maximum;
+  for (std::size_t p = 0; p < candidate.effect.parameters.size(); ++p) {
+    const double value = candidate.effect.parameters[p];
+    result.parameters[type->parameters[p].name] = value;
+    if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum) continue;
+    const double place = candidate.to_coordinate(p, value);
+    if (std::abs(place - 0.5) > 0.5 - options.bound_coordinate) result.at_bounds.push_back(type->parameters[p].name);
+    if (fit.covariance.rows() == 0) continue;
+    const double between = static_cast<Eigen::Index>(p) < apart.size() ? apart[static_cast<Eigen::Index>(p)] : 0.0;
+    const double std = std::sqrt(std::max(0.0, fit.covariance(at, at)) + between * between);
+    ++at;
+    result.intervals[type->parameters[p].name] = {candidate.from_coordinate(p, place - width * std),
+                                                  candidate.from_coordinate(p, place + width * std)};
+  }
+  return result;
+}
+
+bool same_cause(const NamedEffect& a, const NamedEffect& b) { return a.effect == b.effect && a.port == b.port; }
+
+}  // namespace
+
+std::string kind_of(const Datasheet& sheet, const std::string& port) {
+  return sheet.port(port).kind == PortKind::sensor ? "sensor" : "process";
+}
+
+std::vector<RankedCause> rank_causes(const GapTrials& work, const EffectSearch& search) {
+  const GapOptions::Verdict& options = work.options().verdict;
+  std::vector<RankedCause> result;
+  if (search.ranked.empty()) return result;
+  const Structure& best = search.ranked.front();
+  const double whole = sum(search.plain.score) - sum(best.score);
+  double weights = 0, last = 0;
+  for (const Structure& s : search.ranked) {
+    RankedCause cause;
+    cause.effect = named(s.fit, s.fit.effects.size() - 1, s.apart, work.ninety_percent(), options);
+    if (!s.score.empty()) {
+      const std::vector<double> behind = minus(s.score, best.score);
+      cause.behind = sum(behind);
+      cause.standard_error = work.standard_error(behind);
+      last = cause.behind;
+    } else {
+      cause.behind = std::max(last, best.quick - s.quick);
+      cause.standard_error = work.standard_error({cause.behind});
+    }
+    cause.gain = whole - cause.behind;
+    const double scale = std::max({1.0, cause.standard_error, options.rival_gain_fraction * whole});
+    cause.effect.probability = std::exp(-0.5 * std::pow(cause.behind / scale, 2));
+    weights += cause.effect.probability;
+    result.push_back(cause);
+  }
+  std::stable_sort(result.begin(), result.end(),
+                   [](const RankedCause& a, const RankedCause& b) { return a.behind < b.behind; });
+  for (RankedCause& cause : result) cause.effect.probability /= std::max(weights, 1e-300);
+  return result;
+}
+
+std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<Structure>& screened,
+                                    const std::vector<RankedCause>& causes, double inseparable) {
+  std::map<std::string, double> gains, shares;
+  for (const Structure& s : screened) {
+    double& gain = gains[s.fit.effects.back().effect.port];
+    gain = std::max(gain, s.screened);
+  }
+  for (const RankedCause& cause : causes) shares[cause.effect.port] += cause.effect.probability;
+  std::vector<PlaceScore> result;
+  for (const auto& [port, gain] : gains) {
+    PlaceScore place;
+    place.port = port;
+    place.component = sheet.port(port).component;
+    place.kind = kind_of(sheet, port);
+    place.score = gain;
+    place.share = shares[port];
+    result.push_back(place);
+  }
+  std::stable_sort(result.begin(), result.end(), [](const PlaceScore& a, const PlaceScore& b) {
+    return a.share != b.share ? a.share > b.share : a.score > b.score;
+  });
+  for (std::size_t i = 1; i < result.size(); ++i)
+    if (result[i].share > inseparable) result.front().inseparable.push_back(result[i].port);
+  return result;
+}
+
+std::vector<PlaceScore> free_places(const Datasheet& sheet, const Discrepancy& discrepancy) {
+  std::vector<PlaceScore> result;
+  double sum = 0;
+  for (const FreePlace& free : discrepancy.places) {
+    PlaceScore place;
+    place.port = free.port;
+    place.component = sheet.port(free.port).component;
+    place.kind = kind_of(sheet, free.port);
+    place.score = free.gain;
+    place.share = std::exp(free.gain - discrepancy.places.front().gain);
+    sum += place.share;
+    result.push_back(place);
+  }
+  for (PlaceScore& place : result) place.share /= sum;
+  return result;
+}
+
+void name_effects(const EffectSearch& search, double ninety, const GapOptions::Verdict& options, GapResult& result) {
+  for (std::size_t round = 0; round < search.round_of.size(); ++round) {
+    const std::size_t e = position_of(search, round);
+    NamedEffect effect = named(search.base, e, search.apart[e], ninety, options);
+    effect.probability = 1;
+    if (round == 0)
+      for (const RankedCause& cause : result.ranked)
+        if (same_cause(cause.effect, effect)) effect.probability = cause.effect.probability;
+    result.effects.push_back(effect);
+  }
+  for (const RankedCause& cause : result.ranked) {
+    if (std::any_of(result.effects.begin(), result.effects.end(),
+                    [&](const NamedEffect& e) { return same_cause(e, cause.effect); }))
+      continue;
+    if (cause.behind < options.rival_standard_errors * cause.standard_error ||
+        cause.behind < options.rival_gain_fraction * result.ranked.front().gain)
+      result.equivalent.push_back(cause.effect);
+  }
+  if (!result.equivalent.empty())
+    result.why_equivalent =
+        fmt::format("on the held-out data they explain the gap as well, within {:g} standard errors",
+                    options.rival_standard_errors);
+}
+
+}  // namespace faultline
