@@ -13,14 +13,29 @@ namespace {
 
 constexpr double kSegment = 0.25;  // s
 
-std::vector<SegmentedRun> runs_with(const std::vector<std::string>& effects) {
+// Adds to a channel noise that forgets itself in `memory` s.
+void add_noise(Recording& recording, const std::string& channel, double size, double memory, std::uint64_t seed) {
+  Random random(seed);
+  const auto column = static_cast<std::size_t>(servo().channel(channel));
+  const double keep = std::exp(-servo().sample_period / memory);
+  double noise = size * random.normal();
+  for (std::size_t k = 0; k < recording.rows(); ++k) {
+    recording.values[k * servo().channels.size() + column] += noise;
+    noise = keep * noise + size * std::sqrt(1 - keep * keep) * random.normal();
+  }
+}
+
+// `noisy`: in Pa, of chamber A's transducer, with a memory of 20 ms.
+std::vector<SegmentedRun> runs_with(const std::vector<std::string>& effects, double noisy = 0) {
   std::vector<SegmentedRun> runs;
   std::uint64_t seed = 11;
   for (const char* profile : {"multisine", "square"}) {
     SimulationSetup setup = servo_setup(profile, seed++);
     setup.parameters = draw_parameters(servo(), 11);
     for (const std::string& effect : effects) setup.effects.push_back(parse_effect(effect));
-    runs.push_back(cut_run(servo(), profile, simulate(servo(), setup, 6), kSegment));
+    Recording recording = simulate(servo(), setup, 6);
+    if (noisy > 0) add_noise(recording, "chamber_a_pressure", noisy, 0.02, seed);
+    runs.push_back(cut_run(servo(), profile, std::move(recording), kSegment));
   }
   return runs;
 }
@@ -38,9 +53,10 @@ GapSettings among(const std::vector<std::string>& ports) {
 const std::vector<Fold> kFolds = {{{0}, {1}}, {{1}, {0}}};
 const GapProgress kSilent;
 
-EffectSearch search_among(const std::vector<std::string>& ports, const std::vector<std::string>& effects) {
+EffectSearch search_among(const std::vector<std::string>& ports, const std::vector<std::string>& effects,
+                          double noisy = 0) {
   const GapSettings settings = among(ports);
-  GapTrials work(servo(), runs_with(effects), kFolds, {0, 1}, settings, kSilent);
+  GapTrials work(servo(), runs_with(effects, noisy), kFolds, {0, 1}, settings, kSilent);
   return search_effects(work, 3, 0.05);
 }
 
@@ -141,6 +157,28 @@ TEST(EffectSearch, ARunThatShowsNothingHasNoSay) {
                    {"rate_limit@command.valve_command:rate=60", "added_mass@force.piston:mass=5"});
   EXPECT_NE(found(search).find("rate_limit@command.valve_command"), std::string::npos) << found(search);
   EXPECT_NE(found(search).find("added_mass@force.piston"), std::string::npos) << found(search);
+}
+
+// A transducer whose noise is not white: what it adds depends on nothing, so it is no cause, and hides none.
+TEST(EffectSearch, NoiseWithAMemoryIsNoCause) {
+  const std::vector<std::string> ports = {"sensor.chamber_a_pressure", "flow.chamber_a_chamber_b"};
+  const EffectSearch healthy = search_among(ports, {}, 4e4);
+  EXPECT_EQ(found(healthy), "");
+  ASSERT_EQ(healthy.noise.size(), 1u);
+  EXPECT_EQ(healthy.noise.front().port, "sensor.chamber_a_pressure");
+  // How far it moves in a short time; how soon it turns back shows less, for the chamber's pressure moves too.
+  const FreePlace& noise = healthy.noise.front();
+  EXPECT_NEAR(noise.level / std::sqrt(noise.memory), 4e4 / std::sqrt(0.02), 0.2 * 4e4 / std::sqrt(0.02));
+  EXPECT_LT(healthy.before.places.front().gain, 0.1 * healthy.before.loss);
+  const EffectSearch leaking = search_among(ports, {"laminar_leakage@flow.chamber_a_chamber_b:coefficient=2e-11"}, 4e4);
+  EXPECT_NE(found(leaking).find("leakage@flow.chamber_a_chamber_b"), std::string::npos) << found(leaking);
+}
+
+// What a slow transducer adds depends on what it shows.
+TEST(EffectSearch, ASlowTransducerIsNotTakenForNoise) {
+  const EffectSearch search = search_among({"flow.chamber_a_chamber_b"}, {"lag@sensor.velocity:time_constant=0.01"});
+  EXPECT_TRUE(search.noise.empty());
+  EXPECT_EQ(search.before.places.front().port, "sensor.velocity");
 }
 
 }  // namespace

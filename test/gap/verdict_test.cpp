@@ -55,5 +55,29 @@ TEST(Verdict, WhatLeavesNothingIsNamed) {
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
 }
 
+// A place is spoken of where its signal wins a tenth of the whole: less is a part that no place explains.
+TEST(Verdict, WhatNoPlaceExplainsWithdrawsNoName) {
+  GapEvidence evidence;
+  evidence.found = true;
+  evidence.shrink = 0.4;
+  evidence.perfect = 700;
+  evidence.effects = 135;
+  evidence.free_before = 18;
+  evidence.readings = 2048;
+  evidence.size = 0.3;
+  evidence.excess = 1500;
+  evidence.left = 900;
+  const GapOptions::Verdict options;
+  evidence.free_after = 60;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  // A signal that wins more is a cause beside it. The effect stays a part of it, for the gap is too large for silence.
+  evidence.free_after = 80;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+  EXPECT_TRUE(judge_gap(evidence, 0.01, options).names);
+  evidence.size = 0.005;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "none");
+  EXPECT_FALSE(judge_gap(evidence, 0.01, options).names);
+}
+
 }  // namespace
 }  // namespace faultline

@@ -140,11 +140,13 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   if (work.learned_segments() < verdict.few_segments)
     result.remarks.push_back(fmt::format(
         "few data: {:g} segments of {:g} s to learn from; intervals are wider for it, and small effects do not show",
-        work.learned_segments(),
-        static_cast<double>(work.model().runs().front().segment) * work.model().runs().front().period));
+        work.learned_segments(), work.segment_s()));
   work.tell(0.02, "refitting parameters");
   const EffectSearch search = search_effects(work, settings.most_effects, quiet);
   if (std::string text = work.runs_disagree(search.base); !text.empty()) result.remarks.push_back(std::move(text));
+  for (const FreePlace& noise : search.noise)
+    result.remarks.push_back(fmt::format("{}: its noise has a memory of {:.2g} s; what depends on nothing is no cause",
+                                         sheet.port(noise.port).channel, noise.memory));
   for (std::string& remark : told_at_bounds(stated, search.base.model, options))
     result.remarks.push_back(std::move(remark));
   ModelChange nominal;

@@ -47,6 +47,39 @@ FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, co
   return {model.ports[port], at.level * model.unit[port], at.memory, before - least};
 }
 
+// A state more: noise of the output's transducer that has a memory, in units of its level.
+void let_in(const ResidualModel& residuals, const FreePlace& noise, StochasticModel& model, Eigen::VectorXd& q) {
+  const std::size_t output = *output_of(residuals, noise.port);
+  const Eigen::Index n = q.size();
+  const double keep = std::exp(-model.step / noise.memory);
+  q.conservativeResize(n + 1);
+  q[n] = 1 - keep * keep;
+  model.size.conservativeResize(n + 1);
+  model.size[n] = 1;
+  for (StochasticStretch& stretch : model.stretches) {
+    for (Eigen::MatrixXd& f : stretch.f) {
+      f.conservativeResize(n + 1, n + 1);
+      f.row(n).setZero();
+      f.col(n).setZero();
+      f(n, n) = keep;
+    }
+    for (Eigen::MatrixXd& h : stretch.h) {
+      h.conservativeResize(Eigen::NoChange, n + 1);
+      h.col(n).setZero();
+      h(static_cast<Eigen::Index>(output), n) = noise.level / residuals.noise()[output];
+    }
+    for (Eigen::VectorXd& defect : stretch.defect) {
+      defect.conservativeResize(n + 1);
+      defect[n] = 0;
+    }
+    for (Eigen::MatrixXd& drive : stretch.port_drives) {
+      if (drive.size() == 0) continue;
+      drive.conservativeResize(n + 1, Eigen::NoChange);
+      drive.row(n).setZero();
+    }
+  }
+}
+
 bool by_gain(const FreePlace& a, const FreePlace& b) { return a.gain > b.gain; }
 
 // What a free signal at each port wins, best first: the scan's word, and the filter's for the few that stand out.
@@ -107,10 +140,16 @@ FittedProcess fit_process(const ResidualModel& residuals, const ModelChange& cha
 }
 
 Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
-                             const std::vector<std::size_t>& runs, int jobs, Places places) {
+                             const std::vector<std::size_t>& runs, int jobs, Places places,
+                             const std::vector<FreePlace>& noise) {
   FittedProcess process = fit_process(residuals, change, runs, jobs);
   StochasticModel& model = process.model;
-  const Eigen::VectorXd& q = process.q;
+  Eigen::VectorXd& q = process.q;
+  const Eigen::Index states = q.size();
+  if (places == Places::free) open_ports(residuals, change, jobs, model);
+  for (const FreePlace& known : noise) let_in(residuals, known, model, q);
+  for (int i = 0; !noise.empty() && i < kExpectations; ++i)
+    q.head(states) = smooth(model, q, {}, jobs).q.head(states).cwiseMax(kLeastVariance);
   Discrepancy result;
   const GatheredRows rows = gather(model);
   result.losses = block_losses(model, rows, q, {});
@@ -118,11 +157,18 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   for (const StochasticStretch& stretch : model.stretches)
     for (const Eigen::VectorXd& misfit : stretch.misfit)
       result.readings += static_cast<double>((misfit.array() == misfit.array()).count());
-  for (Eigen::Index s = 0; s < q.size(); ++s) result.noise.push_back(model.size[s] * std::sqrt(q[s]));
+  for (Eigen::Index s = 0; s < states; ++s) result.noise.push_back(model.size[s] * std::sqrt(q[s]));
   if (places == Places::none) return result;
-  open_ports(residuals, change, jobs, model);
   result.places = free_places(model, rows, q, result.loss, jobs);
   return result;
+}
+
+std::optional<std::size_t> output_of(const ResidualModel& residuals, const std::string& port) {
+  if (port_kind(port) != PortKind::sensor) return {};
+  const int channel = residuals.sheet().channel(residuals.sheet().port(port).channel);
+  const auto at = std::find(residuals.outputs().begin(), residuals.outputs().end(), channel);
+  if (at == residuals.outputs().end()) return {};
+  return static_cast<std::size_t>(at - residuals.outputs().begin());
 }
 
 bool restarts_freely(const EffectSpec& effect) {

@@ -2,6 +2,7 @@
 // and what a free signal at each port would win beside that (stochastic_model.h).
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,8 +35,13 @@ FittedProcess fit_process(const ResidualModel& residuals, const ModelChange& cha
                           const std::vector<std::size_t>& runs, int jobs);
 
 enum class Places { none, free };  // whether free signals are tried
+// `noise`: signals at sensors of outputs that belong to the model as it is, for a transducer's noise may have a memory.
 Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
-                             const std::vector<std::size_t>& runs, int jobs, Places places);
+                             const std::vector<std::size_t>& runs, int jobs, Places places,
+                             const std::vector<FreePlace>& noise = {});
+
+// Which of the outputs a sensor's port shows; nothing for other ports.
+std::optional<std::size_t> output_of(const ResidualModel& residuals, const std::string& port);
 
 // Whether restarts in every step leave an effect as it is: no state of its own, no memory behind which a state shows.
 // Of others the likelihood says too much.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "faultline/gap/input_noise.h"
+#include "faultline/gap/missing_signal.h"
 
 namespace faultline {
 namespace {
@@ -13,22 +14,22 @@ constexpr int kMostValleys = 2;  // of the refit that are left for a better one
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
 
 // Around the start states of its own: those of hidden states may lie far from what fits the model that stands.
-double loss_of(const GapTrials& work, const Structure& structure) {
+double loss_of(const GapTrials& work, const std::vector<FreePlace>& noise, const Structure& structure) {
   const ResidualModel& residuals = structure.around.residuals ? *structure.around.residuals : work.model();
-  return find_discrepancy(residuals, structure.fit.model, work.learned(), work.jobs(), Places::none).loss;
+  return find_discrepancy(residuals, structure.fit.model, work.learned(), work.jobs(), Places::none, noise).loss;
 }
 
 // Among those that close the gap as well over segments, the one that leaves the likeliest recording from sample to
 // sample comes first: the two see different things of a cause.
-void likeliest_first(const GapTrials& work, const std::vector<double>& now, std::vector<Structure>& structures) {
+void likeliest_first(const GapTrials& work, const EffectSearch& search, std::vector<Structure>& structures) {
   const Structure& best = structures.front();
   if (!restarts_freely(best.fit.effects.back().effect)) return;
-  const double close = work.options().search.close_rival_gain_fraction * (sum(now) - sum(best.score));
+  const double close = work.options().search.close_rival_gain_fraction * (sum(search.score) - sum(best.score));
   std::size_t likeliest = 0;
-  double least = loss_of(work, best);
+  double least = loss_of(work, search.noise, best);
   for (std::size_t i = 1; i < structures.size() && sum(structures[i].score) - sum(best.score) < close; ++i) {
     if (!restarts_freely(structures[i].fit.effects.back().effect)) continue;
-    const double loss = loss_of(work, structures[i]);
+    const double loss = loss_of(work, search.noise, structures[i]);
     if (loss < least) least = loss, likeliest = i;
   }
   const auto first = structures.begin();
@@ -45,9 +46,10 @@ bool from_input_noise(const GapTrials& work, const FitResult& base, const Struct
 }
 
 // The followed structures of one round, best first; `rest` takes the finalists that were not followed.
-std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& base, const std::vector<double>& now,
+std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& search,
                                      std::vector<Structure> structures, double from, double to,
                                      std::vector<Structure>& rest) {
+  const FitResult& base = search.base;
   const GapOptions::Search& options = work.options().search;
   if (structures.size() > options.finalists) structures.resize(options.finalists);
   const double middle = from + 0.3 * (to - from);
@@ -61,7 +63,7 @@ std::vector<Structure> best_of_round(const GapTrials& work, const FitResult& bas
   rest.insert(rest.begin(), structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
   structures.resize(kept);
   std::stable_sort(structures.begin(), structures.end(), by_score);
-  likeliest_first(work, now, structures);
+  likeliest_first(work, search, structures);
   // What the noise gives is no rival. Where it comes first, what wins less than it is no cause either.
   structures.erase(std::remove_if(structures.begin() + 1, structures.end(),
                                   [&](const Structure& s) { return from_input_noise(work, base, s); }),
@@ -77,27 +79,50 @@ bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best)
   const std::vector<double> gain = minus(now.score, best.score);
   if (sum(gain) <= options.significance_standard_errors * work.standard_error(gain)) return false;
   if (from_input_noise(work, now.base, best)) return false;
-  const double loss = loss_of(work, best);
+  const double loss = loss_of(work, now.noise, best);
   const double won = now.after.loss - loss, before = now.before.loss - now.after.loss;
   return won > options.evidence_fraction * now.after.loss && won > options.further_evidence_fraction * before;
 }
 
 // Whether a free signal somewhere would win what is worth a search.
-bool more_to_find(const GapOptions::Search& options, const EffectSearch& now) {
+bool more_to_find(const GapOptions::Search& options, const EffectSearch& now, bool large) {
   if (now.after.places.empty()) return false;
   const double most = now.after.places.front().gain;
-  if (now.base.effects.empty()) return most > options.least_free_fraction * now.before.loss;
+  if (now.base.effects.empty()) return large || most > options.least_free_fraction * now.before.loss;
   const double won = now.before.loss - now.after.loss;
   return most > options.further_evidence_fraction * won &&
          most > options.further_free_fraction * std::min(won, now.after.loss);
 }
 
+Discrepancy discrepancy(const GapTrials& work, const EffectSearch& search) {
+  return find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free, search.noise);
+}
+
+// Whether the likeliest place of a cause is a transducer whose signal forgets itself within a few segments and depends
+// on nothing that the model knows: noise that is not white, which is no cause and hides what is.
+bool is_noise(const GapTrials& work, const EffectSearch& search) {
+  if (search.before.places.empty()) return false;
+  const GapOptions::Search& options = work.options().search;
+  const FreePlace& place = search.before.places.front();
+  if (!output_of(work.model(), place.port) || place.memory > options.noise_memory_segments * work.segment_s())
+    return false;
+  if (place.gain < work.options().verdict.place_evidence_fraction * search.before.loss) return false;
+  const MissingSignal signal =
+      find_missing_signal(work.model(), search.base.model, place, work.folds(), work.jobs(), Sought::all);
+  return signal.formula.empty() && !signal.curve;
+}
+
 // The refit that was found last, scored like every structure, and what a free signal beside it would win.
 void stand_plain(const GapTrials& work, EffectSearch& search) {
+  search.noise.clear();
   search.plain = work.score(search.base);
   search.losses = search.plain.held_out;
   search.score = search.plain.score;
-  search.before = find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free);
+  search.before = discrepancy(work, search);
+  for (std::size_t i = 0; i < work.model().outputs().size() && is_noise(work, search); ++i) {
+    search.noise.push_back(search.before.places.front());
+    search.before = discrepancy(work, search);
+  }
   search.after = search.before;
 }
 
@@ -126,12 +151,12 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
           if (same_effect(s.fit.effects.back(), rival.fit.effects.back())) s.score = beside;
       if (sum(gain) <= 0) continue;
       if (restarts_freely(rival.fit.effects.back().effect) && restarts_freely(winner.fit.effects.back().effect) &&
-          loss_of(work, swapped.front()) >= search.after.loss)
+          loss_of(work, search.noise, swapped.front()) >= search.after.loss)
         continue;
       standing = beside;
       search.base = work.refit(swapped.front());
       search.base.covariance = swapped.front().fit.covariance;
-      search.after = find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free);
+      search.after = discrepancy(work, search);
       search.losses = swapped.front().held_out;
       search.score = swapped.front().score;
       search.round_of.erase(search.round_of.begin() + e);
@@ -175,14 +200,15 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
   stand_plain(work, search);
   int valleys = 0;
   for (int round = 0; round < most_effects;) {
-    if (typical_excess(search.score, values) < quiet_variances || !more_to_find(work.options().search, search)) break;
+    const double excess = typical_excess(search.score, values);
+    const bool large = excess > work.options().verdict.material_excess_variances;
+    if (excess < quiet_variances || !more_to_find(work.options().search, search, large)) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     const std::vector<Structure> screened = work.screen(search.base, from, from + 0.5 * width);
     if (round == 0) search.screened = screened;
     if (screened.empty()) break;
     std::vector<Structure> rest;
-    std::vector<Structure> structures =
-        best_of_round(work, search.base, search.score, screened, from + 0.5 * width, from + width, rest);
+    std::vector<Structure> structures = best_of_round(work, search, screened, from + 0.5 * width, from + width, rest);
     const Structure best = structures.front();
     structures.front().around = {};
     if (round == 0 && valleys++ < kMostValleys && work.better_without(best)) {
@@ -207,7 +233,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     const Structure& better = sum(again.score) < sum(best.score) ? again : best;
     search.losses = better.held_out;
     search.score = better.score;
-    search.after = find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free);
+    search.after = discrepancy(work, search);
     ++round;
   }
   try_rivals(work, followed, search);

@@ -11,6 +11,7 @@ namespace faultline {
 struct EffectSearch {
   Structure plain;                     // the refitted model without effects, scored like every other
   Discrepancy before, after;           // of plain and base
+  std::vector<FreePlace> noise;        // of transducers, that has a memory: in both, and no cause
   FitResult base;                      // the refitted model with the effects that were found
   std::vector<std::size_t> round_of;   // in which round each of them was found
   std::vector<Eigen::VectorXd> apart;  // Structure::apart of each of them

@@ -115,7 +115,10 @@ struct GapOptions {
     double followed_gain_fraction = 0.5;  // of the best quick gain, from which a finalist is refined
     // Of the most that a finalist wins once it has sensitivities of its own, what others must win to be followed on.
     double kept_gain_fraction = 0.6;
-    double significance_standard_errors = 3;  // by which the held-out gain of an effect must exceed 0
+    // By which the held-out gain of an effect must exceed 0. Of a gain that is nowhere negative: ten log-likelihoods, if
+    // samples of a misfit that say the same count once (trials.correlated_fraction); odds of 100 to 1 among the 237
+    // candidates of the largest rig here.
+    double significance_standard_errors = 2.25;
     // Of the log likelihood that a perfect model would still win, what an effect must win to be taken ...
     double evidence_fraction = 0.08;
     // ... and a further one of what those before it won: what one leaves because it is not quite what the rig has is
@@ -123,6 +126,8 @@ struct GapOptions {
     double further_evidence_fraction = 0.03;
     // Of what an effect wins, what the noise of measured inputs may give: three times as much is the rig's.
     double input_noise_fraction = 0.25;
+    // How long a signal at a transducer may remember to be its noise: a drift does as long as can be told.
+    double noise_memory_segments = 4;
     // What a free signal must win for a search, of what a perfect model would win ...
     double least_free_fraction = 0.02;
     // ... and of what the effects found have won or of what is left, whichever is less, for another.
@@ -287,6 +292,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.evidence_fraction);
   FAULTLINE_OPTION(search.further_evidence_fraction);
   FAULTLINE_OPTION(search.input_noise_fraction);
+  FAULTLINE_OPTION(search.noise_memory_segments);
   FAULTLINE_OPTION(search.least_free_fraction);
   FAULTLINE_OPTION(search.further_free_fraction);
   FAULTLINE_OPTION(search.close_rival_gain_fraction);

@@ -464,6 +464,11 @@ double GapTrials::learned_segments() const {
   return count;
 }
 
+double GapTrials::segment_s() const {
+  const SegmentedRun& run = model().runs().front();
+  return static_cast<double>(run.segment) * run.period;
+}
+
 double GapTrials::ninety_percent() const { return student_ninety_percent(std::max(1.0, learned_segments() - 1)); }
 
 double GapTrials::held_out_values() const {

@@ -94,6 +94,7 @@ class GapTrials {
   std::vector<double> held_out(const ModelChange& at) const;
 
   double segment_values() const { return model().segment_values(); }
+  double segment_s() const;
   double held_out_values() const;
   double learned_segments() const;
   // Half width of 90 % bounds in standard errors that so many segments told.

@@ -121,12 +121,19 @@ void SignalTerms::add_singles() {
 void SignalTerms::add_memories() {
   for (std::size_t v = 0; v < variables_.size(); ++v) {
     const SignalVariable& x = variables_[v];
-    for (const double rows : kLags)
-      add(fmt::format("lag({}, {:.2g} s)", x.name, rows * step_), v,
-          [&](std::size_t n) { return lagged(x.values[n], rows); });
-    for (const double width : kPlays)
-      add(fmt::format("play({}, {:.2g})", x.name, width * x.scale), v,
-          [&](std::size_t n) { return played(x.values[n], width * x.scale); });
+    // What comes late shows as what it lags behind: neither part of that explains anything alone.
+    for (const double rows : kLags) {
+      const std::string lag = fmt::format("lag({}, {:.2g} s)", x.name, rows * step_);
+      add(lag, v, [&](std::size_t n) { return lagged(x.values[n], rows); });
+      add(fmt::format("({} - {})", lag, x.name), v,
+          [&](std::size_t n) { return (lagged(x.values[n], rows) - x.values[n]).eval(); });
+    }
+    for (const double width : kPlays) {
+      const std::string play = fmt::format("play({}, {:.2g})", x.name, width * x.scale);
+      add(play, v, [&](std::size_t n) { return played(x.values[n], width * x.scale); });
+      add(fmt::format("({} - {})", play, x.name), v,
+          [&](std::size_t n) { return (played(x.values[n], width * x.scale) - x.values[n]).eval(); });
+    }
   }
 }
 

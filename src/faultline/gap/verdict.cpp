@@ -20,7 +20,8 @@ GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bo
 GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptions::Verdict& options) {
   GapVerdict result;
   const double perfect = std::max(evidence.perfect, 1e-9), effects = std::max(evidence.effects, 1e-9);
-  const double beside = evidence.free_after / effects / options.free_evidence_fraction;
+  const double beside = evidence.free_after / std::max(options.free_evidence_fraction * effects,
+                                                       options.place_evidence_fraction * perfect);
   const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
   result.names =
       evidence.found && evidence.shrink > shrink && evidence.effects > options.material_evidence_fraction * perfect;
@@ -37,7 +38,7 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
     return result;
   }
   // Effects that win much and leave much are a part of the cause.
-  const bool part = result.names && evidence.effects > options.partial_evidence_fraction * perfect;
+  const bool part = result.names && (large || evidence.effects > options.partial_evidence_fraction * perfect);
   result.doubt = part ? std::max(beside, silent) : silent;
   result.names = part || (result.names && silent > 1);
   if (result.doubt > 1)
