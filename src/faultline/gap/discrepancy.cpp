@@ -42,6 +42,10 @@ FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, co
       }
       while (attempt(at.level, at.memory * step) || attempt(at.level, at.memory / step)) {
       }
+      // Along the ridge on which it moves as far in a step.
+      const double along = std::sqrt(step);
+      while (attempt(at.level * along, at.memory * step) || attempt(at.level / along, at.memory / step)) {
+      }
     }
   const auto port = static_cast<std::size_t>(scanned.port);
   return {model.ports[port], at.level * model.unit[port], at.memory, before - least};

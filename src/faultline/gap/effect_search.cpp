@@ -98,13 +98,15 @@ Discrepancy discrepancy(const GapTrials& work, const EffectSearch& search) {
   return find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free, search.noise);
 }
 
-// Whether the likeliest place of a cause is a transducer whose signal forgets itself within a few segments and depends
-// on nothing that the model knows: noise that is not white, which is no cause and hides what is.
+// Whether the likeliest place of a cause is a transducer whose signal is as small as noise, forgets itself within a few
+// segments and depends on nothing that the model knows: noise that is not white, which is no cause and hides what is.
 bool is_noise(const GapTrials& work, const EffectSearch& search) {
   if (search.before.places.empty()) return false;
   const GapOptions::Search& options = work.options().search;
   const FreePlace& place = search.before.places.front();
-  if (!output_of(work.model(), place.port) || place.memory > options.noise_memory_segments * work.segment_s())
+  const std::optional<std::size_t> output = output_of(work.model(), place.port);
+  if (!output || place.memory > options.noise_memory_segments * work.segment_s() ||
+      place.level > options.noise_level_ratio * work.model().noise()[*output])
     return false;
   if (place.gain < work.options().verdict.place_evidence_fraction * search.before.loss) return false;
   const MissingSignal signal =
