@@ -20,7 +20,7 @@ from rig_runs import PROGRAM, RIGS, ROOT, Results, datasheet, faultline
 
 LENGTHS = (0.5, 1, 2, 4)  # of the rig's usual run
 PARTS = (1, 0.5, 0.25)
-SECONDS = {"control_valve": 30, "cooling_circuit": 10, "hydraulic_drive": 30, "pump_cylinder": 12, "servo_actuator": 8}
+SECONDS = {"control_valve": 30, "cooling_circuit": 5, "hydraulic_drive": 30, "pump_cylinder": 12, "servo_actuator": 8}
 PREFERRED = ("multisine", "steps")
 LEAKS = ("laminar_leakage", "orifice_leakage")
 COLOURS = dict(zip(RIGS, ("#d95f02", "#1b6ca8", "#4d9221", "#7b3294", "#666666")))

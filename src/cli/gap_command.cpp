@@ -343,8 +343,10 @@ std::function<void()> add(CLI::App& app) {
   app.add_option("--without", options->without, "leave out EFFECT or EFFECT@PORT");
   app.add_option("--jobs", options->jobs, "threads; all cores without it")->check(whole_number(1, 256));
   app.add_option("--seed", options->seed, "of the bootstrap")->check(whole_number(0, UINT64_MAX));
-  app.add_option("--matters", options->matters,
-                 "gap beyond the noise, as a fraction of what the channels move, from which it must have a cause")
+  app.add_option(
+         "--matters", options->matters,
+         "gap beyond the noise, as a fraction of what the channels move, from which it must have a cause; below a "
+         "tenth of it none is named")
       ->check(CLI::Range(0.0, 10.0));
   add_text_output(app, "--json", options->json, "write the answer as JSON to this file; - is standard output");
   add_text_output(app, "--series", options->series,

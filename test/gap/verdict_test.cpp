@@ -74,6 +74,11 @@ TEST(Verdict, WhatNoPlaceExplainsWithdrawsNoName) {
   evidence.free_after = 80;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
   EXPECT_TRUE(judge_gap(evidence, 0.01, options).names);
+  // What matters is for the user to say; a tenth of it is silence.
+  evidence.free_after = 60;
+  EXPECT_EQ(judge_gap(evidence, 2, options).verdict, "named");
+  EXPECT_EQ(judge_gap(evidence, 4, options).verdict, "none");
+  evidence.free_after = 80;
   evidence.size = 0.005;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "none");
   EXPECT_FALSE(judge_gap(evidence, 0.01, options).names);

@@ -24,7 +24,7 @@ struct GapSettings {
   int jobs = 1;
   std::uint64_t seed = 1;
   int most_effects = 3;
-  double matters = 0.01;  // gap over what the channels move from which it must have a cause: GapEvidence::size
+  double matters = 0.01;  // gap over what the channels move from which it must have a cause: judge_gap()
   GapOptions options;     // of the method; no user changes them
 };
 

@@ -176,7 +176,10 @@ struct GapOptions {
     double hidden_shrink_fraction = 0.5;
     // ... and from which they have closed it, where no more is left than a healthy rig has.
     double closed_shrink_fraction = 0.9;
-    // Of what named effects win, what a free signal at one place may still win beside them (development).
+    // Of the gap from which there must be a cause, from which one that stands out is named.
+    double named_matters_fraction = 0.1;
+    // Of what named effects win, what a free signal at one place may still win beside them (development), if it is no
+    // less than place_evidence_fraction.
     double free_evidence_fraction = 0.25;
     // Of what a perfect model would win, what effects must win to be told as a part of an unknown cause ...
     double partial_evidence_fraction = 0.2;
@@ -319,6 +322,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.material_shrink_fraction);
   FAULTLINE_OPTION(verdict.hidden_shrink_fraction);
   FAULTLINE_OPTION(verdict.closed_shrink_fraction);
+  FAULTLINE_OPTION(verdict.named_matters_fraction);
   FAULTLINE_OPTION(verdict.free_evidence_fraction);
   FAULTLINE_OPTION(verdict.partial_evidence_fraction);
   FAULTLINE_OPTION(verdict.place_evidence_fraction);

@@ -20,11 +20,11 @@ GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bo
 GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptions::Verdict& options) {
   GapVerdict result;
   const double perfect = std::max(evidence.perfect, 1e-9), effects = std::max(evidence.effects, 1e-9);
-  const double beside = evidence.free_after / std::max(options.free_evidence_fraction * effects,
-                                                       options.place_evidence_fraction * perfect);
+  const double beside = evidence.free_after /
+                        std::max(options.free_evidence_fraction * effects, options.place_evidence_fraction * perfect);
   const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
-  result.names =
-      evidence.found && evidence.shrink > shrink && evidence.effects > options.material_evidence_fraction * perfect;
+  result.names = evidence.found && evidence.size > options.named_matters_fraction * matters &&
+                 evidence.shrink > shrink && evidence.effects > options.material_evidence_fraction * perfect;
   // Without a name that holds: only a signal at one place that wins much of a gap that matters tells a cause.
   const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
   const double place = evidence.free_before / std::max(options.place_evidence_fraction * perfect,

@@ -34,7 +34,7 @@ struct GapVerdict {
 
 GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bool found);
 
-// `matters`: size of a gap from which it must have a cause.
+// `matters`: size of a gap from which it must have a cause; one that stands out is told from a fraction of that on.
 GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptions::Verdict& options);
 
 }  // namespace faultline
