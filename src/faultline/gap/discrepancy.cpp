@@ -19,14 +19,15 @@ constexpr std::size_t kPolished = 6;      // places whose free signal is fitted 
 
 double total(const std::vector<double>& losses) { return std::accumulate(losses.begin(), losses.end(), 0.0); }
 
-// The likeliest level and memory of a free signal at a port, from where the scan found it on.
+// The likeliest level and memory of a free signal at a port, from where the scan found it on. `ridge`: also where both
+// change so that it moves as far in a step, which is what the filter sees least of.
 FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q, double before,
-                      const FreeSignal& scanned) {
-  FreeSignal at = scanned;
+                      const FreeSignal& from, bool ridge) {
+  FreeSignal at = from;
   at.level = 0;
   double least = before;
   const auto attempt = [&](double level, double memory) {
-    FreeSignal tried = scanned;
+    FreeSignal tried = from;
     tried.level = level;
     tried.memory = memory;
     const double loss = total(block_losses(model, rows, q, tried));
@@ -35,19 +36,18 @@ FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, co
     at = tried;
     return true;
   };
-  for (const double ratio : {1.0, 10.0, 0.1}) attempt(ratio * scanned.level, scanned.memory);
+  for (const double ratio : {1.0, 10.0, 0.1}) attempt(ratio * from.level, from.memory);
   if (at.level > 0)
     for (double step = 3; step > 1.05; step = std::sqrt(step)) {
       while (attempt(at.level * step, at.memory) || attempt(at.level / step, at.memory)) {
       }
       while (attempt(at.level, at.memory * step) || attempt(at.level, at.memory / step)) {
       }
-      // Along the ridge on which it moves as far in a step.
-      const double along = std::sqrt(step);
-      while (attempt(at.level * along, at.memory * step) || attempt(at.level / along, at.memory / step)) {
+      const double root = std::sqrt(step);
+      while (ridge && (attempt(at.level * root, at.memory * step) || attempt(at.level / root, at.memory / step))) {
       }
     }
-  const auto port = static_cast<std::size_t>(scanned.port);
+  const auto port = static_cast<std::size_t>(from.port);
   return {model.ports[port], at.level * model.unit[port], at.memory, before - least};
 }
 
@@ -94,8 +94,16 @@ std::vector<FreePlace> free_places(const StochasticModel& model, const GatheredR
                    [](const ScannedSignal& a, const ScannedSignal& b) { return a.gain > b.gain; });
   std::vector<FreePlace> places(scanned.size());
   const std::size_t few = std::min(kPolished, places.size());
-  in_parallel(few, jobs, [&](std::size_t i) { places[i] = best_signal(model, rows, q, loss, scanned[i].signal); });
+  in_parallel(few, jobs,
+              [&](std::size_t i) { places[i] = best_signal(model, rows, q, loss, scanned[i].signal, false); });
   std::stable_sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), by_gain);
+  if (few > 0 && places.front().gain > 0) {
+    FreePlace& first = places.front();
+    const auto port =
+        static_cast<std::size_t>(std::find(model.ports.begin(), model.ports.end(), first.port) - model.ports.begin());
+    first =
+        best_signal(model, rows, q, loss, {static_cast<int>(port), first.level / model.unit[port], first.memory}, true);
+  }
   // What enters with a command goes on through the place that it drives: where both win alike, that place is told,
   // since a cause there may depend on more than the command.
   const auto is_command = [](const FreePlace& place) { return port_kind(place.port) == PortKind::command; };
