@@ -97,6 +97,12 @@ std::vector<FreePlace> free_places(const StochasticModel& model, const GatheredR
   in_parallel(few, jobs,
               [&](std::size_t i) { places[i] = best_signal(model, rows, q, loss, scanned[i].signal, false); });
   std::stable_sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), by_gain);
+  // What enters with a command goes on through the place that it drives: where both win alike, that place is told,
+  // since a cause there may depend on more than the command.
+  const auto is_command = [](const FreePlace& place) { return port_kind(place.port) == PortKind::command; };
+  const auto driven = std::find_if_not(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), is_command);
+  if (driven != places.begin() + static_cast<std::ptrdiff_t>(few) && driven->gain > places.front().gain - kAlike)
+    std::rotate(places.begin(), driven, driven + 1);
   if (few > 0 && places.front().gain > 0) {
     FreePlace& first = places.front();
     const auto port =
@@ -104,12 +110,6 @@ std::vector<FreePlace> free_places(const StochasticModel& model, const GatheredR
     first =
         best_signal(model, rows, q, loss, {static_cast<int>(port), first.level / model.unit[port], first.memory}, true);
   }
-  // What enters with a command goes on through the place that it drives: where both win alike, that place is told,
-  // since a cause there may depend on more than the command.
-  const auto is_command = [](const FreePlace& place) { return port_kind(place.port) == PortKind::command; };
-  const auto driven = std::find_if_not(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), is_command);
-  if (driven != places.begin() + static_cast<std::ptrdiff_t>(few) && driven->gain > places.front().gain - kAlike)
-    std::rotate(places.begin(), driven, driven + 1);
   for (std::size_t i = few; i < places.size(); ++i) {
     const ScannedSignal& s = scanned[i];
     const auto port = static_cast<std::size_t>(s.signal.port);
