@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What `faultline gap` costs, against samples, output channels, effects tried, and rigs with as many ports as they have.
+"""What `faultline gap` costs, against samples, output channels, effects tried, and the ports of rigs.
 
     scripts/studies/gap_cost.py [--rigs RIG ...] [--work FOLDER] [--picture FILE]
 

@@ -1,12 +1,12 @@
 #!/usr/bin/python3
-"""Whether an answer of `faultline gap` hangs on nominal values: the same recordings, asked with datasheets whose nominal
-values are drawn within their tolerances (one standard deviation, cut at two).
+"""Whether an answer of `faultline gap` hangs on nominal values: the same recordings, asked with datasheets whose
+nominal values are drawn within their tolerances (one standard deviation, cut at two).
 
     scripts/studies/gap_draws.py RUN [RUN ...] --rig RIG [--sheet FILE] [--holdout RUN ...] [--draws 20] [--first 1]
 
-RIG is a rig of this repository, or FILE its datasheet where it is not (the rig's library is found as ever). Told are the
-answer with the datasheet as it is, and of the draws how many say the same (verdict and effects), what the others say,
-how often its first effect is named or among those that cannot be told apart, and the range of sizes."""
+RIG is a rig of this repository, or FILE its datasheet where it is not (the rig's library is found as ever). Told are
+the answer with the datasheet as it is, and of the draws how many say the same (verdict and effects), what the others
+say, how often its first effect is named or among those that cannot be told apart, and the range of sizes."""
 
 import argparse
 import collections

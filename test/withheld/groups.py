@@ -138,8 +138,8 @@ def markdown(title, method, labels, answers, seconds):
     text = [
         f"## {method} by {title}",
         "",
-        "Right: the verdict with exactly the true effects; but for nature: further effects may be what the drawn truth has"
-        " by nature (nature.py). All but none: severity above 2 and more than parameters can"
+        "Right: the verdict with exactly the true effects; but for nature: further effects may be what the drawn truth"
+        " has by nature (nature.py). All but none: severity above 2 and more than parameters can"
         " explain; the first six columns: told from every near-equivalent too. Level: median residual over noise that"
         " the truth leaves without any effect. In brackets: number of cases.",
         "",

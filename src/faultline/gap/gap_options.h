@@ -115,8 +115,8 @@ struct GapOptions {
     double followed_gain_fraction = 0.5;  // of the best quick gain, from which a finalist is refined
     // Of the most that a finalist wins once it has sensitivities of its own, what others must win to be followed on.
     double kept_gain_fraction = 0.6;
-    // By which the held-out gain of an effect must exceed 0. Of a gain that is nowhere negative: ten log-likelihoods, if
-    // samples of a misfit that say the same count once (trials.correlated_fraction); odds of 100 to 1 among the 237
+    // By which the held-out gain of an effect must exceed 0. Of a gain that is nowhere negative: ten log-likelihoods,
+    // if samples of a misfit that say the same count once (trials.correlated_fraction); odds of 100 to 1 among the 237
     // candidates of the largest rig here.
     double significance_standard_errors = 2.25;
     // Of the log likelihood that a perfect model would still win, what an effect must win to be taken ...
