@@ -116,7 +116,13 @@ void RunningPlant::start(double time, const double* channels, const double* nomi
   if (use_ == Use::simulator)
     for (const Follower& f : followers_) true_[f.input] = channels[f.command];
   std::fill_n(integrator_->state(), rig_->states(), 0.0);
-  rig_->start(true_.data(), integrator_->state());
+  try {
+    rig_->start(true_.data(), integrator_->state());
+  } catch (const InputError&) {
+    // A model that is tried need not have a state of rest: where states are measured it begins from those, and from
+    // where the others came to.
+    if (!nominal_state) throw;
+  }
   effects_.reset();
   effects_.set_time(time);
   std::fill(resumed_.begin(), resumed_.end(), std::nan(""));

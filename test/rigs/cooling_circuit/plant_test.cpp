@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "faultline/rig/driven_model.h"
 #include "faultline/signal/error.h"
 #include "rigs/cooling_circuit/runs.h"
 
@@ -287,6 +288,25 @@ TEST(CoolingCircuit, HalfTheSubstepChangesLittle) {
         EXPECT_LT(worst, substep < 0.5e-3 ? 5e-4 : 5e-3) << profile << " " << effect;
       }
     }
+}
+
+// Heat that flows though nothing moves: the water's temperature never settles. Models that are tried may be such, and
+// begin from what is measured.
+TEST(CoolingCircuit, AModelWithoutAStateOfRestBeginsFromMeasuredStates) {
+  const Recording r = simulate(cooling(), cooling_setup("paper"), 0.2);
+  ASSERT_EQ(r.at(0, cooling_column("bench_valve_command")), 0);
+  SimulationSetup setup;
+  setup.effects.push_back(parse_effect("free_signal@heat.m_wall:value=0.01"));
+  DrivenModel model(cooling(), setup);
+  const auto nothing = [](std::size_t, const double*) {};
+  EXPECT_THROW(model.run(r, 0, 2, {0}, nullptr, nothing), InputError);
+  std::vector<double> start;
+  for (const State& state : cooling().states)
+    start.push_back(state.channel < 0 ? std::nan("") : r.at(0, static_cast<std::size_t>(state.channel)));
+  std::vector<double> predicted(r.columns());
+  model.run(r, 0, 1, {0}, start.data(),
+            [&](std::size_t, const double* values) { std::copy_n(values, predicted.size(), predicted.begin()); });
+  EXPECT_NEAR(predicted[cooling_column("m_inlet_pressure")], r.at(0, cooling_column("m_inlet_pressure")), 1);
 }
 
 }  // namespace
