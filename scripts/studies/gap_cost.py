@@ -27,8 +27,8 @@ COLOURS = dict(zip(RIGS, ("#d95f02", "#1b6ca8", "#4d9221", "#7b3294", "#666666")
 SHAPES = dict(zip(RIGS, "osD^v"))
 
 
-def ports_of(rig):
-    return json.loads(faultline("rigs", rig, "--json", "-"))["rigs"][0]["ports"]
+def facts(rig):
+    return json.loads(faultline("rigs", rig, "--json", "-"))["rigs"][0]
 
 
 def leak(ports):
@@ -59,13 +59,14 @@ def emptied(file, kept):
 
 
 def measure(rig, length, channels, effects):
-    """One answer: {"seconds", "megabytes", "samples", "outputs", "effects", "verdict"}"""
-    sheet, ports = datasheet(rig), ports_of(rig)
+    """One answer: {"seconds", "megabytes", "samples", "outputs", "effects", "ports", "sentence"}"""
+    sheet, known = datasheet(rig), facts(rig)
+    ports, channels_of = known["ports"], known["channels"]
     name, given = leak(ports)
-    outputs = [c["name"] for c in sheet["channels"] if c["role"] == "output" and not c.get("ground_truth")]
+    outputs = [c["name"] for c in channels_of if c["role"] == "output" and not c["ground_truth"]]
     chosen = random.Random(1)
     count = max(1, round(channels * len(outputs)))
-    others = {"t"} | {c["name"] for c in sheet["channels"]} - set(outputs)
+    others = {"t"} | {c["name"] for c in channels_of} - set(outputs)
     kept = others | set(outputs if channels == 1 else chosen.sample(outputs, count))
     tried = [f"{effect['effect']}@{port['name']}" for port in ports for effect in port["effects"]]
     without = [] if effects == 1 else chosen.sample([t for t in tried if t != name], round((1 - effects) * len(tried)))
@@ -102,8 +103,9 @@ def draw(file, table):
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullLocator
 
-    figure, axes = plt.subplots(1, 4, figsize=(15, 4), sharey=True, constrained_layout=True)
+    figure, axes = plt.subplots(1, 4, figsize=(14, 3.8), sharey=True, constrained_layout=True)
     for rig, entries in table.items():
         style = {"color": COLOURS[rig], "marker": SHAPES[rig]}
         for axis, (series, key) in zip(axes, (("length", "samples"), ("channels", "outputs"), ("effects", "effects"))):
@@ -111,10 +113,23 @@ def draw(file, table):
             axis.plot(*zip(*line), label=rig.replace("_", " "), **style)
         usual = next(e for e in entries["effects"] if e["effects"] == max(f["effects"] for f in entries["effects"]))
         axes[3].plot(usual["ports"], usual["seconds"], **style)
-    for axis, label in zip(axes, ("samples of two runs", "output channels measured", "effects tried", "ports")):
+    labels = ("samples of two runs", "output channels measured", "effects tried", "ports of the rig")
+    seconds = (2, 5, 10, 20, 50, 100, 200, 500)
+    for axis, label in zip(axes, labels):
         axis.set(xscale="log", yscale="log", xlabel=label)
-        axis.grid(alpha=0.3, which="both")
+        axis.set_yticks(seconds, [str(s) for s in seconds], minor=False)
+        axis.yaxis.set_minor_locator(NullLocator())
+        axis.grid(alpha=0.3)
     axes[0].set_ylabel("processor time [s]")
+    for axis, key in zip(axes[1:], ("outputs", "effects", "ports")):
+        series = "channels" if key == "outputs" else "effects"
+        values = sorted({e[key] for entries in table.values() for e in entries[series]})
+        values = [v for v, after in zip(values, values[1:] + [10 * values[-1]]) if after > 1.12 * v]
+        axis.set_xticks(values, [str(v) for v in values])
+        axis.xaxis.set_minor_locator(NullLocator())
+    least = min(e["seconds"] for entries in table.values() for line in entries.values() for e in line)
+    most = max(e["seconds"] for entries in table.values() for line in entries.values() for e in line)
+    axes[0].set_ylim(least / 1.3, most * 1.3)
     axes[0].legend(fontsize=8)
     figure.savefig(file, dpi=110)
 
