@@ -1,9 +1,12 @@
 #include "faultline/numerics/integrator.h"
 
+#include <algorithm>
 #include <array>
-#include <stdexcept>
+#include <cmath>
 #include <utility>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include <boost/numeric/odeint/algebra/array_algebra.hpp>
 #include <boost/numeric/odeint/stepper/runge_kutta4_classic.hpp>
@@ -15,12 +18,26 @@ namespace {
 
 constexpr int kMostInPlace = 16;  // states up to which the steppers' loops have a length that the compiler knows
 
-// State: a vector, or an array of as many doubles as there are states.
-template <class State>
+// State: a vector, or an array of as many doubles as there are states, kStates.
+template <class State, int kStates>
 class RungeKutta4 : public Integrator {
  public:
-  RungeKutta4(OdeSystem& system, const State& zero) : system_(system), state_(zero) { stepper_.adjust_size(state_); }
+  RungeKutta4(OdeSystem& system, const State& zero)
+      : system_(system),
+        state_(zero),
+        before_(zero),
+        middle_(zero),
+        rate_(zero),
+        probed_(zero),
+        sizes_(zero),
+        jacobian_(system.states(), system.states()),
+        weight_(jacobian_),
+        power_(jacobian_),
+        difference_(system.states()) {
+    stepper_.adjust_size(state_);
+  }
   void step(double time, double dt, const double* inputs) override {
+    before_ = state_;
     stepper_.do_step(
         [this, inputs](const State& x, State& rate, double t) { system_.derivative(t, x.data(), inputs, rate.data()); },
         state_, time, dt);
@@ -28,15 +45,63 @@ class RungeKutta4 : public Integrator {
   }
   double* state() override { return state_.data(); }
 
+  void lead(double time, double dt, const double* inputs) override {
+    const std::size_t states = state_.size();
+    for (std::size_t s = 0; s < states; ++s) {
+      middle_[s] = 0.5 * (before_[s] + state_[s]);
+      sizes_[s] = std::max(sizes_[s], std::abs(middle_[s]));
+    }
+    system_.derivative(time + 0.5 * dt, middle_.data(), inputs, rate_.data());
+    for (std::size_t column = 0; column < states; ++column) {
+      const auto c = static_cast<Eigen::Index>(column);
+      const double step = kDifference * sizes_[column];
+      if (step == 0) {  // it has never moved
+        jacobian_.col(c).setZero();
+        continue;
+      }
+      const double kept = middle_[column];
+      middle_[column] += step;
+      system_.derivative(time + 0.5 * dt, middle_.data(), inputs, probed_.data());
+      middle_[column] = kept;
+      for (std::size_t row = 0; row < states; ++row)
+        jacobian_(static_cast<Eigen::Index>(row), c) = (probed_[row] - rate_[row]) * (dt / step);
+    }
+    // I + z/2 (I + z/3 (I + z/4)), z = h J
+    weight_ = jacobian_ / 4;
+    for (const double order : {3.0, 2.0}) {
+      weight_.diagonal().array() += 1;
+      power_.noalias() = jacobian_ * weight_;
+      weight_ = power_ / order;
+    }
+    weight_.diagonal().array() += 1;
+    weight_ *= dt;
+  }
+  void step_beside(double time, double dt, const double* inputs, const Integrator& other) override {
+    const auto& leader = static_cast<const RungeKutta4&>(other);
+    for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] = leader.middle_[s] + (state_[s] - leader.before_[s]);
+    system_.derivative(time + 0.5 * dt, middle_.data(), inputs, rate_.data());
+    for (std::size_t s = 0; s < state_.size(); ++s)
+      difference_[static_cast<Eigen::Index>(s)] = rate_[s] - leader.rate_[s];
+    const auto moved = (leader.weight_ * difference_).eval();
+    for (std::size_t s = 0; s < state_.size(); ++s)
+      state_[s] = leader.state_[s] + (state_[s] - leader.before_[s]) + moved[static_cast<Eigen::Index>(s)];
+    system_.after_step(time + dt, state_.data(), inputs);
+  }
+
  private:
+  using Matrix = Eigen::Matrix<double, kStates, kStates>;
+  static constexpr double kDifference = 1e-6;  // of the largest value that a state had
+
   OdeSystem& system_;
-  State state_;
+  State state_, before_, middle_, rate_, probed_, sizes_;
+  Matrix jacobian_, weight_, power_;
+  Eigen::Matrix<double, kStates, 1> difference_;
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };
 
 template <std::size_t N>
 std::unique_ptr<Integrator> make_in_place(OdeSystem& system) {
-  return std::make_unique<RungeKutta4<std::array<double, N>>>(system, std::array<double, N>{});
+  return std::make_unique<RungeKutta4<std::array<double, N>, static_cast<int>(N)>>(system, std::array<double, N>{});
 }
 
 template <std::size_t... N>
@@ -48,17 +113,12 @@ std::unique_ptr<Integrator> make_in_place(OdeSystem& system, std::index_sequence
 
 }  // namespace
 
-void Integrator::lead(double, double, const double*) { throw std::logic_error("this method leads no other"); }
-void Integrator::step_beside(double, double, const double*, const Integrator&) {
-  throw std::logic_error("this method goes beside no other");
-}
-
 std::unique_ptr<Integrator> make_integrator(OdeSystem& system) {
   if (system.stiff()) return make_rosenbrock(system);
   if (system.states() >= 1 && system.states() <= kMostInPlace)
     return make_in_place(system, std::make_index_sequence<kMostInPlace>());
   const std::vector<double> zero(static_cast<std::size_t>(system.states()));
-  return std::make_unique<RungeKutta4<std::vector<double>>>(system, zero);
+  return std::make_unique<RungeKutta4<std::vector<double>, Eigen::Dynamic>>(system, zero);
 }
 
 }  // namespace faultline

@@ -1,6 +1,16 @@
 // Fixed-step integration of ordinary differential equations. A system that is not stiff gets the classic fourth-order
 // Runge-Kutta method of Boost.odeint, which is explicit: the step must be below 2.7 over its fastest rate. A system
 // that calls itself stiff gets a Rosenbrock method (rosenbrock.h). A step allocates nothing.
+//
+// A system that is nearly another one, f* near f, is integrated beside it: y* = y + d, and over a step of h
+//
+//   d(t + h) = d + W (f*(t + h/2, y_m + d) - f(t + h/2, y_m)),   W = h phi(h J),  phi(z) = 1 + z/2 + z^2/6 + ...
+//
+// y_m: in the middle of the leader's step, d: as at its beginning, J: the leader's Jacobian. Exact where both are linear
+// and have the same J; second order in h else, for one evaluation of f* and a product a step. phi is the one of the
+// leader's method, so that what is stable there is stable here. Where d stays small that is how a course changes with
+// parameters, effects and start states; where it comes to rest both methods agree. What swings within a step with
+// another J (a quarter of the mass more) may be wrong by half.
 #pragma once
 
 #include <memory>
@@ -17,13 +27,10 @@ class Integrator {
   // As many values as the system has states, 0 at first; written to start from another state.
   virtual double* state() = 0;
 
-  // A step of a system that is nearly another's, beside it: by the Jacobian of the step that the other has just taken
-  // (rosenbrock.h). Of methods that have one; others throw std::logic_error.
-  virtual bool leads() const { return false; }
-  // After a step, before others take it beside this one.
-  virtual void lead(double time, double dt, const double* inputs);
-  // `leader`: of the same kind, with as many states, which has taken this step and leads.
-  virtual void step_beside(double time, double dt, const double* inputs, const Integrator& leader);
+  // After a step, before others take it beside this one. `inputs` as in step().
+  virtual void lead(double time, double dt, const double* inputs) = 0;
+  // The step that `leader`, of the same kind and with as many states, has just led, beside it.
+  virtual void step_beside(double time, double dt, const double* inputs, const Integrator& leader) = 0;
 };
 
 // The system must outlive its integrator.

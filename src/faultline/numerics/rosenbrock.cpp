@@ -33,23 +33,31 @@ class SmallLu {
     factor_in_place<kSize>(matrix_.data(), order_.data());
   }
   void solve(double* right_side) const { solve_in_place<kSize>(matrix_.data(), order_.data(), right_side); }
-  // For many right sides.
-  void invert() {
-    inverse_.fill(0);
+  // W of rosenbrock.h.
+  void weigh(double dt) {
     for (std::size_t i = 0; i < kSize; ++i) {
-      inverse_[i * kSize + i] = 1;
-      solve(&inverse_[i * kSize]);
+      double* const column = inverse_.data() + i * kSize;
+      std::fill_n(column, kSize, 0.0);
+      column[i] = 1;
+      solve(column);
     }
+    const auto m = (inverse_ / dt).eval();
+    weight_ = 8.0 / 3 * m;
+    weight_.diagonal().array() -= 20.0 / 3;
+    weight_ = (m * weight_).eval();
+    weight_.diagonal().array() += 14.0 / 3;
+    weight_ = (m * weight_).eval();
+    weight_.diagonal().array() += 1;
+    weight_ = (inverse_ * weight_).eval();
   }
-  void solve_inverted(double* right_side) const {
-    std::array<double, kSize> x{};
-    for (std::size_t k = 0; k < kSize; ++k)
-      for (std::size_t i = 0; i < kSize; ++i) x[i] += inverse_[k * kSize + i] * right_side[k];
-    std::copy_n(x.begin(), kSize, right_side);
+  void apply_weight(double, double* rate) const {
+    Eigen::Map<Eigen::Matrix<double, kSize, 1>> x(rate);
+    x = (weight_ * x).eval();
   }
 
  private:
-  std::array<double, kSize * kSize> matrix_{}, inverse_{};
+  std::array<double, kSize * kSize> matrix_{};
+  Eigen::Matrix<double, kSize, kSize> inverse_, weight_;
   std::array<int, kSize> order_{};
   std::vector<std::size_t> places_;  // of the entries
 };
@@ -59,21 +67,29 @@ class AnyLu : public SparseLu {
   explicit AnyLu(OdeSystem& system)
       : SparseLu(system.states(), system.jacobian_entries()),
         inverse_(system.states(), system.states()),
+        once_(system.states()),
+        power_(system.states()),
         product_(system.states()) {}
-  // Full: nothing is looked up, and one serves all that go beside.
-  void invert() {
+  // Four products with a vector are less than the products of matrices that would make them one, until many go beside.
+  void weigh(double) {
     inverse_.setIdentity();
     for (Eigen::Index i = 0; i < inverse_.cols(); ++i) solve(inverse_.col(i).data());
   }
-  void solve_inverted(double* right_side) const {
-    Eigen::Map<Eigen::VectorXd> x(right_side, product_.size());
-    product_.noalias() = inverse_ * x;
-    x = product_;
+  void apply_weight(double dt, double* rate) const {
+    Eigen::Map<Eigen::VectorXd> x(rate, once_.size());
+    once_.noalias() = inverse_ * x;
+    x = once_;
+    power_ = once_;
+    for (const double factor : {14.0 / 3, -20.0 / 3, 8.0 / 3}) {
+      product_.noalias() = inverse_ * power_;
+      power_ = product_ / dt;
+      x += factor * power_;
+    }
   }
 
  private:
   Eigen::MatrixXd inverse_;
-  mutable Eigen::VectorXd product_;
+  mutable Eigen::VectorXd once_, power_, product_;
 };
 
 // State: a vector, or an array of as many doubles as there are states.
@@ -117,43 +133,25 @@ class Rosenbrock : public Integrator {
   }
   double* state() override { return state_.data(); }
 
-  bool leads() const override { return true; }
   // stage_ becomes y_m, rate_ f there. Where f is linear, h f(y_m) is what the step has done, to the last digit.
   void lead(double time, double dt, const double* inputs) override {
     const auto& [u1, u2, u3, u4] = u_;
     for (std::size_t s = 0; s < state_.size(); ++s)
       stage_[s] = before_[s] + 1.5 * u1[s] - u2[s] / 6 + u3[s] / 3 + 0.5 * u4[s];
     system_.derivative(time + 0.5 * dt, stage_.data(), inputs, rate_.data());
-    lu_.invert();
+    lu_.weigh(dt);
   }
-  // The four stages where the right-hand side is J d + g, with N = (2/h I - J)^-1:
-  //   u_1 = N (2/h d + g) - d,  u_2 = u_1 + 4/h N u_1,  u_3 = -u_1 + (5 N u_1 - N u_2)/h,  u_4 = -2/(3 h) N u_3
   void step_beside(double time, double dt, const double* inputs, const Integrator& other) override {
     const auto& leader = static_cast<const Rosenbrock&>(other);
-    auto& [u1, n1, n2, u3] = u_;
     const std::size_t states = state_.size();
-    const double per_step = 1 / dt;
     for (std::size_t s = 0; s < states; ++s) {
-      stage_[s] = state_[s] - leader.before_[s];
-      u3[s] = leader.stage_[s] + stage_[s];
+      state_[s] -= leader.before_[s];
+      stage_[s] = leader.stage_[s] + state_[s];
     }
-    system_.derivative(time + 0.5 * dt, u3.data(), inputs, rate_.data());
-    for (std::size_t s = 0; s < states; ++s) u1[s] = 2 * per_step * stage_[s] + rate_[s] - leader.rate_[s];
-    const auto& entries = leader.system_.jacobian_entries();
-    for (std::size_t i = 0; i < entries.size(); ++i)
-      u1[static_cast<std::size_t>(entries[i].first)] -=
-          leader.jacobian_[i] * stage_[static_cast<std::size_t>(entries[i].second)];
-    leader.lu_.solve_inverted(u1.data());
-    for (std::size_t s = 0; s < states; ++s) n1[s] = u1[s] -= stage_[s];
-    leader.lu_.solve_inverted(n1.data());
-    for (std::size_t s = 0; s < states; ++s) n2[s] = u1[s] + 4 * per_step * n1[s];
-    leader.lu_.solve_inverted(n2.data());
-    for (std::size_t s = 0; s < states; ++s) {
-      u3[s] = (5 * n1[s] - n2[s]) * per_step - u1[s];
-      stage_[s] += 2 * u1[s] + u3[s];
-    }
-    leader.lu_.solve_inverted(u3.data());
-    for (std::size_t s = 0; s < states; ++s) state_[s] = leader.state_[s] + stage_[s] - 2.0 / 3 * per_step * u3[s];
+    system_.derivative(time + 0.5 * dt, stage_.data(), inputs, rate_.data());
+    for (std::size_t s = 0; s < states; ++s) rate_[s] -= leader.rate_[s];
+    leader.lu_.apply_weight(dt, rate_.data());
+    for (std::size_t s = 0; s < states; ++s) state_[s] += leader.state_[s] + rate_[s];
     system_.after_step(time + dt, state_.data(), inputs);
   }
 

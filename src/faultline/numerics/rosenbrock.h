@@ -8,16 +8,12 @@
 // of a step of any size, moving boundary values included (Sandu, Verwer, Blom, Spee, Carmichael, Potra, Atmospheric
 // Environment 31, 1997). Nothing is allocated after construction.
 //
-// A system that is nearly another one, f* near f, is integrated beside it by what the other's step is made of anyway:
+// Beside one another (integrator.h): with N = (2/h I - J)^-1 and M = N/h the four stages on d' = J d + g are
 //
-//   y* = y + d,   d' = J d + g,   g = f*(t + h/2, y_m + d) - f(t + h/2, y_m) - J d,   d as at the step's beginning
-//   y_m = y + 3/2 u_1 - u_2/6 + u_3/3 + u_4/2
+//   W = N (I + 14/3 M - 20/3 M^2 + 8/3 M^3),   y_m = y + 3/2 u_1 - u_2/6 + u_3/3 + u_4/2
 //
-// with the same method, J and factors: second order in h, for one evaluation of f* and four solutions a step. Where d
-// stays small that is how a course changes with parameters, effects and start states. y_m lies in the middle; where f
-// is linear, f(y_m) is the mean rate of the step. So what g takes of the rates (a stiffer oil, a heavier body) is right
-// even where they swing within a step. Where J changes by a good part (a quarter of the mass more), half of the
-// answer may be wrong.
+// where f is linear, f(y_m) is the mean rate of the step: what is not of J (a stiffer oil, a heavier body) is right even
+// where the rates swing within a step.
 #pragma once
 
 #include <memory>

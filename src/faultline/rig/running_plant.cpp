@@ -173,20 +173,27 @@ void RunningPlant::follow(double time, const double* channels) {
 void RunningPlant::advance(double time, const double* now, const double* next, int part) {
   const int count = substeps_ / parts_;
   effects_.set_time(time + part * count * substep_);
-  const int last = (part + 1) * count;
-  for (int i = part * count; i < last;) {
-    const bool evenly = even_ > 1 && i + even_ <= last && step_evenly(time, now, next, i);
-    if (!evenly) step(time, now, next, i, 1);
-    i += evenly ? even_ : 1;
-    if (i == last || !sensors_.empty()) observe(time + i * substep_);
+  take_steps(time, now, next, part * count, (part + 1) * count);
+}
+
+void RunningPlant::take_steps(double time, const double* now, const double* next, int first, int last) {
+  for (int i = first; i < last;) {
+    i += take_step(time, now, next, i, last);
+    if (i == substeps_ || !sensors_.empty() || (i == last && parts_ > 1)) observe(time + i * substep_);
   }
+}
+
+int RunningPlant::take_step(double time, const double* now, const double* next, int first, int last) {
+  if (even_ > 1 && first + even_ <= last && step_evenly(time, now, next, first)) return even_;
+  step(time, now, next, first, 1);
+  return 1;
 }
 
 bool RunningPlant::goes_beside(const RunningPlant& leader) const {
   const auto own_states = [](const RunningPlant& plant) {
     return static_cast<std::size_t>(plant.rig_->states()) > plant.sheet_.states.size();
   };
-  return integrator_->leads() && even_ == 1 && parts_ == 1 && leader.substeps_ == substeps_ &&
+  return (rig_->stiff() || even_ > 1) && leader.even_ == even_ && parts_ == 1 && leader.substeps_ == substeps_ &&
          !effects_.remembers_inside() && !leader.effects_.remembers_inside() && !own_states(*this) &&
          !own_states(leader);
 }
@@ -194,17 +201,22 @@ bool RunningPlant::goes_beside(const RunningPlant& leader) const {
 void RunningPlant::advance(double time, const double* now, const double* next, const std::vector<Beside>& beside) {
   effects_.set_time(time);
   for (const Beside& other : beside) other.plant->effects_.set_time(time);
-  for (int i = 0; i < substeps_; ++i) {
-    const double t = time + i * substep_;
-    step(time, now, next, i, 1);
-    if (!beside.empty()) integrator_->lead(t, substep_, true_.data());
-    if (i + 1 == substeps_ || !sensors_.empty()) observe(t + substep_);
+  for (int i = 0; i < substeps_;) {
+    const int motion = rig_->motion(integrator_->state());
+    const int count = take_step(time, now, next, i, substeps_), end = i + count;
+    // An explicit method meets its events in the shorter steps, and what leads has none.
+    const bool leads = rig_->stiff() || count == even_;
+    if (leads) integrator_->lead(time + i * substep_, count * substep_, true_.data());
+    if (end == substeps_ || !sensors_.empty()) observe(time + end * substep_);
     for (const Beside& other : beside) {
       RunningPlant& plant = *other.plant;
-      plant.drive(time, other.now, other.next, i, 1);
-      plant.integrator_->step_beside(t, substep_, plant.true_.data(), *integrator_);
-      if (i + 1 == substeps_ || !plant.sensors_.empty()) plant.observe(t + substep_);
+      if (leads && plant.step_beside(time, other.now, other.next, i, count, motion, *integrator_)) {
+        if (end == substeps_ || !plant.sensors_.empty()) plant.observe(time + end * substep_);
+      } else {
+        plant.take_steps(time, other.now, other.next, i, end);
+      }
     }
+    i = end;
   }
 }
 
@@ -224,11 +236,27 @@ void RunningPlant::step(double time, const double* now, const double* next, int 
 }
 
 bool RunningPlant::step_evenly(double time, const double* now, const double* next, int first) {
+  return without_event(Rig::kUneven, [&] { step(time, now, next, first, even_); });
+}
+
+bool RunningPlant::step_beside(double time, const double* now, const double* next, int first, int count, int motion,
+                               const Integrator& leader) {
+  const auto beside = [&] {
+    drive(time, now, next, first, count);
+    integrator_->step_beside(time + first * substep_, count * substep_, true_.data(), leader);
+  };
+  if (!rig_->stiff()) return without_event(motion, beside);
+  beside();
+  return true;
+}
+
+template <class Step>
+bool RunningPlant::without_event(int motion_of_leader, Step&& step) {
   double* state = integrator_->state();
   const int motion = rig_->motion(state);
-  if (motion == Rig::kUneven) return false;
+  if (motion == Rig::kUneven || (motion_of_leader != Rig::kUneven && motion != motion_of_leader)) return false;
   std::copy_n(state, before_.size(), before_.begin());
-  step(time, now, next, first, even_);
+  step();
   if (rig_->motion(state) == motion) return true;
   std::copy_n(before_.begin(), before_.size(), state);
   rig_->set_modes(state);

@@ -41,14 +41,15 @@ class RunningPlant {
   // follows a command has its mean over the period in the period's first row, and is held where a recording gives it.
   void advance(double time, const double* now, const double* next, int part = 0);
 
-  // Others that differ from this one by a little and go the same way at the same time: beside it (rosenbrock.h), for a
-  // fraction of a run of their own. `now`, `next`: theirs.
+  // Others that differ from this one by a little and go the same way at the same time: beside it (integrator.h), for a
+  // fraction of a run of their own; by an explicit method where neither meets an event. `now`, `next`: theirs.
   struct Beside {
     RunningPlant* plant;
     const double *now, *next;
   };
   void advance(double time, const double* now, const double* next, const std::vector<Beside>& beside);
-  // Only where no effect in the equations has a memory or states of its own, and both take the same steps.
+  // Only where no effect in the equations has a memory or states of its own, and both take the same steps: implicit
+  // ones, or long ones.
   bool goes_beside(const RunningPlant& leader) const;
 
   const std::vector<double>& seen() const { return shown_; }
@@ -74,6 +75,14 @@ class RunningPlant {
   void step(double time, const double* now, const double* next, int first, int count);
   // The same for a long one; false, and nothing has happened, where there may be an event in it.
   bool step_evenly(double time, const double* now, const double* next, int first);
+  // The same beside one that was in this `motion`.
+  bool step_beside(double time, const double* now, const double* next, int first, int count, int motion,
+                   const Integrator& leader);
+  template <class Step>
+  bool without_event(int motion_of_leader, Step&& step);
+  // A long or a short one from substep `first`, before `last`: how many substeps it was.
+  int take_step(double time, const double* now, const double* next, int first, int last);
+  void take_steps(double time, const double* now, const double* next, int first, int last);
 
   // Outputs as they are, then as sensors with effects show them.
   void observe(double time);

@@ -1,6 +1,24 @@
 #include "rigs/control_valve/actuator.h"
 
+#include <cmath>
+
+#include "rigs/control_valve/cubic_table.h"
+
 namespace faultline {
+namespace {
+
+// Of the crank from the middle, rad.
+double lever_angle(double opening) { return (opening - 0.5) * (kPi / 2); }
+
+// By opening; within 1e-9.
+const CubicTable<512> lever_sine(
+    -0.02, 1.02, [](double h) { return std::sin(lever_angle(h)); },
+    [](double h) { return kPi / 2 * std::cos(lever_angle(h)); });
+const CubicTable<512> inverse_cosine(
+    -0.02, 1.02, [](double h) { return 1 / std::cos(lever_angle(h)); },
+    [](double h) { return kPi / 2 * std::tan(lever_angle(h)) / std::cos(lever_angle(h)); });
+
+}  // namespace
 
 Actuator::Actuator(const ValveFacts& facts)
     : force_port_(facts.effects.at("force.actuator")),
@@ -11,6 +29,7 @@ Actuator::Actuator(const ValveFacts& facts)
       gamma_(facts.constant("gamma")),
       stroke_(facts.constant("stroke")),
       crank_(stroke_ / std::sqrt(2.0)),
+      per_crank_(1 / crank_),
       area_(facts.parameter("cylinder_area")),
       dead_volume_(facts.parameter("dead_volume")),
       spring_rate_(facts.parameter("spring_rate")),
@@ -19,14 +38,9 @@ Actuator::Actuator(const ValveFacts& facts)
       plus_factor_(facts.parameter("coulomb_pos_factor")),
       minus_factor_(facts.parameter("coulomb_neg_factor")) {}
 
-// The angle stays within an eighth of a turn, where the series has converged to the last digits: a third of the time of
-// std::sin, which every substep asks for.
 double Actuator::travel(double opening) const {
-  const double angle = opening * kPi / 2 - kPi / 4, square = angle * angle;
-  double sum = 1;
-  for (const double factor : {1.0 / 272, 1.0 / 210, 1.0 / 156, 1.0 / 110, 1.0 / 72, 1.0 / 42, 1.0 / 20, 1.0 / 6})
-    sum = 1 - square * factor * sum;
-  return stroke_ / 2 + crank_ * angle * sum;
+  const double sine = lever_sine.holds(opening) ? lever_sine(opening) : std::sin(lever_angle(opening));
+  return stroke_ / 2 + crank_ * sine;
 }
 
 double Actuator::angle(double travel) const {
@@ -36,6 +50,10 @@ double Actuator::angle(double travel) const {
 double Actuator::ratio(double travel) const {
   const double lever = travel - stroke_ / 2;
   return 1 / std::sqrt(std::max(crank_ * crank_ - lever * lever, 0.01 * crank_ * crank_));
+}
+
+double Actuator::ratio_at(double opening) const {
+  return inverse_cosine.holds(opening) ? inverse_cosine(opening) * per_crank_ : ratio(travel(opening));
 }
 
 double Actuator::force(double travel, double cylinder_gauge, double load) const {

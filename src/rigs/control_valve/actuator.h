@@ -19,9 +19,10 @@ class Actuator {
  public:
   explicit Actuator(const ValveFacts& facts);
 
-  double travel(double opening) const;  // m
-  double angle(double travel) const;    // rad
-  double ratio(double travel) const;    // phi', rad/m
+  double travel(double opening) const;    // m
+  double angle(double travel) const;      // rad
+  double ratio(double travel) const;      // phi', rad/m
+  double ratio_at(double opening) const;  // at the travel of this opening
   double rest_pressure(double travel) const {
     return spring_rate_ * (travel + spring_pretension_) / area_;
   }  // Pa gauge
@@ -44,7 +45,7 @@ class Actuator {
   const EffectChain &force_port_, &cylinder_port_;
   const AirLeak leak_;
   const Curve coulomb_plus_, coulomb_minus_;
-  const double gamma_, stroke_, crank_, area_, dead_volume_, spring_rate_, spring_pretension_, viscous_, plus_factor_,
+  const double gamma_, stroke_, crank_, per_crank_, area_, dead_volume_, spring_rate_, spring_pretension_, viscous_, plus_factor_,
       minus_factor_;
   int slip_ = 0;  // direction
 };

@@ -8,44 +8,27 @@
 // gamma = 1.4. Pressures absolute in Pa, C A in m^2, R T in J/kg, m in kg/s.
 #pragma once
 
-#include <array>
 #include <cmath>
-#include <cstddef>
+
+#include "rigs/control_valve/cubic_table.h"
 
 namespace faultline {
 
-// r^(2/7) from 0.5 to 1 by cubics through values and slopes at points 1/512 apart: within 5e-13 of it.
-class TwoSevenths {
- public:
-  TwoSevenths() {
-    for (std::size_t i = 0; i < kIntervals; ++i) {
-      const double width = 0.5 / kIntervals, from = 0.5 + static_cast<double>(i) * width, to = from + width;
-      const double y0 = std::pow(from, 2.0 / 7), y1 = std::pow(to, 2.0 / 7);
-      const double slope0 = width * 2 / 7 * y0 / from, slope1 = width * 2 / 7 * y1 / to;
-      cubics_[i] = {y0, slope0, 3 * (y1 - y0) - 2 * slope0 - slope1, 2 * (y0 - y1) + slope0 + slope1};
-    }
-  }
-  double operator()(double r) const {
-    const double place = (r - 0.5) * (2 * kIntervals);
-    const auto i = static_cast<std::size_t>(place);
-    const double x = place - static_cast<double>(i);
-    const std::array<double, 4>& c = cubics_[i];
-    return c[0] + x * (c[1] + x * (c[2] + x * c[3]));
-  }
+// 3.5 (r^(10/7) - r^(12/7)) and its derivative.
+inline double subsonic_square(double r) { return 3.5 * (std::pow(r, 10.0 / 7) - std::pow(r, 12.0 / 7)); }
+inline double subsonic_square_slope(double r) { return 5 * std::pow(r, 3.0 / 7) - 6 * std::pow(r, 5.0 / 7); }
 
- private:
-  static constexpr std::size_t kIntervals = 256;
-  std::array<std::array<double, 4>, kIntervals> cubics_;
-};
-
-inline const TwoSevenths two_sevenths;
+// Within 1e-12: the root, and near 1, where that has no bound to its slope, its square.
+inline const CubicTable<1024> subsonic_low(
+    0.5, 0.9, [](double r) { return std::sqrt(subsonic_square(r)); },
+    [](double r) { return 0.5 * subsonic_square_slope(r) / std::sqrt(subsonic_square(r)); });
+inline const CubicTable<256> subsonic_square_high(0.9, 1, subsonic_square, subsonic_square_slope);
 
 inline double flow_function(double ratio) {
   constexpr double kCritical = 0.528282, kChoked = 0.484178, kLaminar = 0.99;
   if (ratio <= kCritical) return kChoked;
-  const double root = two_sevenths(ratio < kLaminar ? ratio : kLaminar);
-  const double square = root * root;
-  const double subsonic = std::sqrt(3.5 * square * square * root * (1 - root));  // r^(10/7) - r^(12/7)
+  if (subsonic_low.holds(ratio)) return subsonic_low(ratio);
+  const double subsonic = std::sqrt(subsonic_square_high(ratio < kLaminar ? ratio : kLaminar));
   return ratio < kLaminar ? subsonic : subsonic * (1 - ratio) / (1 - kLaminar);
 }
 

@@ -104,13 +104,14 @@ ControlValve::Shaft ControlValve::shaft(const double* state) const {
   shaft.piston = actuator_.travel(state[kPiston]);
   shaft.torque = state[kTorque];
   shaft.opening = state[kPiston];
-  double driven = shaft.piston;
   if (linked_) {
-    driven -= state[kPlay];
+    const double driven = shaft.piston - state[kPlay];
     if (contact_ == 0) shaft.torque = 0;
     shaft.opening = (actuator_.angle(driven) - twist(state, shaft.torque)) / kHalfTurn;
+    shaft.ratio = actuator_.ratio(driven);
+  } else {
+    shaft.ratio = actuator_.ratio_at(shaft.opening);
   }
-  shaft.ratio = actuator_.ratio(driven);
   shaft.seal = process_valve_.seal(shaft.opening);
   return shaft;
 }
