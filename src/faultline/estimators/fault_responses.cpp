@@ -108,10 +108,13 @@ bool FaultResponses::far_off(const Stretch& stretch) const {
   return squares > settings_.far_off_variances * values;
 }
 
-double FaultResponses::unexplained() const {
+double FaultResponses::unexplained(double usual) const {
   double sum = doubt_;
-  for (const auto& stretch : recent_)
-    if (stretch->responded) sum += unexplained(*stretch);
+  for (const auto& stretch : recent_) {
+    if (!stretch->responded) continue;
+    const double left = unexplained(*stretch) - usual;
+    sum += usual > 0 ? std::max(0.0, left) : left;
+  }
   return sum;
 }
 
@@ -155,12 +158,13 @@ void FaultResponses::respond_all() {
 // The latest stretches, and of those before what does not end in these.
 void FaultResponses::weigh_all() {
   respond_all();
-  double before = unexplained();
+  const double usual = event_ ? 0 : known_.inexplicable();
+  double before = unexplained(usual);
   shown_ = 0;
   for (auto stretch = recent_.rbegin(); stretch != recent_.rend(); ++stretch) {
     if (shown_ >= (event_ ? window_.stretches : 1) && before <= settings_.over_evidence) break;
     model_.weigh(**stretch, point_);
-    before -= unexplained(**stretch);
+    before -= std::max(0.0, unexplained(**stretch) - usual);
     ++shown_;
   }
 }
@@ -247,7 +251,8 @@ void FaultResponses::forget_oldest() {
   if (recent_.size() <= settings_.recent_stretches) return;
   if (!event_ && recent_.front()->responded) {
     const double kept = 1 - 1 / settings_.memory_stretches;
-    doubt_ = kept * doubt_ + (recent_.front()->weighed ? 0 : unexplained(*recent_.front()));
+    const double left = unexplained(*recent_.front()) - known_.inexplicable();
+    doubt_ = kept * doubt_ + (recent_.front()->weighed ? 0 : std::max(0.0, left));
     reference_ = kept * reference_ + recent_.front()->sums;
   } else if (window_.change && recent_.size() > window_.stretches + 1 && recent_.front()->responded) {
     // Of before the fault: without it the parameters would be free to explain a part of the fault.
@@ -442,8 +447,10 @@ void FaultResponses::judge_stretch() {
   }
   const double left = unexplained();
   explained_ = !event_ && left < settings_.explained_ratio * settings_.threshold_evidence && !far_off(*recent_.back());
-  if (!event_ && settings_.refresh_stretches > 1 && left < weighed_from(settings_)) {
-    evidence_ = std::max(0.0, left);
+  // Now and then causes are weighed for less, so that what no cause explains is known anew.
+  const double explicable = due ? left : unexplained(known_.inexplicable());
+  if (!event_ && settings_.refresh_stretches > 1 && explicable < weighed_from(settings_)) {
+    evidence_ = std::max(0.0, explicable);
     end_event();
     return;
   }
@@ -486,6 +493,7 @@ void FaultResponses::find_healthy_or_fault() {
   evidence_ = screened.empty() ? 0 : screened.front().evidence;
   const double limit = (event_ ? settings_.release_fraction : 1.0) * settings_.threshold_evidence;
   if (evidence_ < limit) {
+    if (!event_) known_.learn_inexplicable((unexplained() - doubt_ - evidence_) / static_cast<double>(recent_.size()));
     end_event();
     return;
   }

@@ -79,7 +79,8 @@ class FaultResponses {
   Eigen::VectorXd theta() const;  // best, from the point
   double unexplained(const Stretch& stretch) const;
   bool far_off(const Stretch& stretch) const;  // with the parameters as well as they can be
-  double unexplained() const;                  // of the stretches that responded: evidence that no effect can exceed
+  // Of the stretches that responded, beyond so much of each: evidence that no effect can exceed.
+  double unexplained(double usual = 0) const;
   void judge_stretch();                        // the latest
   void look_what_shows();
   void respond_all();
@@ -122,7 +123,7 @@ class FaultResponses {
   ModelPoint point_;  // around which the model is made linear
   std::vector<std::unique_ptr<Stretch>> recent_;
   Eigen::MatrixXd reference_;  // sums of the stretches before the recent ones
-  double doubt_ = 0;           // what was unexplained in those of them that were not weighed
+  double doubt_ = 0;           // what might have been explained in those of them that were not weighed
   bool event_ = false;
   std::size_t shown_ = 0;  // latest stretches that may show a fault: those before hold nothing that is unexplained
   Window window_;

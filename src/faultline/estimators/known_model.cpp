@@ -8,6 +8,12 @@ namespace {
 
 constexpr std::size_t kStartsKept = 4;  // motions to borrow the start states' part from
 
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 }  // namespace
 
 void KnownModel::learn_healthy(const ModelPoint& point, const Eigen::VectorXd& theta,
@@ -29,13 +35,17 @@ void KnownModel::learn_healthy(const ModelPoint& point, const Eigen::VectorXd& t
   // White noise as the datasheet has it, where nothing else is known.
   healthy_ = static_cast<double>(settings.segments * model_.outputs()) * static_cast<double>(model_.smooth_terms()) /
              settings.inflation_variances;
-  if (!misfits_.empty()) {
-    std::vector<double> sorted(misfits_.begin(), misfits_.end());
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    healthy_ = *middle;
-  }
+  if (!misfits_.empty()) healthy_ = median({misfits_.begin(), misfits_.end()});
   usual_ = healthy_;
+}
+
+void KnownModel::learn_inexplicable(double per_stretch) {
+  inexplicable_.push_back(std::max(0.0, per_stretch));
+  if (static_cast<double>(inexplicable_.size()) > model_.settings().memory_stretches) inexplicable_.pop_front();
+}
+
+double KnownModel::inexplicable() const {
+  return inexplicable_.empty() ? 0 : median({inexplicable_.begin(), inexplicable_.end()});
 }
 
 void KnownModel::learn_fault(const ModelPoint& point, const Eigen::VectorXd& theta,

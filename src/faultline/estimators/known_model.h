@@ -7,6 +7,10 @@
 // output over a segment (stretch_model.h). What any effect could explain of a stretch is at most what its misfit has
 // beyond the usual one: that of noise and of the model's usual error, the median over healthy stretches that were
 // looked at closely.
+//
+// What a stretch leaves beyond white noise (StretchModel::beyond_noise) bounds what any effect could explain, but the
+// model's usual error is in it too. Stretches that were weighed and held no fault tell how much of it no cause explains:
+// their median.
 #pragma once
 
 #include <deque>
@@ -21,7 +25,10 @@ class KnownModel {
  public:
   explicit KnownModel(const StretchModel& model) : model_(model) {}
 
-  void forget_misfits() { misfits_.clear(); }  // of healthy stretches: the model is linear around another point
+  void forget_misfits() {  // of healthy stretches: the model is linear around another point
+    misfits_.clear();
+    inexplicable_.clear();
+  }
   void forget_starts() { lately_.clear(); }    // nothing is borrowed from stretches before
   // Nothing is wrong: theta from the point, around which stretches responded. `recent`: oldest first.
   void learn_healthy(const ModelPoint& point, const Eigen::VectorXd& theta,
@@ -33,6 +40,8 @@ class KnownModel {
   double beyond(Stretch& stretch, double news);
   double beyond(const Stretch& stretch) const { return stretch.misfit - usual_; }  // as found before
   double healthy() const { return healthy_; }                                      // misfit
+  void learn_inexplicable(double per_stretch);  // of healthy stretches that were weighed
+  double inexplicable() const;                  // of a stretch; 0 where nothing was weighed
 
  private:
   double misfit(const Stretch& stretch, const Eigen::MatrixXf& residuals, const StartProjection& starts) const;
@@ -44,7 +53,7 @@ class KnownModel {
   ModelPoint known_;
   double usual_ = 0;  // misfit of what holds nothing but that
   double healthy_ = 0;
-  std::deque<double> misfits_;                                 // of healthy stretches
+  std::deque<double> misfits_, inexplicable_;                  // of healthy stretches
   std::deque<std::shared_ptr<const StartProjection>> lately_;  // of stretches before
 };
 

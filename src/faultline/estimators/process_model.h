@@ -40,6 +40,10 @@ class ProcessModel {
   // Scaled; NaN where a reading says nothing (at the end of a transducer's range): that row is then left out.
   virtual void measurement(const double* channels, double* y) const = 0;
   virtual void predict(const double* state, double dt, double* next) const = 0;  // dt in s
+  // From several states of `n` values, one after the other: the first, and up to 2 n others around it.
+  virtual void predict_all(const double* all, int n, int count, double dt, double* next) const {
+    for (int i = 0; i < count; ++i) predict(all + i * n, dt, next + i * n);
+  }
   virtual void observe(const double* state, double* y) const = 0;
   // Where y is plainly some of the states: which, one per row of y. Empty: filters ask observe(). Saves them most of a
   // correction.

@@ -41,7 +41,9 @@ constexpr double kLeastMotion = 1e-3;  // of what a state moves through, per slo
 class RigModel : public ProcessModel {
  public:
   RigModel(const Datasheet& sheet, const Settings& settings)
-      : sheet_(sheet), n_(sheet.states.size()), model_(std::make_unique<StepModel>(sheet)) {
+      : sheet_(sheet),
+        n_(sheet.states.size()),
+        model_(std::make_unique<StepModel>(sheet, std::vector<double>(), 2 * static_cast<int>(n_))) {
     if (n_ > static_cast<std::size_t>(kMaximumStates))
       throw InputError(fmt::format("rig_model takes rigs of up to {} states, {} has {}; write a process model of fewer",
                                    kMaximumStates, sheet.rig, n_));
@@ -109,6 +111,9 @@ class RigModel : public ProcessModel {
   }
   void predict(const double* state, double dt, double* next) const override {
     model_->advance(state, before_.data(), now_.data(), dt, next);
+  }
+  void predict_all(const double* all, int, int count, double dt, double* next) const override {
+    model_->advance_all(all, count, before_.data(), now_.data(), dt, next);
   }
   void observe(const double* state, double* y) const override {
     model_->outputs(state, now_.data(), shown_.data());

@@ -10,8 +10,8 @@ UnscentedKalmanFilter::UnscentedKalmanFilter(const ProcessModel& model) : model_
   spread_ = std::sqrt(s_.n + k);
   centre_weight_ = k / (s_.n + k);
   weight_ = 1 / (2 * (s_.n + k));
-  for (SquareRootState::State* v : {&probe_, &middle_, &mean_}) v->setZero(s_.n);
-  points_.setZero(s_.n, 2 * s_.n);
+  for (SquareRootState::State* v : {&probe_, &mean_}) v->setZero(s_.n);
+  for (auto* v : {&points_, &next_}) v->setZero(s_.n, 2 * s_.n + 1);
   for (SquareRootState::Observation* v : {&c_, &plus_, &minus_}) v->setZero(s_.m, s_.n);
   y_middle_.setZero(s_.m);
   plain_variance_ = s_.measurement_variance;
@@ -19,19 +19,15 @@ UnscentedKalmanFilter::UnscentedKalmanFilter(const ProcessModel& model) : model_
 
 void UnscentedKalmanFilter::predict(double dt, double noise_scale) {
   const int n = s_.n;
-  model_.predict(s_.state.data(), dt, middle_.data());
-  mean_ = centre_weight_ * middle_;
-  for (int p = 0; p < 2 * n; ++p) {
-    const double step = p < n ? spread_ : -spread_;
-    probe_ = s_.state + step * s_.root.col(p % n);
-    SquareRootState::State next(n);
-    model_.predict(probe_.data(), dt, next.data());
-    points_.col(p) = next;
-    mean_ += weight_ * next;
-  }
+  points_.col(0) = s_.state;
+  for (int p = 0; p < 2 * n; ++p)
+    points_.col(1 + p) = s_.state + (p < n ? spread_ : -spread_) * s_.root.col(p % n);
+  model_.predict_all(points_.data(), n, 2 * n + 1, dt, next_.data());
+  mean_ = centre_weight_ * next_.col(0);
+  for (int p = 1; p <= 2 * n; ++p) mean_ += weight_ * next_.col(p);
   const double root_weight = std::sqrt(weight_);
-  for (int p = 0; p < 2 * n; ++p) s_.wide.col(p) = root_weight * (points_.col(p) - mean_);
-  s_.wide.col(2 * n) = std::sqrt(centre_weight_) * (middle_ - mean_);
+  for (int p = 0; p < 2 * n; ++p) s_.wide.col(p) = root_weight * (next_.col(1 + p) - mean_);
+  s_.wide.col(2 * n) = std::sqrt(centre_weight_) * (next_.col(0) - mean_);
   s_.add_noise(dt, noise_scale);
   s_.state = mean_;
 }

@@ -36,8 +36,10 @@ class UnscentedKalmanFilter : public StateEstimator {
   const ProcessModel& model_;
   SquareRootState s_;
   double spread_, centre_weight_, weight_;
-  SquareRootState::State probe_, middle_, mean_;
-  SquareRootState::Wide points_;
+  SquareRootState::State probe_, mean_;
+  using Points = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaximumStates,
+                               2 * kMaximumStates + 1>;
+  Points points_, next_;  // the centre, then the sigma points
   SquareRootState::Observation c_, plus_, minus_;
   SquareRootState::Outputs y_middle_, plain_variance_;
 };

@@ -49,8 +49,10 @@ struct RigType {
   // s, of the model where its motion() stays what it is and long steps are asked for (SimulationSetup): events, not the
   // equations between them, need model_substep. 0: no longer steps anywhere.
   double even_substep = 0;
-  // s, of the model with effects that bring states faster than the rig's own, in a line or a transmission; 0: substep.
+  // s, of the model with effects that bring states faster than the rig's own; 0: substep.
   double fast_substep = 0;
+  // Which do; null: all in a line, and in a transmission all but a scale.
+  bool (*is_fast)(const EffectSpec& effect) = nullptr;
 };
 
 inline const Registry<RigType>::Types& rig_types() { return registry<RigType>().all(); }

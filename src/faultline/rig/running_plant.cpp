@@ -21,14 +21,15 @@ double period_of(const Datasheet& sheet, const SimulationSetup& setup) {
 }
 
 // Brings states faster than the rig's own.
-bool is_fast(const EffectSpec& effect) {
+bool is_fast(const RigType& type, const EffectSpec& effect) {
+  if (type.is_fast) return type.is_fast(effect);
   const PortKind kind = port_kind(effect.port);
   return kind == PortKind::line || (kind == PortKind::transmission && effect.effect != "scale");
 }
 
 // A hysteretic force and bristles are stiff springs.
-bool asks_for_short_steps(const EffectSpec& effect) {
-  return is_fast(effect) || (port_kind(effect.port) == PortKind::force &&
+bool asks_for_short_steps(const RigType& type, const EffectSpec& effect) {
+  return is_fast(type, effect) || (port_kind(effect.port) == PortKind::force &&
                              (effect.effect == "hysteresis" || effect.effect == "presliding_friction"));
 }
 
@@ -36,9 +37,10 @@ bool asks_for_short_steps(const EffectSpec& effect) {
 int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1) {
   const RigType* type = find_rig_type(sheet.rig);
   double wanted = type ? type->substep : sheet.sample_period;
-  const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
-  const bool faster = std::any_of(effects.begin(), effects.end(), is_fast);
   if (type && use == Use::model) {
+    const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
+    const bool faster =
+        std::any_of(effects.begin(), effects.end(), [type](const EffectSpec& effect) { return is_fast(*type, effect); });
     const double coarser = faster ? type->fast_substep : type->model_substep;
     if (coarser > 0) wanted = coarser;
   }
@@ -68,7 +70,8 @@ RunningPlant::RunningPlant(const Datasheet& sheet, const SimulationSetup& setup,
   // What remembers is asked at every substep.
   const std::vector<EffectSpec> specs = all_effects(sheet, setup.effects);
   if (setup.long_steps && use == Use::model && setup.substep <= 0 && parts == 1 && !effects_.remembers() &&
-      std::none_of(specs.begin(), specs.end(), asks_for_short_steps))
+      std::none_of(specs.begin(), specs.end(),
+                   [type](const EffectSpec& effect) { return asks_for_short_steps(*type, effect); }))
     even_ = std::clamp(static_cast<int>(type->even_substep / substep_ + 1e-9), 1, substeps_);
   before_.resize(static_cast<std::size_t>(rig_->states()));
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {

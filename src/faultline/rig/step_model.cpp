@@ -12,20 +12,55 @@
 
 namespace faultline {
 
+namespace {
+
+// The rig in one of its states.
+struct Running {
+  Running(const RigType& type, const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects)
+      : rig(type.make(sheet, parameters, effects)), integrator(make_integrator(*rig)) {
+    before.resize(static_cast<std::size_t>(rig->states()));
+  }
+
+  double* state() { return integrator->state(); }
+  // At a state of the datasheet.
+  double* set(const double* nominal, const double* channels) {
+    rig->start_at(nominal, channels, state());
+    rig->set_modes(state());
+    rig->after_step(0, state(), channels);
+    return state();
+  }
+  // `step`; undone, and false, where an event falls into it, or where the motion is not `wanted`.
+  template <class Step>
+  bool without_event(int wanted, Step&& step) {
+    const int motion = rig->motion(state());
+    if (motion == Rig::kUneven || motion != wanted) return false;
+    std::copy_n(state(), before.size(), before.begin());
+    step();
+    if (rig->motion(state()) == motion) return true;
+    std::copy_n(before.begin(), before.size(), state());
+    rig->set_modes(state());
+    return false;
+  }
+
+  std::unique_ptr<Rig> rig;
+  std::unique_ptr<Integrator> integrator;
+  std::vector<double> before;
+};
+
+}  // namespace
+
 struct StepModel::Parts {
-  Parts(const Datasheet& datasheet, const std::vector<double>& parameters)
+  Parts(const Datasheet& datasheet, const std::vector<double>& parameters, int beside)
       : sheet(datasheet), effects(sheet, nominal_effects(sheet), sheet.sample_period, 1) {
     const RigType* type = find_rig_type(sheet.rig);
     if (!type)
       throw InputError(
           fmt::format("{}: this build has the datasheet of '{}' but not its equations", sheet.file, sheet.rig));
-    rig = type->make(sheet, parameters.empty() ? sheet.nominal() : parameters, effects);
-    integrator = make_integrator(*rig);
+    for (int i = 0; i <= beside; ++i)
+      models.emplace_back(*type, sheet, parameters.empty() ? sheet.nominal() : parameters, effects);
     substep = sheet.sample_period / model_substeps(sheet, {});
     if (sheet.nominal_effects.empty()) even = std::max(1, static_cast<int>(type->even_substep / substep + 1e-9));
-    before.resize(static_cast<std::size_t>(rig->states()));
     held.resize(sheet.channels.size());
-    state.resize(static_cast<std::size_t>(rig->states()));
     commands.resize(sheet.channels.size());
     sensors.resize(sheet.channels.size());
     for (const Port& port : sheet.ports) {
@@ -36,53 +71,33 @@ struct StepModel::Parts {
     }
   }
 
-  // The rig at a state of the datasheet.
-  double* at(const double* nominal, const double* channels) {
-    rig->start_at(nominal, channels, state.data());
-    rig->set_modes(state.data());
-    rig->after_step(0, state.data(), channels);
-    return state.data();
-  }
-
-  // Substeps `first` to `first` + `count` of `steps` over `dt`.
-  void step(const double* from, const double* to, double dt, int first, int count, int steps) {
+  // What drives the equations in substeps `first` to `first` + `count` of `steps`.
+  const double* drive(const double* from, const double* to, int first, int count, int steps) {
     const double share = (first + 0.5 * count) / steps;
     for (std::size_t c = 0; c < held.size(); ++c)
       if (sheet.channels[c].role == Role::input && sheet.channels[c].predicted_by.empty())
         held[c] = from[c] + share * (to[c] - from[c]);
-    integrator->step(first * dt / steps, count * dt / steps, held.data());
-  }
-
-  // `even` substeps at once, where no event falls into them (RigType::even_substep).
-  bool step_evenly(const double* from, const double* to, double dt, int first, int steps) {
-    const int motion = rig->motion(integrator->state());
-    if (motion == Rig::kUneven) return false;
-    std::copy_n(integrator->state(), before.size(), before.begin());
-    step(from, to, dt, first, even, steps);
-    if (rig->motion(integrator->state()) == motion) return true;
-    std::copy_n(before.begin(), before.size(), integrator->state());
-    rig->set_modes(integrator->state());
-    return false;
+    return held.data();
   }
 
   const Datasheet sheet;
   EffectSet effects;
-  std::unique_ptr<Rig> rig;
-  std::unique_ptr<Integrator> integrator;
+  std::vector<Running> models;
   double substep;
   int even = 1;  // substeps that a longer step takes
-  std::vector<double> held, state, before;
+  std::vector<double> held;
   std::vector<const EffectChain*> commands, sensors;  // per channel; null: none
 };
 
-StepModel::StepModel(const Datasheet& sheet, const std::vector<double>& parameters)
-    : parts_(std::make_unique<Parts>(sheet, parameters)) {}
+StepModel::StepModel(const Datasheet& sheet, const std::vector<double>& parameters, int beside)
+    : parts_(std::make_unique<Parts>(sheet, parameters, beside)) {}
 StepModel::~StepModel() = default;
 
 void StepModel::start(const double* plant, double* state) {
-  std::fill(parts_->state.begin(), parts_->state.end(), 0.0);
-  parts_->rig->start(plant, parts_->state.data());
-  std::copy_n(parts_->state.begin(), parts_->sheet.states.size(), state);
+  Running& model = parts_->models.front();
+  std::fill_n(model.state(), model.rig->states(), 0.0);
+  model.rig->start(plant, model.state());
+  std::copy_n(model.state(), parts_->sheet.states.size(), state);
 }
 
 void StepModel::prepare(double time, const double* channels, double* plant) {
@@ -96,21 +111,53 @@ void StepModel::prepare(double time, const double* channels, double* plant) {
 }
 
 void StepModel::advance(const double* state, const double* from, const double* to, double dt, double* next) {
+  advance_all(state, 1, from, to, dt, next);
+}
+
+void StepModel::advance_all(const double* states, int count, const double* from, const double* to, double dt,
+                            double* next) {
   Parts& p = *parts_;
+  const std::size_t width = p.sheet.states.size(), models = static_cast<std::size_t>(count);
   std::copy_n(from, p.held.size(), p.held.begin());
-  std::copy_n(p.at(state, from), p.state.size(), p.integrator->state());
+  for (std::size_t m = 0; m < models; ++m) p.models[m].set(states + m * width, from);
   const int steps = std::max(1, static_cast<int>(std::ceil(dt / p.substep - 1e-6)));
-  for (int i = 0; i < steps;) {
-    const bool evenly = p.even > 1 && i + p.even <= steps && p.step_evenly(from, to, dt, i, steps);
-    if (!evenly) p.step(from, to, dt, i, 1, steps);
-    i += evenly ? p.even : 1;
+  const double h = dt / steps;
+  for (int i = 0, taken = 1; i < steps; i += taken) {
+    const auto own = [&](Running& model, int first, int length) {
+      model.integrator->step(first * h, length * h, p.drive(from, to, first, length, steps));
+    };
+    const auto short_ones = [&](Running& model, int length) {
+      for (int k = 0; k < length; ++k) own(model, i + k, 1);
+    };
+    Running& leader = p.models.front();
+    const int motion = leader.rig->motion(leader.state());
+    // `even` substeps at once, where no event falls into them (RigType::even_substep).
+    const bool evenly = p.even > 1 && i + p.even <= steps &&
+                        leader.without_event(motion, [&] { own(leader, i, p.even); });
+    if (!evenly) own(leader, i, 1);
+    taken = evenly ? p.even : 1;
+    const bool leads = models > 1 && (evenly || leader.rig->stiff());
+    const double* inputs = p.drive(from, to, i, taken, steps);
+    if (leads) leader.integrator->lead(i * h, taken * h, inputs);
+    for (std::size_t m = 1; m < models; ++m) {
+      Running& other = p.models[m];
+      const auto beside = [&] {
+        other.integrator->step_beside(i * h, taken * h, p.drive(from, to, i, taken, steps), *leader.integrator);
+      };
+      if (leads && leader.rig->stiff()) {
+        beside();
+      } else if (!(leads && other.without_event(motion, beside))) {
+        short_ones(other, taken);
+      }
+    }
   }
-  std::copy_n(p.integrator->state(), p.sheet.states.size(), next);
+  for (std::size_t m = 0; m < models; ++m) std::copy_n(p.models[m].state(), width, next + m * width);
 }
 
 void StepModel::outputs(const double* state, const double* plant, double* channels) {
   std::copy_n(plant, parts_->held.size(), channels);
-  parts_->rig->outputs(0, parts_->at(state, plant), channels);
+  Running& model = parts_->models.front();
+  model.rig->outputs(0, model.set(state, plant), channels);
 }
 
 double StepModel::undo_sensor(std::size_t channel, double shown, double time) const {

@@ -20,8 +20,8 @@ namespace faultline {
 
 class StepModel {
  public:
-  // `parameters` in the datasheet's order; empty: nominal.
-  StepModel(const Datasheet& sheet, const std::vector<double>& parameters = {});
+  // `parameters` in the datasheet's order; empty: nominal. `beside`: how many advance_all() takes after its first.
+  StepModel(const Datasheet& sheet, const std::vector<double>& parameters = {}, int beside = 0);
   ~StepModel();
   StepModel(const StepModel&) = delete;
   StepModel& operator=(const StepModel&) = delete;
@@ -33,6 +33,9 @@ class StepModel {
   void prepare(double time, const double* channels, double* plant);
   // `dt` s from `state` under `from` to `to` (of prepare()); into `next`.
   void advance(const double* state, const double* from, const double* to, double dt, double* next);
+  // From several states that are near one another, one after the other: all but the first go beside it where they meet
+  // no event (numerics/integrator.h), for a fraction of a run of their own.
+  void advance_all(const double* states, int count, const double* from, const double* to, double dt, double* next);
   // Output channels at `state`, as they are before their sensors; other channels as they stand in `plant`.
   void outputs(const double* state, const double* plant, double* channels);
   // What an output was before its sensor's static effects; NaN where it says nothing (saturated).
