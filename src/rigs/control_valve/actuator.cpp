@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "rigs/control_valve/cubic_table.h"
+#include "faultline/numerics/cubic_table.h"
 
 namespace faultline {
 namespace {

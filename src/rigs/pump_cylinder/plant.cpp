@@ -242,26 +242,31 @@ void PumpCylinder::jacobian(double time, const double* state, const double* chan
                             double* entries) {
   derivative(time, state, channels, rate);
   std::fill_n(time_rate, count_, 0.0);
-  if (count_ > kNominalStates || has_force_ || std::abs(state[kPosition]) > kStroke)
+  if (rod_ > 0 || angle_ > 0 || has_force_ || std::abs(state[kPosition]) > kStroke)
     return by_differences(time, state, channels, rate, entries);
+  // What the pumps see is the cylinder's own pressure where no line parts them.
+  const int pump_a = side_a_ > 0 ? side_a_ : static_cast<int>(kPressureA),
+            pump_b = side_b_ > 0 ? side_b_ : static_cast<int>(kPressureB);
   const double a = state[kPressureA], b = state[kPressureB], velocity = state[kVelocity];
   const double factor = oil_port_.viscosity().factor, thin = 1 / factor;
-  const PathSlope across = slope_between(leak_2ab_, a, b, channels[speed2_]), seal = slope_between(seal_, a, b, 0);
-  // Of what flows into A and out of B, by the pressures.
-  const double a_by_a = -thin * 2 * (p_.internal + p_.external_a) - across.by_a - seal.by_a -
-                        slope_to_tank(leak_2a_, a, channels[speed2_]) - slope_to_tank(leak_1a_, a, channels[speed1_]);
-  const double a_by_b = thin * p_.internal - across.by_b - seal.by_b;
-  const double b_by_a = -thin * p_.internal - across.by_a - seal.by_a;
-  const double b_by_b =
-      thin * (p_.internal + p_.external_b) - across.by_b - seal.by_b + slope_to_tank(leak_2b_, b, channels[speed2_]);
+  const PathSlope across = slope_between(leak_2ab_, state[pump_a], state[pump_b], channels[speed2_]),
+                  seal = slope_between(seal_, a, b, 0);
+  // Of what the pumps deliver to side A and take from side B, by the pressures at the pumps.
+  const double a_by_a = -thin * 2 * (p_.internal + p_.external_a) - across.by_a -
+                        slope_to_tank(leak_2a_, state[pump_a], channels[speed2_]) -
+                        slope_to_tank(leak_1a_, state[pump_a], channels[speed1_]);
+  const double a_by_b = thin * p_.internal - across.by_b;
+  const double b_by_a = -thin * p_.internal - across.by_a;
+  const double b_by_b = thin * (p_.internal + p_.external_b) - across.by_b +
+                        slope_to_tank(leak_2b_, state[pump_b], channels[speed2_]);
   const double modulus_a = this->modulus_a(a, oil_a_), modulus_b = this->modulus_b(b, oil_b_);
-  const double volume_a = p_.volume_a + p_.cap_area * state[kPosition];
-  const double volume_b = p_.volume_b - p_.rod_area * state[kPosition];
+  const double volume_a = p_.volume_a + p_.cap_area * state[kPosition] - (side_a_ > 0 ? p_.line_volume_a : 0.0);
+  const double volume_b = p_.volume_b - p_.rod_area * state[kPosition] - (side_b_ > 0 ? p_.line_volume_b : 0.0);
   const double stiff_a = modulus_a / volume_a, stiff_b = modulus_b / volume_b;
   const double direction = direction_.at(velocity, [this](double v) { return quick_tanh(v / width_); });
   const double friction = factor * p_.viscous + p_.coulomb * (1 - direction * direction) / width_;
-  const auto by = [entries](int column, int row) -> double& { return entries[column * kNominalStates + row]; };
-  std::fill_n(entries, kNominalStates * kNominalStates, 0.0);
+  const auto by = [entries, this](int column, int row) -> double& { return entries[column * count_ + row]; };
+  std::fill_n(entries, count_ * count_, 0.0);
   by(kVelocity, kPosition) = 1;
   by(kVelocity, kVelocity) = -friction / p_.mass;
   by(kPressureA, kVelocity) = p_.cap_area / p_.mass;
@@ -269,13 +274,41 @@ void PumpCylinder::jacobian(double time, const double* state, const double* chan
   by(kPosition, kPressureA) = -rate[kPressureA] * p_.cap_area / volume_a;
   by(kVelocity, kPressureA) = -stiff_a * p_.cap_area;
   by(kPressureA, kPressureA) =
-      modulus_slope(compliance_a_, a, modulus_a) * rate[kPressureA] / modulus_a + stiff_a * a_by_a;
-  by(kPressureB, kPressureA) = stiff_a * a_by_b;
+      modulus_slope(compliance_a_, a, modulus_a) * rate[kPressureA] / modulus_a - stiff_a * seal.by_a;
+  by(kPressureB, kPressureA) = -stiff_a * seal.by_b;
   by(kPosition, kPressureB) = rate[kPressureB] * p_.rod_area / volume_b;
   by(kVelocity, kPressureB) = stiff_b * p_.rod_area;
-  by(kPressureA, kPressureB) = -stiff_b * b_by_a;
+  by(kPressureA, kPressureB) = stiff_b * seal.by_a;
   by(kPressureB, kPressureB) =
-      modulus_slope(compliance_b_, b, modulus_b) * rate[kPressureB] / modulus_b - stiff_b * b_by_b;
+      modulus_slope(compliance_b_, b, modulus_b) * rate[kPressureB] / modulus_b + stiff_b * seal.by_b;
+  if (side_a_ > 0) {
+    const double modulus = this->modulus_a(state[side_a_], line_oil_a_), stiff = modulus / p_.line_volume_a;
+    const double inertance = std::max(line_a_.line().inertance, kSmallestInertance);
+    by(side_a_, side_a_) = modulus_slope(compliance_a_, state[side_a_], modulus) * rate[side_a_] / modulus + stiff * a_by_a;
+    by(pump_b, side_a_) = stiff * a_by_b;
+    by(side_a_ + 1, side_a_) = -stiff;
+    by(side_a_, side_a_ + 1) = 1 / inertance;
+    by(kPressureA, side_a_ + 1) = -1 / inertance;
+    by(side_a_ + 1, side_a_ + 1) = -kLineDamping;
+    by(side_a_ + 1, kPressureA) = stiff_a;
+  } else {
+    by(kPressureA, kPressureA) += stiff_a * a_by_a;
+    by(pump_b, kPressureA) += stiff_a * a_by_b;
+  }
+  if (side_b_ > 0) {
+    const double modulus = this->modulus_b(state[side_b_], line_oil_b_), stiff = modulus / p_.line_volume_b;
+    const double inertance = std::max(line_b_.line().inertance, kSmallestInertance);
+    by(side_b_, side_b_) = modulus_slope(compliance_b_, state[side_b_], modulus) * rate[side_b_] / modulus - stiff * b_by_b;
+    by(pump_a, side_b_) = -stiff * b_by_a;
+    by(side_b_ + 1, side_b_) = stiff;
+    by(side_b_, side_b_ + 1) = -1 / inertance;
+    by(kPressureB, side_b_ + 1) = 1 / inertance;
+    by(side_b_ + 1, side_b_ + 1) = -kLineDamping;
+    by(side_b_ + 1, kPressureB) = -stiff_b;
+  } else {
+    by(kPressureB, kPressureB) -= stiff_b * b_by_b;
+    by(pump_a, kPressureB) -= stiff_b * b_by_a;
+  }
 }
 
 void PumpCylinder::by_differences(double time, const double* state, const double* channels, const double* rate,
