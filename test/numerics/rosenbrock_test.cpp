@@ -167,13 +167,19 @@ class Pushed : public Kaps {
   double push_ = 0;
 };
 
+class Explicit : public Pushed {
+ public:
+  bool stiff() const override { return false; }
+};
+
 // How far what goes beside is from a fine run of its own, over how far the two courses are apart.
+template <class System = Pushed>
 double beside_error(double stiffness, double push, double off, int steps) {
-  Pushed rig, near;
+  System rig, near;
   rig.k_ = near.k_ = stiffness;
   near.push_ = push;
-  const std::unique_ptr<Integrator> leader = make_rosenbrock(rig), beside = make_rosenbrock(near),
-                                    alone = make_rosenbrock(near);
+  const std::unique_ptr<Integrator> leader = make_integrator(rig), beside = make_integrator(near),
+                                    alone = make_integrator(near);
   for (const auto* method : {&leader, &beside, &alone}) (*method)->state()[0] = (*method)->state()[1] = 1;
   beside->state()[1] = alone->state()[1] = 1 + off;
   constexpr int kFiner = 50;
@@ -198,18 +204,27 @@ TEST(Rosenbrock, WhatIsNearGoesBesideToSecondOrder) {
   }
 }
 
-TEST(Rosenbrock, OnlyItLeads) {
-  Kaps stiff;
-  EXPECT_TRUE(make_integrator(stiff)->leads());
-  class Soft : public Restless {
-   public:
-    Soft() : Restless(1, 0) {}
-    bool stiff() const override { return false; }
-  } plain;
-  const std::unique_ptr<Integrator> explicit_one = make_integrator(plain);
-  EXPECT_FALSE(explicit_one->leads());
-  EXPECT_THROW(explicit_one->lead(0, 1, nullptr), std::logic_error);
-  EXPECT_THROW(explicit_one->step_beside(0, 1, nullptr, *explicit_one), std::logic_error);
+TEST(RungeKutta, WhatIsNearGoesBesideToSecondOrder) {
+  for (const double push : {0.0, 1e-3}) {
+    const double off = push > 0 ? 0 : 1e-3;
+    const double coarse = beside_error<Explicit>(1, push, off, 20), fine = beside_error<Explicit>(1, push, off, 40);
+    EXPECT_LT(coarse, 0.05) << push;
+    EXPECT_GT(coarse / fine, 3.2) << push;
+  }
+}
+
+TEST(RungeKutta, DoesNotAllocate) {
+  Explicit rig, near;
+  near.push_ = 1e-3;
+  const std::unique_ptr<Integrator> method = make_integrator(rig), beside = make_integrator(near);
+  method->state()[0] = method->state()[1] = beside->state()[0] = 1;
+  const auto before = allocations();
+  for (int k = 0; k < 100; ++k) {
+    method->step(0.01 * k, 0.01, nullptr);
+    method->lead(0.01 * k, 0.01, nullptr);
+    beside->step_beside(0.01 * k, 0.01, nullptr, *method);
+  }
+  EXPECT_EQ(allocations(), before);
 }
 
 }  // namespace

@@ -42,6 +42,46 @@ TEST(PumpCylinder, OffsetSpeedsAreThePapers) {
   EXPECT_NEAR(parameter("offset_ratio"), w1 / w2, 1e-9);
 }
 
+// With leaks at every place, changed oil, and lines on either side, both or neither.
+TEST(PumpCylinder, JacobianIsThatOfTheEquations) {
+  const std::vector<std::string> common = {
+      "laminar_leakage@flow.pump2_a_b:coefficient=2e-13",   "orifice_leakage@flow.pump2_a_tank:coefficient=1e-9",
+      "laminar_leakage@flow.pump2_b_tank:coefficient=1e-13", "laminar_leakage@flow.pump1_a_tank:coefficient=1e-13",
+      "orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-9", "trapped_air@compliance.chamber_a:fraction=0.01"};
+  for (const std::vector<std::string>& lines :
+       {std::vector<std::string>{}, {"line_inertia@line.a:inertance=2e7"}, {"line_inertia@line.b:inertance=1e7"},
+        {"line_inertia@line.a:inertance=2e7", "line_inertia@line.b:inertance=1e7"}}) {
+    std::vector<EffectSpec> specs;
+    for (const auto* texts : {&common, &lines})
+      for (const std::string& text : *texts) specs.push_back(parse_effect(text));
+    const EffectSet effects(cylinder(), specs, 1e-3, 1);
+    PumpCylinder rig(cylinder(), cylinder().nominal(), effects);
+    std::vector<double> channels(cylinder().channels.size());
+    channels[cylinder_column("pump1_speed")] = 20;
+    channels[cylinder_column("pump2_speed")] = -35;
+    const auto n = static_cast<std::size_t>(rig.states());
+    std::vector<double> state = {0.01, 0.003, 3e6, 8e6, 3.1e6, 1e-4, 7.9e6, -2e-4}, sizes = {1e-2, 1e-2, 1e6, 1e6};
+    if (lines.size() == 1 && lines.front().find("line.b") != std::string::npos) state[4] = 7.9e6;
+    for (std::size_t i = 4; i < n; ++i) sizes.push_back(i % 2 == 0 ? 1e6 : 1e-4);
+    std::vector<double> rate(n), time_rate(n), up(n), down(n), entries(n * n);
+    rig.jacobian(0, state.data(), channels.data(), rate.data(), time_rate.data(), entries.data());
+    for (std::size_t column = 0; column < n; ++column) {
+      const double kept = state[column], step = 1e-4 * sizes[column];
+      state[column] = kept + step;
+      rig.derivative(0, state.data(), channels.data(), up.data());
+      state[column] = kept - step;
+      rig.derivative(0, state.data(), channels.data(), down.data());
+      state[column] = kept;
+      for (std::size_t row = 0; row < n; ++row) {
+        const double expected = (up[row] - down[row]) / (2 * step);
+        EXPECT_NEAR(entries[column * n + row], expected,
+                    1e-3 * std::abs(expected) + 1e-7 * std::abs(rate[row]) / sizes[column])
+            << n << " states: " << row << " by " << column;
+      }
+    }
+  }
+}
+
 TEST(PumpCylinder, EquationsAreTheDatasheets) {
   const EffectSet none(cylinder(), {}, 1e-3, 1);
   PumpCylinder rig(cylinder(), cylinder().nominal(), none);
