@@ -19,7 +19,7 @@ constexpr float kSmall = 0.1f;  // ... or this root of a sum of squares, in nois
 
 SegmentOptions with_long_steps() {
   SegmentOptions options;
-  options.long_steps = true;
+  options.long_steps = options.beside = true;
   return options;
 }
 
@@ -41,7 +41,7 @@ struct Course {
     SimulationSetup setup;
     setup.parameters = change.parameters;
     setup.effects = change.effects;
-    setup.long_steps = true;
+    setup.long_steps = setup.beside = true;
     return {sheet, setup};
   }
 };
@@ -90,8 +90,8 @@ void expect_as_near(const Course& course, std::size_t least, float within = kNea
 TEST(Beside, CylinderRespondsAsAlone) { expect_as_near({cylinder(), "steps", 0.25}, 30); }
 TEST(Beside, CoolingCircuitRespondsAsAlone) { expect_as_near({cooling(), "valve_steps", 0.2}, 100); }
 
-// Its spool has no mass and settles within a step, and whether it moves at all is friction's to say: what changes that
-// is a fifth off, all else as above.
+// Its spool has no mass and settles within a step, and whether it moves at all is friction's to say: what changes
+// that is a fifth off, all else as above.
 TEST(Beside, ControlValveRespondsAsAlone) { expect_as_near({valve(), "duty", 1.0}, 30, 0.25f); }
 // Steps with an event in them are taken alone.
 TEST(Beside, ServoActuatorRespondsAsAlone) { expect_as_near({servo(), "random", 0.25}, 30); }

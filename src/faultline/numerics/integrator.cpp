@@ -33,7 +33,8 @@ class RungeKutta4 : public Integrator {
         jacobian_(system.states(), system.states()),
         weight_(jacobian_),
         power_(jacobian_),
-        difference_(system.states()) {
+        difference_(system.states()),
+        moved_(system.states()) {
     stepper_.adjust_size(state_);
   }
   void step(double time, double dt, const double* inputs) override {
@@ -64,14 +65,14 @@ class RungeKutta4 : public Integrator {
       system_.derivative(time + 0.5 * dt, middle_.data(), inputs, probed_.data());
       middle_[column] = kept;
       for (std::size_t row = 0; row < states; ++row)
-        jacobian_(static_cast<Eigen::Index>(row), c) = (probed_[row] - rate_[row]) * (dt / step);
+        jacobian_(static_cast<Eigen::Index>(row), c) = (probed_[row] - rate_[row]) / step;
     }
-    // I + z/2 (I + z/3 (I + z/4)), z = h J
-    weight_ = jacobian_ / 4;
+    // h phi(h J), phi = I + z/2 (I + z/3 (I + z/4))
+    weight_ = jacobian_ * (dt / 4);
     for (const double order : {3.0, 2.0}) {
       weight_.diagonal().array() += 1;
       power_.noalias() = jacobian_ * weight_;
-      weight_ = power_ / order;
+      weight_ = power_ * (dt / order);
     }
     weight_.diagonal().array() += 1;
     weight_ *= dt;
@@ -82,20 +83,21 @@ class RungeKutta4 : public Integrator {
     system_.derivative(time + 0.5 * dt, middle_.data(), inputs, rate_.data());
     for (std::size_t s = 0; s < state_.size(); ++s)
       difference_[static_cast<Eigen::Index>(s)] = rate_[s] - leader.rate_[s];
-    const auto moved = (leader.weight_ * difference_).eval();
+    moved_.noalias() = leader.weight_ * difference_;
     for (std::size_t s = 0; s < state_.size(); ++s)
-      state_[s] = leader.state_[s] + (state_[s] - leader.before_[s]) + moved[static_cast<Eigen::Index>(s)];
+      state_[s] = leader.state_[s] + (state_[s] - leader.before_[s]) + moved_[static_cast<Eigen::Index>(s)];
     system_.after_step(time + dt, state_.data(), inputs);
   }
 
  private:
   using Matrix = Eigen::Matrix<double, kStates, kStates>;
+  using Vector = Eigen::Matrix<double, kStates, 1>;
   static constexpr double kDifference = 1e-6;  // of the largest value that a state had
 
   OdeSystem& system_;
   State state_, before_, middle_, rate_, probed_, sizes_;
   Matrix jacobian_, weight_, power_;
-  Eigen::Matrix<double, kStates, 1> difference_;
+  Vector difference_, moved_;
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };
 

@@ -10,7 +10,8 @@
 // and have the same J; second order in h else, for one evaluation of f* and a product a step. phi is the one of the
 // leader's method, so that what is stable there is stable here. Where d stays small that is how a course changes with
 // parameters, effects and start states; where it comes to rest both methods agree. What swings within a step with
-// another J (a quarter of the mass more) may be wrong by half.
+// another J (a quarter of the mass more) may be wrong by half; what dry friction switches on and off within one, by a
+// fifth.
 #pragma once
 
 #include <memory>

@@ -57,7 +57,8 @@ RunningPlant::RunningPlant(const Datasheet& sheet, const SimulationSetup& setup,
       parts_(parts),
       substeps_(substeps_of(sheet, setup, use, parts)),
       substep_(period_ / substeps_),
-      effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed, period_) {
+      effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed, period_),
+      beside_(setup.beside) {
   const RigType* type = find_rig_type(sheet.rig);
   if (!type)
     throw InputError(
@@ -196,7 +197,7 @@ bool RunningPlant::goes_beside(const RunningPlant& leader) const {
   const auto own_states = [](const RunningPlant& plant) {
     return static_cast<std::size_t>(plant.rig_->states()) > plant.sheet_.states.size();
   };
-  return (rig_->stiff() || even_ > 1) && leader.even_ == even_ && parts_ == 1 && leader.substeps_ == substeps_ &&
+  return (rig_->stiff() || (beside_ && even_ > 1)) && leader.even_ == even_ && parts_ == 1 && leader.substeps_ == substeps_ &&
          !effects_.remembers_inside() && !leader.effects_.remembers_inside() && !own_states(*this) &&
          !own_states(leader);
 }

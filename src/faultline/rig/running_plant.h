@@ -49,7 +49,7 @@ class RunningPlant {
   };
   void advance(double time, const double* now, const double* next, const std::vector<Beside>& beside);
   // Only where no effect in the equations has a memory or states of its own, and both take the same steps: implicit
-  // ones, or long ones.
+  // ones, or long ones where that is asked for.
   bool goes_beside(const RunningPlant& leader) const;
 
   const std::vector<double>& seen() const { return shown_; }
@@ -100,6 +100,7 @@ class RunningPlant {
   double substep_;
   EffectSet effects_;
   int even_ = 1;  // substeps of a long step
+  bool beside_;   // SimulationSetup
   std::unique_ptr<Rig> rig_;
   std::unique_ptr<Integrator> integrator_;
   std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;

@@ -167,6 +167,7 @@ std::unique_ptr<DrivenModel> SegmentModel::driven(const ModelChange& change, con
   setup.sample_period = run.period;
   setup.noise = false;
   setup.long_steps = options_.long_steps;
+  setup.beside = options_.beside;
   auto model = std::make_unique<DrivenModel>(sheet_, setup);
   model->set_around(
       [this, &run, noise](const Recording& recording, std::size_t row, std::size_t channel, double later) {

@@ -45,6 +45,9 @@ struct SegmentOptions {
   // Whether the model takes long steps where its motion is even: for answers that are asked for many times over. Not
   // where small differences between models are weighed over long recordings.
   bool long_steps = false;
+  // Whether its long steps may go beside those of another (integrator.h): for derivatives that may be off by 5 %, where
+  // dry friction switches by 20 %.
+  bool beside = false;
 };
 
 template <class Visit>
