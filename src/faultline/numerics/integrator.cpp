@@ -32,6 +32,7 @@ class RungeKutta4 : public Integrator {
         sizes_(zero),
         jacobian_(system.states(), system.states()),
         weight_(jacobian_),
+        half_weight_(jacobian_),
         power_(jacobian_),
         difference_(system.states()),
         moved_(system.states()) {
@@ -67,22 +68,17 @@ class RungeKutta4 : public Integrator {
       for (std::size_t row = 0; row < states; ++row)
         jacobian_(static_cast<Eigen::Index>(row), c) = (probed_[row] - rate_[row]) / step;
     }
-    // h phi(h J), phi = I + z/2 (I + z/3 (I + z/4))
-    weight_ = jacobian_ * (dt / 4);
-    for (const double order : {3.0, 2.0}) {
-      weight_.diagonal().array() += 1;
-      power_.noalias() = jacobian_ * weight_;
-      weight_ = power_ * (dt / order);
-    }
-    weight_.diagonal().array() += 1;
-    weight_ *= dt;
+    respond(1, dt, weight_);
+    respond(0.5, dt, half_weight_);
   }
   void step_beside(double time, double dt, const double* inputs, const Integrator& other) override {
     const auto& leader = static_cast<const RungeKutta4&>(other);
     for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] = leader.middle_[s] + (state_[s] - leader.before_[s]);
-    system_.derivative(time + 0.5 * dt, middle_.data(), inputs, rate_.data());
-    for (std::size_t s = 0; s < state_.size(); ++s)
-      difference_[static_cast<Eigen::Index>(s)] = rate_[s] - leader.rate_[s];
+    look(time + 0.5 * dt, inputs, leader);
+    moved_.noalias() = leader.half_weight_ * difference_;
+    for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] += moved_[static_cast<Eigen::Index>(s)];
+    look(time + 0.5 * dt, inputs, leader);
+    difference_.noalias() -= leader.jacobian_ * moved_;
     moved_.noalias() = leader.weight_ * difference_;
     for (std::size_t s = 0; s < state_.size(); ++s)
       state_[s] = leader.state_[s] + (state_[s] - leader.before_[s]) + moved_[static_cast<Eigen::Index>(s)];
@@ -94,9 +90,28 @@ class RungeKutta4 : public Integrator {
   using Vector = Eigen::Matrix<double, kStates, 1>;
   static constexpr double kDifference = 1e-6;  // of the largest value that a state had
 
+  // h phi(h J), h: `part` of the step; phi = I + z/2 (I + z/3 (I + z/4)).
+  void respond(double part, double dt, Matrix& weight) {
+    const double h = part * dt;
+    weight = jacobian_ * (h / 4);
+    for (const double order : {3.0, 2.0}) {
+      weight.diagonal().array() += 1;
+      power_.noalias() = jacobian_ * weight;
+      weight = power_ * (h / order);
+    }
+    weight.diagonal().array() += 1;
+    weight *= h;
+  }
+  // r at middle_.
+  void look(double time, const double* inputs, const RungeKutta4& leader) {
+    system_.derivative(time, middle_.data(), inputs, rate_.data());
+    for (std::size_t s = 0; s < state_.size(); ++s)
+      difference_[static_cast<Eigen::Index>(s)] = rate_[s] - leader.rate_[s];
+  }
+
   OdeSystem& system_;
   State state_, before_, middle_, rate_, probed_, sizes_;
-  Matrix jacobian_, weight_, power_;
+  Matrix jacobian_, weight_, half_weight_, power_;
   Vector difference_, moved_;
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };
