@@ -76,7 +76,8 @@ void expect_as_near(const Course& course, std::size_t least, float within = kNea
     for (std::size_t i = 0; i < all.size(); ++i) {
       const Eigen::MatrixXf alone = course.model.residuals(all[i], course.run, course.sigma) - now;
       const float apart = (together[i + 1] - now - alone).norm();
-      EXPECT_LT(apart, std::max(kSmall, within * alone.norm())) << i << " " << name_of(all[i]) << " of " << alone.norm();
+      EXPECT_LT(apart, std::max(kSmall, within * alone.norm()))
+          << i << " " << name_of(all[i]) << " of " << alone.norm();
       if (!course.driven(all[i]).goes_beside(leader)) {
         EXPECT_EQ(apart, 0.0f) << name_of(all[i]);
       } else {

@@ -81,7 +81,7 @@ class FaultResponses {
   bool far_off(const Stretch& stretch) const;  // with the parameters as well as they can be
   // Of the stretches that responded, beyond so much of each: evidence that no effect can exceed.
   double unexplained(double usual = 0) const;
-  void judge_stretch();                        // the latest
+  void judge_stretch();  // the latest
   void look_what_shows();
   void respond_all();
   void weigh_all();

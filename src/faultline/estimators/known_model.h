@@ -9,8 +9,8 @@
 // looked at closely.
 //
 // What a stretch leaves beyond white noise (StretchModel::beyond_noise) bounds what any effect could explain, but the
-// model's usual error is in it too. Stretches that were weighed and held no fault tell how much of it no cause explains:
-// their median.
+// model's usual error is in it too. Stretches that were weighed and held no fault tell how much of it no cause
+// explains: their median.
 #pragma once
 
 #include <deque>
@@ -29,7 +29,7 @@ class KnownModel {
     misfits_.clear();
     inexplicable_.clear();
   }
-  void forget_starts() { lately_.clear(); }    // nothing is borrowed from stretches before
+  void forget_starts() { lately_.clear(); }  // nothing is borrowed from stretches before
   // Nothing is wrong: theta from the point, around which stretches responded. `recent`: oldest first.
   void learn_healthy(const ModelPoint& point, const Eigen::VectorXd& theta,
                      const std::vector<std::unique_ptr<Stretch>>& recent);

@@ -20,8 +20,7 @@ UnscentedKalmanFilter::UnscentedKalmanFilter(const ProcessModel& model) : model_
 void UnscentedKalmanFilter::predict(double dt, double noise_scale) {
   const int n = s_.n;
   points_.col(0) = s_.state;
-  for (int p = 0; p < 2 * n; ++p)
-    points_.col(1 + p) = s_.state + (p < n ? spread_ : -spread_) * s_.root.col(p % n);
+  for (int p = 0; p < 2 * n; ++p) points_.col(1 + p) = s_.state + (p < n ? spread_ : -spread_) * s_.root.col(p % n);
   model_.predict_all(points_.data(), n, 2 * n + 1, dt, next_.data());
   mean_ = centre_weight_ * next_.col(0);
   for (int p = 1; p <= 2 * n; ++p) mean_ += weight_ * next_.col(p);

@@ -37,8 +37,8 @@ class UnscentedKalmanFilter : public StateEstimator {
   SquareRootState s_;
   double spread_, centre_weight_, weight_;
   SquareRootState::State probe_, mean_;
-  using Points = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaximumStates,
-                               2 * kMaximumStates + 1>;
+  using Points =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaximumStates, 2 * kMaximumStates + 1>;
   Points points_, next_;  // the centre, then the sigma points
   SquareRootState::Observation c_, plus_, minus_;
   SquareRootState::Outputs y_middle_, plain_variance_;

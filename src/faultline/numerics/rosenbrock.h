@@ -12,8 +12,8 @@
 //
 //   W = N (I + 14/3 M - 20/3 M^2 + 8/3 M^3),   y_m = y + 3/2 u_1 - u_2/6 + u_3/3 + u_4/2
 //
-// where f is linear, f(y_m) is the mean rate of the step: what is not of J (a stiffer oil, a heavier body) is right even
-// where the rates swing within a step.
+// Where f is linear, f(y_m) is the mean rate of the step: what is not of J (a stiffer oil, a heavier body) is right
+// even where the rates swing within a step.
 #pragma once
 
 #include <memory>

@@ -30,7 +30,7 @@ bool is_fast(const RigType& type, const EffectSpec& effect) {
 // A hysteretic force and bristles are stiff springs.
 bool asks_for_short_steps(const RigType& type, const EffectSpec& effect) {
   return is_fast(type, effect) || (port_kind(effect.port) == PortKind::force &&
-                             (effect.effect == "hysteresis" || effect.effect == "presliding_friction"));
+                                   (effect.effect == "hysteresis" || effect.effect == "presliding_friction"));
 }
 
 // A multiple of `parts`.
@@ -39,8 +39,8 @@ int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use, i
   double wanted = type ? type->substep : sheet.sample_period;
   if (type && use == Use::model) {
     const std::vector<EffectSpec> effects = all_effects(sheet, setup.effects);
-    const bool faster =
-        std::any_of(effects.begin(), effects.end(), [type](const EffectSpec& effect) { return is_fast(*type, effect); });
+    const bool faster = std::any_of(effects.begin(), effects.end(),
+                                    [type](const EffectSpec& effect) { return is_fast(*type, effect); });
     const double coarser = faster ? type->fast_substep : type->model_substep;
     if (coarser > 0) wanted = coarser;
   }
@@ -197,9 +197,9 @@ bool RunningPlant::goes_beside(const RunningPlant& leader) const {
   const auto own_states = [](const RunningPlant& plant) {
     return static_cast<std::size_t>(plant.rig_->states()) > plant.sheet_.states.size();
   };
-  return (rig_->stiff() || (beside_ && even_ > 1)) && leader.even_ == even_ && parts_ == 1 && leader.substeps_ == substeps_ &&
-         !effects_.remembers_inside() && !leader.effects_.remembers_inside() && !own_states(*this) &&
-         !own_states(leader);
+  return (rig_->stiff() || (beside_ && even_ > 1)) && leader.even_ == even_ && parts_ == 1 &&
+         leader.substeps_ == substeps_ && !effects_.remembers_inside() && !leader.effects_.remembers_inside() &&
+         !own_states(*this) && !own_states(leader);
 }
 
 void RunningPlant::advance(double time, const double* now, const double* next, const std::vector<Beside>& beside) {

@@ -20,7 +20,7 @@ struct SimulationSetup {
   double sample_period = 0;            // s, of a driven model's recording; 0: the datasheet's
   bool noise = true;                   // sensor noise and rounding
   bool long_steps = false;             // of a driven model, where its motion is even (RigType::even_substep)
-  bool beside = false;                 // of a driven model: whether its long steps may go beside another's (integrator.h)
+  bool beside = false;  // of a driven model: whether its long steps may go beside another's (integrator.h)
 };
 
 // The datasheet's effects of the nominal model.

@@ -132,8 +132,8 @@ void StepModel::advance_all(const double* states, int count, const double* from,
     Running& leader = p.models.front();
     const int motion = leader.rig->motion(leader.state());
     // `even` substeps at once, where no event falls into them (RigType::even_substep).
-    const bool evenly = p.even > 1 && i + p.even <= steps &&
-                        leader.without_event(motion, [&] { own(leader, i, p.even); });
+    const bool evenly =
+        p.even > 1 && i + p.even <= steps && leader.without_event(motion, [&] { own(leader, i, p.even); });
     if (!evenly) own(leader, i, 1);
     taken = evenly ? p.even : 1;
     const bool leads = models > 1 && (evenly || leader.rig->stiff());

@@ -45,8 +45,8 @@ class Actuator {
   const EffectChain &force_port_, &cylinder_port_;
   const AirLeak leak_;
   const Curve coulomb_plus_, coulomb_minus_;
-  const double gamma_, stroke_, crank_, per_crank_, area_, dead_volume_, spring_rate_, spring_pretension_, viscous_, plus_factor_,
-      minus_factor_;
+  const double gamma_, stroke_, crank_, per_crank_, area_, dead_volume_, spring_rate_, spring_pretension_, viscous_,
+      plus_factor_, minus_factor_;
   int slip_ = 0;  // direction
 };
 

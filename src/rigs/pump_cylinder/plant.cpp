@@ -257,8 +257,8 @@ void PumpCylinder::jacobian(double time, const double* state, const double* chan
                         slope_to_tank(leak_1a_, state[pump_a], channels[speed1_]);
   const double a_by_b = thin * p_.internal - across.by_b;
   const double b_by_a = -thin * p_.internal - across.by_a;
-  const double b_by_b = thin * (p_.internal + p_.external_b) - across.by_b +
-                        slope_to_tank(leak_2b_, state[pump_b], channels[speed2_]);
+  const double b_by_b =
+      thin * (p_.internal + p_.external_b) - across.by_b + slope_to_tank(leak_2b_, state[pump_b], channels[speed2_]);
   const double modulus_a = this->modulus_a(a, oil_a_), modulus_b = this->modulus_b(b, oil_b_);
   const double volume_a = p_.volume_a + p_.cap_area * state[kPosition] - (side_a_ > 0 ? p_.line_volume_a : 0.0);
   const double volume_b = p_.volume_b - p_.rod_area * state[kPosition] - (side_b_ > 0 ? p_.line_volume_b : 0.0);
@@ -284,7 +284,8 @@ void PumpCylinder::jacobian(double time, const double* state, const double* chan
   if (side_a_ > 0) {
     const double modulus = this->modulus_a(state[side_a_], line_oil_a_), stiff = modulus / p_.line_volume_a;
     const double inertance = std::max(line_a_.line().inertance, kSmallestInertance);
-    by(side_a_, side_a_) = modulus_slope(compliance_a_, state[side_a_], modulus) * rate[side_a_] / modulus + stiff * a_by_a;
+    by(side_a_, side_a_) =
+        modulus_slope(compliance_a_, state[side_a_], modulus) * rate[side_a_] / modulus + stiff * a_by_a;
     by(pump_b, side_a_) = stiff * a_by_b;
     by(side_a_ + 1, side_a_) = -stiff;
     by(side_a_, side_a_ + 1) = 1 / inertance;
@@ -298,7 +299,8 @@ void PumpCylinder::jacobian(double time, const double* state, const double* chan
   if (side_b_ > 0) {
     const double modulus = this->modulus_b(state[side_b_], line_oil_b_), stiff = modulus / p_.line_volume_b;
     const double inertance = std::max(line_b_.line().inertance, kSmallestInertance);
-    by(side_b_, side_b_) = modulus_slope(compliance_b_, state[side_b_], modulus) * rate[side_b_] / modulus - stiff * b_by_b;
+    by(side_b_, side_b_) =
+        modulus_slope(compliance_b_, state[side_b_], modulus) * rate[side_b_] / modulus - stiff * b_by_b;
     by(pump_a, side_b_) = -stiff * b_by_a;
     by(side_b_ + 1, side_b_) = stiff;
     by(side_b_, side_b_ + 1) = -1 / inertance;

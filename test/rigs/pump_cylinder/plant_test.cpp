@@ -44,12 +44,16 @@ TEST(PumpCylinder, OffsetSpeedsAreThePapers) {
 
 // With leaks at every place, changed oil, and lines on either side, both or neither.
 TEST(PumpCylinder, JacobianIsThatOfTheEquations) {
-  const std::vector<std::string> common = {
-      "laminar_leakage@flow.pump2_a_b:coefficient=2e-13",   "laminar_leakage@flow.pump2_a_tank:coefficient=1e-13",
-      "laminar_leakage@flow.pump2_b_tank:coefficient=1e-13", "laminar_leakage@flow.pump1_a_tank:coefficient=1e-13",
-      "laminar_leakage@flow.chamber_a_chamber_b:coefficient=1e-13", "entrained_air@compliance.chamber_a:fraction=0.01"};
+  const std::vector<std::string> common = {"laminar_leakage@flow.pump2_a_b:coefficient=2e-13",
+                                           "laminar_leakage@flow.pump2_a_tank:coefficient=1e-13",
+                                           "laminar_leakage@flow.pump2_b_tank:coefficient=1e-13",
+                                           "laminar_leakage@flow.pump1_a_tank:coefficient=1e-13",
+                                           "laminar_leakage@flow.chamber_a_chamber_b:coefficient=1e-13",
+                                           "entrained_air@compliance.chamber_a:fraction=0.01"};
   for (const std::vector<std::string>& lines :
-       {std::vector<std::string>{}, {"line_inertia@line.a:inertance=2e7"}, {"line_inertia@line.b:inertance=1e7"},
+       {std::vector<std::string>{},
+        {"line_inertia@line.a:inertance=2e7"},
+        {"line_inertia@line.b:inertance=1e7"},
         {"line_inertia@line.a:inertance=2e7", "line_inertia@line.b:inertance=1e7"}}) {
     std::vector<EffectSpec> specs;
     for (const auto* texts : {&common, &lines})
