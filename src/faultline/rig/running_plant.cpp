@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "faultline/rig/even_step.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -240,7 +241,8 @@ void RunningPlant::step(double time, const double* now, const double* next, int 
 }
 
 bool RunningPlant::step_evenly(double time, const double* now, const double* next, int first) {
-  return without_event(Rig::kUneven, [&] { step(time, now, next, first, even_); });
+  return without_event(*rig_, integrator_->state(), before_, Rig::kUneven,
+                       [&] { step(time, now, next, first, even_); });
 }
 
 bool RunningPlant::step_beside(double time, const double* now, const double* next, int first, int count, int motion,
@@ -249,22 +251,9 @@ bool RunningPlant::step_beside(double time, const double* now, const double* nex
     drive(time, now, next, first, count);
     integrator_->step_beside(time + first * substep_, count * substep_, true_.data(), leader);
   };
-  if (!rig_->stiff()) return without_event(motion, beside);
+  if (!rig_->stiff()) return without_event(*rig_, integrator_->state(), before_, motion, beside);
   beside();
   return true;
-}
-
-template <class Step>
-bool RunningPlant::without_event(int motion_of_leader, Step&& step) {
-  double* state = integrator_->state();
-  const int motion = rig_->motion(state);
-  if (motion == Rig::kUneven || (motion_of_leader != Rig::kUneven && motion != motion_of_leader)) return false;
-  std::copy_n(state, before_.size(), before_.begin());
-  step();
-  if (rig_->motion(state) == motion) return true;
-  std::copy_n(before_.begin(), before_.size(), state);
-  rig_->set_modes(state);
-  return false;
 }
 
 void RunningPlant::move_to(const double* nominal_state, const double* channels) {

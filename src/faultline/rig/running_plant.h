@@ -78,8 +78,6 @@ class RunningPlant {
   // The same beside one that was in this `motion`.
   bool step_beside(double time, const double* now, const double* next, int first, int count, int motion,
                    const Integrator& leader);
-  template <class Step>
-  bool without_event(int motion_of_leader, Step&& step);
   // A long or a short one from substep `first`, before `last`: how many substeps it was.
   int take_step(double time, const double* now, const double* next, int first, int last);
   void take_steps(double time, const double* now, const double* next, int first, int last);

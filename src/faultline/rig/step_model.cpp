@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "faultline/numerics/integrator.h"
-#include "faultline/rig/rig.h"
+#include "faultline/rig/even_step.h"
 #include "faultline/rig/simulation_setup.h"
 #include "faultline/signal/error.h"
 
@@ -29,17 +29,9 @@ struct Running {
     rig->after_step(0, state(), channels);
     return state();
   }
-  // `step`; undone, and false, where an event falls into it, or where the motion is not `wanted`.
   template <class Step>
-  bool without_event(int wanted, Step&& step) {
-    const int motion = rig->motion(state());
-    if (motion == Rig::kUneven || motion != wanted) return false;
-    std::copy_n(state(), before.size(), before.begin());
-    step();
-    if (rig->motion(state()) == motion) return true;
-    std::copy_n(before.begin(), before.size(), state());
-    rig->set_modes(state());
-    return false;
+  bool try_step(int motion, Step&& step) {
+    return without_event(*rig, state(), before, motion, step);
   }
 
   std::unique_ptr<Rig> rig;
@@ -132,8 +124,7 @@ void StepModel::advance_all(const double* states, int count, const double* from,
     Running& leader = p.models.front();
     const int motion = leader.rig->motion(leader.state());
     // `even` substeps at once, where no event falls into them (RigType::even_substep).
-    const bool evenly =
-        p.even > 1 && i + p.even <= steps && leader.without_event(motion, [&] { own(leader, i, p.even); });
+    const bool evenly = p.even > 1 && i + p.even <= steps && leader.try_step(motion, [&] { own(leader, i, p.even); });
     if (!evenly) own(leader, i, 1);
     taken = evenly ? p.even : 1;
     const bool leads = models > 1 && (evenly || leader.rig->stiff());
@@ -146,7 +137,7 @@ void StepModel::advance_all(const double* states, int count, const double* from,
       };
       if (leads && leader.rig->stiff()) {
         beside();
-      } else if (!(leads && other.without_event(motion, beside))) {
+      } else if (!(leads && other.try_step(motion, beside))) {
         short_ones(other, taken);
       }
     }
