@@ -1,5 +1,6 @@
 #include "rigs/control_valve/actuator.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "faultline/numerics/cubic_table.h"
@@ -38,9 +39,11 @@ Actuator::Actuator(const ValveFacts& facts)
       plus_factor_(facts.parameter("coulomb_pos_factor")),
       minus_factor_(facts.parameter("coulomb_neg_factor")) {}
 
+// At its stops to the last digit: there it stands.
 double Actuator::travel(double opening) const {
   const double sine = lever_sine.holds(opening) ? lever_sine(opening) : std::sin(lever_angle(opening));
-  return stroke_ / 2 + crank_ * sine;
+  const double travel = stroke_ / 2 + crank_ * sine;
+  return opening >= 1 ? std::max(travel, stroke_) : opening <= 0 ? std::min(travel, 0.0) : travel;
 }
 
 double Actuator::angle(double travel) const {

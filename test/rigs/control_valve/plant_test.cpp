@@ -177,6 +177,16 @@ TEST(ControlValve, LinkageTurnsAQuarter) {
               1e-9);
 }
 
+TEST(ControlValve, AtItsStopThePressureGoesOn) {
+  for (const bool open : {true, false}) {
+    ValveRig v;
+    v.at("coil_voltage") = open ? 2.4 : 1.5;
+    v.run(20);
+    EXPECT_EQ(v.state()[ValveRig::kPiston], open ? 1 : 0);
+    EXPECT_NEAR(v.state()[ValveRig::kCylinder], open ? 5e5 : 0, 1e4);
+  }
+}
+
 TEST(ControlValve, AQuarterOfTheStepChangesLittle) {
   // Largest difference over runs in sensor noises; nuisance effects on.
   for (const char* profile : {"multisine", "steps", "valve_steps", "open_multisine"}) {
