@@ -36,7 +36,7 @@ class DrivenModel {
         [&row](std::size_t k, std::size_t, const double* channels) { return row(k, channels); });
   }
 
-  // The same with others beside it (rosenbrock.h), each from start states of its own. Calls row(index, which, channels)
+  // The same with others beside it (integrator.h), each from start states of its own. Calls row(index, which, channels)
   // for each model: 0 is this one, then in the order of `beside`.
   struct Beside {
     DrivenModel* model;
