@@ -16,9 +16,18 @@ ExtendedKalmanFilter::ExtendedKalmanFilter(const ProcessModel& model) : model_(m
 }
 
 void ExtendedKalmanFilter::predict(double dt, double noise_scale) {
-  model_.predict(s_.state.data(), dt, next_.data());
-  model_.jacobian(s_.state.data(), dt, a_.data());
+  from_ = s_.state;
+  model_.predict_linear(from_.data(), dt, next_.data(), a_.data());
   s_.propagate(a_);
+  s_.add_noise(dt, noise_scale);
+  s_.state = next_;
+}
+
+void ExtendedKalmanFilter::predict_beside(const StateEstimator& leader, double dt, double noise_scale) {
+  const auto& led = static_cast<const ExtendedKalmanFilter&>(leader);
+  if (!model_.near(led.from_.data(), s_.state.data())) return predict(dt, noise_scale);
+  next_.noalias() = led.next_ + led.a_.lazyProduct(s_.state - led.from_);
+  s_.propagate(led.a_);
   s_.add_noise(dt, noise_scale);
   s_.state = next_;
 }

@@ -5,7 +5,8 @@
 //   x- = f(x, u),  P- = A P A' + G Q_u G' + Q:   S- = triangle [A S, G sqrt(Q_u), sqrt(Q)]
 //   rows of y one after the other: off = y_i - h_i(x-) - C_i (x - x-),  then row_correction.h with h = C_i
 // A, G and C are the model's, at the last estimate and at x-. Q_u is the noise of measured inputs. The innovation is
-// told against x-. As every extended filter it is good to first order: where f bends within the spread of P the
+// told against x-. Beside a filter on the same model whose state x_0 is near: x- = f(x_0, u) + A(x_0)(x - x_0), its A.
+// As every extended filter it is good to first order: where f bends within the spread of P the
 // covariance is too small. Throws InputError where the model has no Jacobian. Fails where the model returns something
 // not finite: the stage restarts.
 #pragma once
@@ -21,6 +22,7 @@ class ExtendedKalmanFilter : public StateEstimator {
 
   void reset(const double* state, const double* variance) override { s_.reset(state, variance); }
   void predict(double dt, double noise_scale) override;
+  void predict_beside(const StateEstimator& leader, double dt, double noise_scale) override;
   void correct(const double* y, const bool* use) override;
 
   const double* state() const override { return s_.state.data(); }
@@ -34,7 +36,7 @@ class ExtendedKalmanFilter : public StateEstimator {
   SquareRootState s_;
   SquareRootState::Square a_;
   SquareRootState::Observation c_;
-  SquareRootState::State next_;
+  SquareRootState::State from_, next_;  // x, x- of the last step
 };
 
 }  // namespace faultline

@@ -16,6 +16,7 @@ constexpr double kFollows = 0.5;                    // of the motion that it usu
 constexpr double kLeastMotion = 0.25;               // of `least`: of a motion that tells whether a reading follows
 constexpr double kSigmas = 2;                       // by which a gain is below that
 constexpr double kUnknown = 0.15;                   // of `least`: standard deviation that no learning goes below
+constexpr double kSuspicious = 0.5;                 // of the margin, from which nothing is learnt
 constexpr double kRest = 4;                         // of what a lie leaves, a channel: of chi square with one degree
 constexpr std::size_t kPerGuard = 3;                // quantities
 
@@ -96,21 +97,23 @@ bool GuardedFilter::advance(const double* channels, const ChannelStatus* status,
     use[guard.row] = guard.readable && guard.trusted;
   }
   if (model_->inputs_at_end()) model_->take_inputs(channels);
-  const auto run = [&](StateEstimator& filter) {
-    for (int i = 0; i < steps; ++i) filter.predict(dt / steps, dt / steps / period_);
-    filter.correct(y.data(), use.data());
-  };
-  run(*main_);
+  for (int i = 0; i < steps; ++i) {
+    const double step = dt / steps, noise_scale = step / period_;
+    main_->predict(step, noise_scale);
+    reference_->predict_beside(*main_, step, noise_scale);
+    for (const Guard& guard : guards_) guard.without->predict_beside(*main_, step, noise_scale);
+  }
+  main_->correct(y.data(), use.data());
   observed_ =
       static_cast<int>(std::count(use.begin(), use.begin() + static_cast<std::ptrdiff_t>(measured_.size()), true));
   for (const Guard& guard : guards_) {
     const bool was = use[guard.row];
     use[guard.row] = false;
-    run(*guard.without);
+    guard.without->correct(y.data(), use.data());
     use[guard.row] = was;
   }
   for (const Guard& guard : guards_) use[guard.row] = false;
-  run(*reference_);
+  reference_->correct(y.data(), use.data());
   model_->take_inputs(channels);
   age_ += dt;
   const bool all = std::all_of(unwatched_.begin(), unwatched_.end(), [&](std::size_t row) { return readable[row]; });
@@ -203,6 +206,8 @@ GuardedFilter::Suspect GuardedFilter::suspect() const {
     }
     c(i, i) += kUnknown * kUnknown;
   }
+  // d'e, of which all that is explained is a part, is at most |d|^2/kUnknown^2.
+  if (d.squaredNorm() <= kUnknown * kUnknown * kSuspicious * margin_) return {};
   const Eigen::LLT<Covariance> root(c);
   const Outputs explained = root.solve(d);
   Suspect found;
@@ -229,7 +234,7 @@ GuardedFilter::Suspect GuardedFilter::suspect() const {
 void GuardedFilter::accuse() {
   const Suspect now = suspect();
   const bool trusted = std::all_of(guards_.begin(), guards_.end(), [](const Guard& g) { return g.trusted; });
-  quiet_ = trusted && !(now.plausible && now.margin > margin_ / 2 && now.lie > 0.5);
+  quiet_ = trusted && !(now.plausible && now.margin > kSuspicious * margin_ && now.lie > 0.5);
   for (std::size_t i = 0; i < guards_.size(); ++i) {
     Guard& guard = guards_[i];
     if (!guard.trusted) continue;

@@ -52,6 +52,13 @@ class ProcessModel {
   // A = df/dx, states x states, row after row; false where the model has none (an extended Kalman filter then refuses
   // it).
   virtual bool jacobian(const double* /*state*/, double /*dt*/, double* /*a*/) const { return false; }
+  // Both, where they share their effort. Asked for only where jacobian() gives one.
+  virtual void predict_linear(const double* state, double dt, double* next, double* a) const {
+    predict(state, dt, next);
+    jacobian(state, dt, a);
+  }
+  // Whether x+ is as good as linear between two states: f(b) = f(a) + A(a)(b - a).
+  virtual bool near(const double* /*a*/, const double* /*b*/) const { return false; }
   // C = dh/dx, outputs x states, row after row; asked for only where observed_states() is empty.
   virtual bool observe_jacobian(const double* /*state*/, double* /*c*/) const { return false; }
   // Variance of each noisy input; input_jacobian writes G, states x inputs, row after row.

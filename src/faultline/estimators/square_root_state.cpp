@@ -42,7 +42,7 @@ template <int N, int kColumns>
 bool reduced(SquareRootState::Wide& wide) {
   if (wide.cols() != kColumns) return false;
   Eigen::Map<Eigen::Matrix<double, N, kColumns, Eigen::RowMajor>> fixed(wide.data());
-  reduce_to_triangle(fixed);
+  reduce_beside_diagonal(fixed);
   return true;
 }
 
@@ -93,7 +93,7 @@ void SquareRootState::add_noise(double dt, double noise_scale) {
       if (reduced<kStates, 2 * kStates>(wide) || reduced<kStates, 2 * kStates + 2>(wide) ||
           reduced<kStates, 3 * kStates>(wide))
         return;
-    reduce_to_triangle(wide);
+    reduce_beside_diagonal(wide);
   });
   root = wide.leftCols(n);
 }

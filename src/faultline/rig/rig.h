@@ -53,6 +53,8 @@ struct RigType {
   double fast_substep = 0;
   // Which do; null: all in a line, and in a transmission all but a scale.
   bool (*is_fast)(const EffectSpec& effect) = nullptr;
+  // s, of the same where derivatives may be as far off as SimulationSetup::beside lets them; 0: fast_substep.
+  double rough_fast_substep = 0;
 };
 
 inline const Registry<RigType>::Types& rig_types() { return registry<RigType>().all(); }

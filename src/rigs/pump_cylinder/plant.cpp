@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "faultline/numerics/cubic_table.h"
 #include "faultline/numerics/quick_tanh.h"
 
 namespace faultline {
@@ -22,6 +23,10 @@ constexpr double kLowestPressure = -9e4;     // Pa, in beta
 constexpr double kDifference = 1e-6;         // of a state's size, for the Jacobian
 constexpr double kSizes[] = {1e-2, 1e-2, 1e6, 1e6};
 constexpr double kFlowSize = 1e-4;  // m^3/s
+
+// Of the pressures of any run, to the last digit.
+const CubicTable<1024> log1p(
+    -0.01, 0.35, [](double x) { return std::log1p(x); }, [](double x) { return 1 / (1 + x); });
 
 // Of two bodies that are `apart` more than none, against that.
 double contact(double apart, double speed) {
@@ -58,8 +63,8 @@ double slope_to_tank(const EffectChain& chain, double pressure, double speed) {
 }  // namespace
 
 double BulkModulus::value(double pressure) const {
-  const double p = std::max(pressure, kLowestPressure);
-  return (c1 + p) * (1 / c2 - std::log1p(p / c1));
+  const double p = std::max(pressure, kLowestPressure), part = p / c1;
+  return (c1 + p) * (1 / c2 - (log1p.holds(part) ? log1p(part) : std::log1p(part)));
 }
 
 double BulkModulus::slope(double pressure, double value) const {
@@ -340,7 +345,9 @@ void PumpCylinder::outputs(double, const double* state, double* channels) const 
 }
 
 namespace {
-FAULTLINE_RIG(pump_cylinder, {"pump_cylinder", 0.1e-3, make_rig<PumpCylinder>, 1e-3, 0, 0.25e-3});
+// Lines and backlash by steps of 0.5 ms: what shows of them is off by 2 % at most, what is left out 0.05 of the noise.
+FAULTLINE_RIG(pump_cylinder,
+              {"pump_cylinder", 0.1e-3, make_rig<PumpCylinder>, 1e-3, 0, 0.25e-3, nullptr, 0.5e-3});
 }
 
 }  // namespace faultline
