@@ -2,7 +2,6 @@
 // recordings cannot tell.
 #include <cmath>
 #include <memory>
-#include <thread>
 
 #include <unistd.h>
 
@@ -17,6 +16,7 @@
 #include "cli/time_limit.h"
 #include "faultline/fit/parameter_fit.h"
 #include "faultline/numerics/quantiles.h"
+#include "faultline/numerics/usable_cores.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -104,7 +104,7 @@ void run(const Options& options) {
   if (sheet.defaulted.count("identify") > 0)
     print_remarks("fit",
                   {sheet.file + ": no parameter is marked 'identify: true'; those with a tolerance are estimated"});
-  const int jobs = options.jobs > 0 ? options.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const int jobs = options.jobs > 0 ? options.jobs : usable_cores();
   const bool tell = isatty(fileno(stderr)) != 0;
   const auto say = [tell](const std::string& text) {
     if (tell) std::fputs(fmt::format("fit: {}\n", text).c_str(), stderr);

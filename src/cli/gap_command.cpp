@@ -5,7 +5,6 @@
 #include <iterator>
 #include <memory>
 #include <mutex>
-#include <thread>
 
 #include <unistd.h>
 
@@ -19,6 +18,7 @@
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
 #include "faultline/gap/diagnose_gap.h"
+#include "faultline/numerics/usable_cores.h"
 #include "faultline/rig/effect_unit.h"
 #include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
@@ -291,7 +291,7 @@ void run(const Options& options) {
 
   GapSettings settings;
   settings.without = options.without;
-  settings.jobs = options.jobs > 0 ? options.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  settings.jobs = options.jobs > 0 ? options.jobs : usable_cores();
   settings.seed = options.seed;
   settings.matters = options.matters;
   std::vector<const Recording*> recordings;

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <thread>
 
 #include <fmt/format.h>
 
@@ -13,6 +12,7 @@
 #include "cli/subcommand.h"
 #include "faultline/estimators/response_core.h"
 #include "faultline/estimators/stretch_collector.h"
+#include "faultline/numerics/usable_cores.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -32,7 +32,7 @@ ResponseSettings settings_of(const Datasheet& sheet) {
   ResponseSettings settings = response_settings(sheet);
   settings.memory_stretches = kAllStretches;
   settings.refresh_stretches = 1;  // every stretch counts
-  settings.jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  settings.jobs = usable_cores();
   return settings;
 }
 

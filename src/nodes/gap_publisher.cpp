@@ -16,6 +16,7 @@
 
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/gap/normal_gap.h"
+#include "faultline/numerics/usable_cores.h"
 #include "nodes/conversion.h"
 #include "nodes/node_main.h"
 
@@ -137,7 +138,7 @@ bool GapPublisher::learn() {
     return !stop_;
   };
   try {
-    const int jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    const int jobs = usable_cores();
     Datasheet sheet = sheet_;
     sheet.normal_gap = simulated_normal_gap(sheet_, LiveGapSettings(), jobs, progress);
     gap_.emplace(sheet, LiveGapSettings());

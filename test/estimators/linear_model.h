@@ -54,6 +54,7 @@ class LinearModel : public ProcessModel {
     Eigen::Map<Eigen::VectorXd>(y, c.rows()).noalias() = c.lazyProduct(Eigen::Map<const Eigen::VectorXd>(x, a.rows()));
   }
   std::vector<int> observed_states() const override { return selecting_ ? measured_channels() : std::vector<int>(); }
+  bool near(const double*, const double*) const override { return nears; }
   bool jacobian(const double*, double, double* out) const override {
     Eigen::Map<Eigen::Matrix<double, -1, -1, Eigen::RowMajor>>(out, a.rows(), a.cols()) = a;
     return true;
@@ -67,6 +68,7 @@ class LinearModel : public ProcessModel {
   Eigen::MatrixXd a, c;
   Eigen::VectorXd drive;
   std::vector<double> q, r, first, variance;
+  bool nears = false;
 
  private:
   bool selecting_;

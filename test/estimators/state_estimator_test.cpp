@@ -153,6 +153,30 @@ TEST_P(EveryEstimator, ResetIsComplete) {
   }
 }
 
+// Beside another on the same model, whether its step serves or not.
+TEST_P(EveryEstimator, BesideAnotherItPredictsAsAlone) {
+  const std::unique_ptr<StateEstimator> leader = make_state_estimator(GetParam().type, model_),
+                                        alone = make_state_estimator(GetParam().type, model_);
+  leader->reset(model_.variance.data(), model_.variance.data());
+  for (StateEstimator* filter : {filter_.get(), alone.get()})
+    filter->reset(model_.first.data(), model_.variance.data());
+  const double y[kMaximumOutputs] = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8};
+  const bool use[kMaximumOutputs] = {true, false, true, true, true, true, true, true};
+  for (int k = 0; k < 50; ++k) {
+    model_.drive.setConstant(0.1 * std::sin(0.3 * k));
+    model_.nears = k % 3 != 0;
+    leader->predict(1e-3, 1);
+    alone->predict(1e-3, 1);
+    filter_->predict_beside(*leader, 1e-3, 1);
+    leader->correct(y, use);
+    for (StateEstimator* filter : {filter_.get(), alone.get()}) filter->correct(y, use);
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> p(n_, n_);
+    alone->covariance(p.data());
+    EXPECT_LT((covariance() - p).cwiseAbs().maxCoeff(), 1e-12);
+    for (int i = 0; i < n_; ++i) EXPECT_NEAR(filter_->state()[i], alone->state()[i], 1e-12);
+  }
+}
+
 TEST_P(EveryEstimator, AllocatesNothing) {
   filter_->reset(model_.first.data(), model_.variance.data());
   const double y[kMaximumOutputs] = {0.1, 0.2, 0.3, 0.4};

@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 
 #include "faultline/numerics/random.h"
+#include "faultline/numerics/small_lu.h"
 
 namespace faultline {
 namespace {
@@ -83,6 +84,23 @@ TEST(SparseLu, FullMatricesChooseTheirPivots) {
   lu.factor(2, values.data());
   lu.solve(right.data());
   EXPECT_LT((right - expected).cwiseAbs().maxCoeff(), 1e-12);
+}
+
+TEST(SmallLu, InvertsAsItSolves) {
+  Random random(7);
+  for (int k = 0; k < 20; ++k) {
+    constexpr std::size_t kSize = 5;
+    Eigen::Matrix<double, kSize, kSize> dense;
+    for (double& value : dense.reshaped()) value = random.normal();
+    if (k % 2 == 0) dense.diagonal().setZero();  // every column needs another row
+    Eigen::Matrix<double, kSize, kSize, Eigen::RowMajor> inverse;
+    Eigen::Matrix<double, kSize, kSize> factors = dense;
+    std::array<int, kSize> order;
+    factor_in_place<kSize>(factors.data(), order.data());
+    invert<kSize>(factors.data(), order.data(), inverse.data());
+    EXPECT_LT((inverse * dense - Eigen::Matrix<double, kSize, kSize>::Identity()).cwiseAbs().maxCoeff(),
+              1e-12 * (1 + inverse.cwiseAbs().maxCoeff()));
+  }
 }
 
 TEST(SparseLu, SingularFullMatricesSolveToNoNumber) {

@@ -1,4 +1,4 @@
-// reduce_to_triangle: lower triangular, the same M M', of fixed and free size, with rows of nothing and of bad scaling.
+// reduce_to_triangle, reduce_beside_diagonal: lower triangular, the same M M', of fixed and free size, with rows of nothing and of bad scaling.
 #include "faultline/numerics/triangle.h"
 
 #include <gtest/gtest.h>
@@ -11,9 +11,12 @@ namespace faultline {
 namespace {
 
 template <class Matrix>
-void check(Matrix m) {
+void check(Matrix m, bool beside_diagonal = false) {
   const Eigen::MatrixXd before = m * m.transpose();
-  reduce_to_triangle(m);
+  if (beside_diagonal)
+    reduce_beside_diagonal(m);
+  else
+    reduce_to_triangle(m);
   const Eigen::MatrixXd after = m * m.transpose();
   for (Eigen::Index i = 0; i < m.rows(); ++i) {
     for (Eigen::Index j = i + 1; j < m.cols(); ++j) EXPECT_EQ(m(i, j), 0) << i << "," << j;
@@ -39,6 +42,25 @@ TEST(Triangle, KeepsMTimesItsTranspose) {
     check(filled<Fixed>(6, 18, seed));
     for (Eigen::Index rows = 1; rows <= 16; rows += 3)
       check(filled<Free>(rows, rows + static_cast<Eigen::Index>(seed), seed));
+  }
+}
+
+template <class Matrix>
+void check_beside_diagonal(Eigen::Index rows, Eigen::Index columns, std::uint64_t seed) {
+  Matrix m = filled<Matrix>(rows, columns, seed);
+  const Eigen::VectorXd diagonal = m.rightCols(rows).diagonal();
+  m.rightCols(rows) = diagonal.asDiagonal();
+  if (seed % 3 == 0) m.row(rows - 1).setZero();
+  check(m, true);
+}
+
+TEST(Triangle, BesideADiagonalItKeepsMTimesItsTranspose) {
+  using Fixed = Eigen::Matrix<double, 4, 8, Eigen::RowMajor>;
+  using Free = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 16, 48>;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    check_beside_diagonal<Fixed>(4, 8, seed);
+    for (Eigen::Index rows = 1; rows <= 16; rows += 3)
+      check_beside_diagonal<Free>(rows, rows + static_cast<Eigen::Index>(seed), seed);
   }
 }
 

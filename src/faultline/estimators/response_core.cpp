@@ -12,6 +12,7 @@
 
 #include "faultline/estimators/estimator.h"
 #include "faultline/estimators/stretch_collector.h"
+#include "faultline/numerics/usable_cores.h"
 
 namespace faultline {
 namespace {
@@ -143,7 +144,8 @@ FAULTLINE_ESTIMATOR(fault_response, {"fault_response", kFamily, true, make_estim
 ResponseSettings response_settings(const Datasheet& sheet, const StageSpec& spec) {
   ResponseSettings s = read_response_settings(spec.settings, sheet);
   s.refined_hypotheses = kRankedFirst;
-  s.jobs = 2;
+  // On one core a second thread would only lead once more what goes beside one another.
+  s.jobs = std::min(2, usable_cores());
   return s;
 }
 

@@ -19,7 +19,7 @@ double correct_along(Vector& state, Root& root, const Column& v, double off, dou
   const Column sv = root.lazyProduct(v);
   const double s = r + v.squaredNorm();
   state += (off / s) * sv;
-  root.noalias() -= (sv / (s + std::sqrt(r * s))).lazyProduct(v.transpose());
+  root.noalias() -= (sv * (1 / (s + std::sqrt(r * s)))).lazyProduct(v.transpose());
   return off * off / s;
 }
 

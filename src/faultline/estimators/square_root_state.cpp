@@ -38,11 +38,13 @@ using Roots = Eigen::Map<Eigen::Matrix<double, N, N, Eigen::RowMajor, N == Eigen
 template <int N>
 using Column = Eigen::Matrix<double, N, 1, 0, N == Eigen::Dynamic ? kMaximumStates : N, 1>;
 
+// Whether `wide` has kColumns columns, and then its root.
 template <int N, int kColumns>
-bool reduced(SquareRootState::Wide& wide) {
+bool reduced(SquareRootState::Wide& wide, SquareRootState::Square& root) {
   if (wide.cols() != kColumns) return false;
   Eigen::Map<Eigen::Matrix<double, N, kColumns, Eigen::RowMajor>> fixed(wide.data());
   reduce_beside_diagonal(fixed);
+  Roots<N>(root.data(), N, N) = fixed.template leftCols<N>();
   return true;
 }
 
@@ -84,25 +86,28 @@ void SquareRootState::add_noise(double dt, double noise_scale) {
     model.input_jacobian(state.data(), dt, g.data());
     for (int j = 0; j < inputs; ++j) wide.col(columns + j) = g.col(j) * input_root[j];
   }
-  wide.rightCols(n).setZero();
+  // Beside the diagonal there are zeros: the last reduction has left them.
   const double scale = std::sqrt(noise_scale);
   for (int i = 0; i < n; ++i) wide(i, columns + inputs + i) = scale * process_root[i];
   with_states(n, [this](auto size) {
     constexpr int kStates = size();
     if constexpr (kStates != Eigen::Dynamic)
-      if (reduced<kStates, 2 * kStates>(wide) || reduced<kStates, 2 * kStates + 2>(wide) ||
-          reduced<kStates, 3 * kStates>(wide))
+      if (reduced<kStates, 2 * kStates>(wide, root) || reduced<kStates, 2 * kStates + 2>(wide, root) ||
+          reduced<kStates, 3 * kStates>(wide, root))
         return;
     reduce_beside_diagonal(wide);
+    root = wide.leftCols(n);
   });
-  root = wide.leftCols(n);
 }
 
 void SquareRootState::propagate(const Square& a) {
   with_states(n, [&](auto size) {
     constexpr int kStates = size();
     using Const = Eigen::Map<const typename Roots<kStates>::PlainObject>;
-    wide.leftCols(n).noalias() = Const(a.data(), n, n).lazyProduct(Const(root.data(), n, n));
+    constexpr int kMost = kStates == Eigen::Dynamic ? kMaximumStates : kStates;
+    Eigen::Map<Eigen::Matrix<double, kStates, kStates, Eigen::RowMajor, kMost, kMost>, 0, Eigen::OuterStride<>>(
+        wide.data(), n, n, Eigen::OuterStride<>(wide.cols()))
+        .noalias() = Const(a.data(), n, n).lazyProduct(Const(root.data(), n, n));
   });
 }
 

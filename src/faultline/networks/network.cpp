@@ -90,7 +90,7 @@ void Network::step(const double* weights, const double* inputs) {
       work.z[next++] = VectorMap(w, p.sum).dot(work.sum);
     }
     for (const Tap& tap : unit.beside) work.z[next++] = value(tap, unit);
-    work.h.noalias() = RowMap(w + p.first_layer, p.hidden, p.entries) * work.z;
+    work.h.noalias() = RowMap(w + p.first_layer, p.hidden, p.entries).lazyProduct(work.z);
     work.h += VectorMap(w + p.first_bias, p.hidden);
     for (double& h : work.h) h = quick_tanh(h);
     for (std::size_t i = 0; i < unit.outputs.size(); ++i) {

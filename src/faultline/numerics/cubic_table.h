@@ -27,13 +27,14 @@ class CubicTable {
   // Where it holds x.
   double operator()(double x) const {
     const double place = (x - from_) * per_interval_;
-    const auto i = static_cast<std::size_t>(place);
+    const auto i = static_cast<std::ptrdiff_t>(place);  // signed: one instruction
     const double part = place - static_cast<double>(i);
-    const std::array<double, 4>& c = cubics_[i < kIntervals ? i : kIntervals - 1];
-    return c[0] + part * (c[1] + part * (c[2] + part * c[3]));
+    const std::array<double, 4>& c = cubics_[static_cast<std::size_t>(i < kLast ? i : kLast)];
+    return (c[0] + part * c[1]) + part * part * (c[2] + part * c[3]);
   }
 
  private:
+  static constexpr std::ptrdiff_t kLast = static_cast<std::ptrdiff_t>(kIntervals) - 1;
   double from_, to_, per_interval_;
   std::array<std::array<double, 4>, kIntervals> cubics_;
 };

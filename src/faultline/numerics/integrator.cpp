@@ -26,6 +26,7 @@ class RungeKutta4 : public Integrator {
       : system_(system),
         state_(zero),
         before_(zero),
+        ended_(zero),
         middle_(zero),
         rate_(zero),
         probed_(zero),
@@ -39,11 +40,20 @@ class RungeKutta4 : public Integrator {
     stepper_.adjust_size(state_);
   }
   void step(double time, double dt, const double* inputs) override {
+    const bool goes_on = state_ == ended_;
     before_ = state_;
+    bool first = true;
+    switches_ = false;
     stepper_.do_step(
-        [this, inputs](const State& x, State& rate, double t) { system_.derivative(t, x.data(), inputs, rate.data()); },
+        [&](const State& x, State& rate, double t) {
+          system_.derivative(t, x.data(), inputs, rate.data());
+          if (std::exchange(first, false)) rests_ = resting(rate);
+          switches_ = switches_ || resting(rate) != rests_;
+        },
         state_, time, dt);
     system_.after_step(time + dt, state_.data(), inputs);
+    ended_ = state_;
+    if (!goes_on || switches_ || rests_ != jacobian_rests_) jacobian_age_ = kServes;
   }
   double* state() override { return state_.data(); }
 
@@ -54,6 +64,11 @@ class RungeKutta4 : public Integrator {
       sizes_[s] = std::max(sizes_[s], std::abs(middle_[s]));
     }
     system_.derivative(time + 0.5 * dt, middle_.data(), inputs, rate_.data());
+    switches_ = switches_ || resting(rate_) != rests_;
+    if (++jacobian_age_ < kServes && !switches_ && dt == jacobian_dt_) return;
+    jacobian_age_ = 0;
+    jacobian_dt_ = dt;
+    jacobian_rests_ = rests_;
     for (std::size_t column = 0; column < states; ++column) {
       const auto c = static_cast<Eigen::Index>(column);
       const double step = kDifference * sizes_[column];
@@ -75,10 +90,12 @@ class RungeKutta4 : public Integrator {
     const auto& leader = static_cast<const RungeKutta4&>(other);
     for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] = leader.middle_[s] + (state_[s] - leader.before_[s]);
     look(time + 0.5 * dt, inputs, leader);
-    moved_.noalias() = leader.half_weight_ * difference_;
-    for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] += moved_[static_cast<Eigen::Index>(s)];
-    look(time + 0.5 * dt, inputs, leader);
-    difference_.noalias() -= leader.jacobian_ * moved_;
+    if (leader.switches_ || resting(rate_) != leader.rests_) {
+      moved_.noalias() = leader.half_weight_ * difference_;
+      for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] += moved_[static_cast<Eigen::Index>(s)];
+      look(time + 0.5 * dt, inputs, leader);
+      difference_.noalias() -= leader.jacobian_ * moved_;
+    }
     moved_.noalias() = leader.weight_ * difference_;
     for (std::size_t s = 0; s < state_.size(); ++s)
       state_[s] = leader.state_[s] + (state_[s] - leader.before_[s]) + moved_[static_cast<Eigen::Index>(s)];
@@ -89,7 +106,14 @@ class RungeKutta4 : public Integrator {
   using Matrix = Eigen::Matrix<double, kStates, kStates>;
   using Vector = Eigen::Matrix<double, kStates, 1>;
   static constexpr double kDifference = 1e-6;  // of the largest value that a state had
+  static constexpr int kServes = 4;            // steps on end in which nothing switches, of one Jacobian
 
+  // Which states do not move, one bit each: what dry friction holds, or a stop.
+  static unsigned resting(const State& rate) {
+    unsigned result = 0;
+    for (std::size_t s = 0; s < rate.size(); ++s) result |= static_cast<unsigned>(rate[s] == 0) << (s & 31);
+    return result;
+  }
   // h phi(h J), h: `part` of the step; phi = I + z/2 (I + z/3 (I + z/4)).
   void respond(double part, double dt, Matrix& weight) {
     const double h = part * dt;
@@ -110,9 +134,14 @@ class RungeKutta4 : public Integrator {
   }
 
   OdeSystem& system_;
-  State state_, before_, middle_, rate_, probed_, sizes_;
+  State state_, before_, ended_, middle_, rate_, probed_, sizes_;
   Matrix jacobian_, weight_, half_weight_, power_;
   Vector difference_, moved_;
+  int jacobian_age_ = kServes;   // steps
+  double jacobian_dt_ = 0;       // of its step
+  unsigned jacobian_rests_ = 0;  // in it
+  unsigned rests_ = 0;           // at the beginning of the step
+  bool switches_ = false;        // within it
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };
 

@@ -30,17 +30,18 @@ class SmallLu {
     matrix_.fill(0);
     for (std::size_t i = 0; i < kSize; ++i) matrix_[i * kSize + i] = diagonal;
     for (std::size_t i = 0; i < places_.size(); ++i) matrix_[places_[i]] -= values[i];
+    std::array<double, kSize * kSize> rows;
     factor_in_place<kSize>(matrix_.data(), order_.data());
+    invert<kSize>(matrix_.data(), order_.data(), rows.data());
+    inverse_ = Eigen::Map<const Eigen::Matrix<double, kSize, kSize, kSize == 1 ? Eigen::ColMajor : Eigen::RowMajor>>(
+        rows.data());
   }
-  void solve(double* right_side) const { solve_in_place<kSize>(matrix_.data(), order_.data(), right_side); }
+  void solve(double* right_side) const {
+    Eigen::Map<Eigen::Matrix<double, kSize, 1>> x(right_side);
+    x = (inverse_ * x).eval();
+  }
   // W of rosenbrock.h.
   void weigh(double dt) {
-    for (std::size_t i = 0; i < kSize; ++i) {
-      double* const column = inverse_.data() + i * kSize;
-      std::fill_n(column, kSize, 0.0);
-      column[i] = 1;
-      solve(column);
-    }
     const auto m = (inverse_ / dt).eval();
     weight_ = 8.0 / 3 * m;
     weight_.diagonal().array() -= 20.0 / 3;

@@ -45,4 +45,21 @@ void solve_in_place(const double* a, const int* order, double* right_side) {
   for (std::size_t i = 0; i < kSize; ++i) right_side[i] = x[i];
 }
 
+// The inverse, row by row, from the factors: of as little use as it is for one right side, for four it is half of four
+// times solve_in_place(), since its columns do not wait for one another.
+template <std::size_t kSize>
+void invert(const double* a, const int* order, double* inverse) {
+  for (std::size_t i = 0; i < kSize; ++i)
+    for (std::size_t c = 0; c < kSize; ++c) inverse[i * kSize + c] = static_cast<int>(c) == order[i] ? 1.0 : 0.0;
+  const auto subtract = [inverse](std::size_t from, double times, std::size_t row) {
+    for (std::size_t c = 0; c < kSize; ++c) inverse[from * kSize + c] -= times * inverse[row * kSize + c];
+  };
+  for (std::size_t k = 0; k < kSize; ++k)
+    for (std::size_t i = k + 1; i < kSize; ++i) subtract(i, a[k * kSize + i], k);
+  for (std::size_t k = kSize; k-- > 0;) {
+    for (std::size_t c = 0; c < kSize; ++c) inverse[k * kSize + c] *= a[k * kSize + k];
+    for (std::size_t i = 0; i < k; ++i) subtract(i, a[k * kSize + i], k);
+  }
+}
+
 }  // namespace faultline

@@ -63,12 +63,12 @@ double slope_to_tank(const EffectChain& chain, double pressure, double speed) {
 }  // namespace
 
 double BulkModulus::value(double pressure) const {
-  const double p = std::max(pressure, kLowestPressure), part = p / c1;
-  return (c1 + p) * (1 / c2 - (log1p.holds(part) ? log1p(part) : std::log1p(part)));
+  const double p = std::max(pressure, kLowestPressure), part = p * per_c1_;
+  return (c1_ + p) * (per_c2_ - (log1p.holds(part) ? log1p(part) : std::log1p(part)));
 }
 
 double BulkModulus::slope(double pressure, double value) const {
-  return pressure < kLowestPressure ? 0.0 : value / (c1 + pressure) - 1;
+  return pressure < kLowestPressure ? 0.0 : value / (c1_ + pressure) - 1;
 }
 
 CylinderParameters::CylinderParameters(const Datasheet& sheet, const std::vector<double>& values) {
@@ -87,7 +87,7 @@ CylinderParameters::CylinderParameters(const Datasheet& sheet, const std::vector
   gravity = value("gravity");
   line_volume_a = value("line_volume_a");
   line_volume_b = value("line_volume_b");
-  oil = {value("bulk_c1"), value("bulk_c2")};
+  oil = BulkModulus(value("bulk_c1"), value("bulk_c2"));
 }
 
 PumpCylinder::PumpCylinder(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects)
@@ -107,7 +107,8 @@ PumpCylinder::PumpCylinder(const Datasheet& sheet, const std::vector<double>& pa
       oil_port_(effects.at("source.oil")),
       has_force_(!force_.empty()) {
   check_state_names(sheet, {"position", "velocity", "chamber_a_pressure", "chamber_b_pressure"});
-  width_ = parameters[static_cast<std::size_t>(sheet.parameter("friction_width"))];
+  per_mass_ = 1 / p_.mass;
+  per_width_ = 1 / parameters[static_cast<std::size_t>(sheet.parameter("friction_width"))];
   reference_ = sheet.channel("position_reference");
   pressure_sum_ = sheet.channel("pressure_sum_reference");
   speed1_ = sheet.channel("pump1_speed");
@@ -167,7 +168,7 @@ double PumpCylinder::modulus_b(double pressure, Kept& oil) const {
 
 double PumpCylinder::resistance(double position, double velocity, double load, double share, bool loaded) const {
   const double viscosity = oil_port_.viscosity().factor;
-  const double direction = direction_.at(velocity, [this](double v) { return quick_tanh(v / width_); });
+  const double direction = direction_.at(velocity, [this](double v) { return quick_tanh(v * per_width_); });
   if (!has_force_) return share * (viscosity * p_.viscous * velocity + p_.coulomb * direction);
   const BodyForces extra = force_.forces({position, velocity, load});
   const double level = p_.coulomb + (velocity > 0 ? extra.sliding_plus : extra.sliding_minus);
@@ -226,8 +227,8 @@ void PumpCylinder::derivative(double, const double* state, const double* channel
     rate[rod_ + 1] =
         (push - lift - resistance(position, velocity, load, kFrictionShare, false)) / kRodMass - p_.gravity;
   } else {
-    rate[kVelocity] =
-        (push - p_.mass * p_.gravity - resistance(position, velocity, load, 1, true)) / (p_.mass + extra_mass);
+    rate[kVelocity] = (push - p_.mass * p_.gravity - resistance(position, velocity, load, 1, true)) *
+                      (extra_mass != 0 ? 1 / (p_.mass + extra_mass) : per_mass_);
   }
   if (angle_ > 0) rate[angle_] = w2;
 }
@@ -268,14 +269,14 @@ void PumpCylinder::jacobian(double time, const double* state, const double* chan
   const double volume_a = p_.volume_a + p_.cap_area * state[kPosition] - (side_a_ > 0 ? p_.line_volume_a : 0.0);
   const double volume_b = p_.volume_b - p_.rod_area * state[kPosition] - (side_b_ > 0 ? p_.line_volume_b : 0.0);
   const double stiff_a = modulus_a / volume_a, stiff_b = modulus_b / volume_b;
-  const double direction = direction_.at(velocity, [this](double v) { return quick_tanh(v / width_); });
-  const double friction = factor * p_.viscous + p_.coulomb * (1 - direction * direction) / width_;
+  const double direction = direction_.at(velocity, [this](double v) { return quick_tanh(v * per_width_); });
+  const double friction = factor * p_.viscous + p_.coulomb * (1 - direction * direction) * per_width_;
   const auto by = [entries, this](int column, int row) -> double& { return entries[column * count_ + row]; };
   std::fill_n(entries, count_ * count_, 0.0);
   by(kVelocity, kPosition) = 1;
-  by(kVelocity, kVelocity) = -friction / p_.mass;
-  by(kPressureA, kVelocity) = p_.cap_area / p_.mass;
-  by(kPressureB, kVelocity) = -p_.rod_area / p_.mass;
+  by(kVelocity, kVelocity) = -friction * per_mass_;
+  by(kPressureA, kVelocity) = p_.cap_area * per_mass_;
+  by(kPressureB, kVelocity) = -p_.rod_area * per_mass_;
   by(kPosition, kPressureA) = -rate[kPressureA] * p_.cap_area / volume_a;
   by(kVelocity, kPressureA) = -stiff_a * p_.cap_area;
   by(kPressureA, kPressureA) =
@@ -346,8 +347,7 @@ void PumpCylinder::outputs(double, const double* state, double* channels) const 
 
 namespace {
 // Lines and backlash by steps of 0.5 ms: what shows of them is off by 2 % at most, what is left out 0.05 of the noise.
-FAULTLINE_RIG(pump_cylinder,
-              {"pump_cylinder", 0.1e-3, make_rig<PumpCylinder>, 1e-3, 0, 0.25e-3, nullptr, 0.5e-3});
-}
+FAULTLINE_RIG(pump_cylinder, {"pump_cylinder", 0.1e-3, make_rig<PumpCylinder>, 1e-3, 0, 0.25e-3, nullptr, 0.5e-3});
+}  // namespace
 
 }  // namespace faultline

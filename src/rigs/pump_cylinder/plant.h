@@ -26,10 +26,15 @@
 namespace faultline {
 
 // beta(P) of the datasheet's oil and its derivative; P in Pa gauge, counted as no less than -90 kPa.
-struct BulkModulus {
-  double c1, c2;
+class BulkModulus {
+ public:
+  BulkModulus() = default;
+  BulkModulus(double c1, double c2) : c1_(c1), per_c1_(1 / c1), per_c2_(1 / c2) {}
   double value(double pressure) const;
   double slope(double pressure, double value) const;  // `value` there: spares its logarithm
+
+ private:
+  double c1_ = 0, per_c1_ = 0, per_c2_ = 0;
 };
 
 // The datasheet's parameters that plant and observers share; SI units, `values` in the datasheet's order.
@@ -85,7 +90,7 @@ class PumpCylinder : public Rig {
   void by_differences(double time, const double* state, const double* channels, const double* rate, double* entries);
 
   CylinderParameters p_;
-  double width_;
+  double per_width_, per_mass_;
   int speed1_, speed2_, pressure_sum_, reference_;      // channels that drive
   int out_position_, out_pressure_a_, out_pressure_b_;  // channels that come out
   const EffectChain &force_, &leak_2ab_, &leak_2a_, &leak_2b_, &leak_1a_, &seal_, &compliance_a_, &compliance_b_,

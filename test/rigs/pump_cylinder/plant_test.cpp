@@ -86,6 +86,16 @@ TEST(PumpCylinder, JacobianIsThatOfTheEquations) {
   }
 }
 
+// Within the table of its logarithm and beyond, of the lowest pressure too.
+TEST(PumpCylinder, BulkModulusIsItsFormula) {
+  const double c1 = 9.9993e7, c2 = 0.0733;
+  const BulkModulus oil(c1, c2);
+  for (const double pressure : {-5e5, -9e4, 0.0, 1.0, 4e6, 1.2345e7, 3.4e7, 3.6e7, 2e8}) {
+    const double p = std::max(pressure, -9e4), expected = (c1 + p) * (1 / c2 - std::log1p(p / c1));
+    EXPECT_NEAR(oil.value(pressure), expected, 1e-13 * expected) << pressure;
+  }
+}
+
 TEST(PumpCylinder, EquationsAreTheDatasheets) {
   const EffectSet none(cylinder(), {}, 1e-3, 1);
   PumpCylinder rig(cylinder(), cylinder().nominal(), none);

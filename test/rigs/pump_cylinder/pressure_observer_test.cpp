@@ -56,6 +56,68 @@ TEST(PressureModels, JacobiansAreThoseOfTheStep) {
   }
 }
 
+// On the way as a rig is: within 5 m/s^2, pumps that run as fast as the piston asks.
+struct Moving {
+  Eigen::Vector4d state;
+  double w1, w2;
+};
+
+std::vector<Moving> moving_states(bool dry) {
+  const double m = 12.3, area_a = 1.9635e-3, area_b = 1.0014e-3, b = 2600, displacement = 2.482817e-6;
+  std::vector<Moving> result;
+  for (const double x : {-0.045, 0.0, 0.03})
+    for (const double v : {-0.12, -0.01, 0.0, 0.004, 0.1})
+      for (const double acceleration : {-5.0, 0.0, 5.0}) {
+        const double friction = b * v + (dry ? 330 * std::tanh(v / 0.01) : 0), p_b = 7e6;
+        const double p_a = (m * (acceleration + 9.81) + friction + area_b * p_b) / area_a,
+                     w2 = area_b * v / displacement;
+        result.push_back({{x, v, p_a, p_b}, area_a * v / displacement - w2, w2});
+      }
+  return result;
+}
+
+// As a hundred steps of a hundredth, to a tenth of what the tolerance of the Coulomb force makes of a velocity.
+TEST(PressureModels, NonlinearStepIsThatOfShortOnes) {
+  for (const char* friction : {"none", "signed"})
+    for (const Moving& moving : moving_states(friction[0] == 's')) {
+      const auto model = model_with(settings_of("pump_cylinder_nonlinear", "both", friction), moving.w1, moving.w2);
+      Eigen::Vector4d once, often = moving.state;
+      model->predict(often.data(), 1e-3, once.data());
+      for (int k = 0; k < 100; ++k) model->predict(Eigen::Vector4d(often).data(), 1e-5, often.data());
+      const Eigen::Vector4d moved = (often - moving.state).cwiseAbs(), off = (once - often).cwiseAbs();
+      EXPECT_LT(off[0], 0.01 * moved[0] + 1e-7) << friction << " " << moving.state.transpose();
+      EXPECT_LT(off[1], 0.03 * moved[1] + 3e-4) << friction << " " << moving.state.transpose();
+      for (int i = 2; i < 4; ++i)
+        EXPECT_LT(off[i], 0.03 * moved[i] + 1e3) << friction << " " << moving.state.transpose();
+    }
+}
+
+// What the filters beside the main one take instead of their own step.
+TEST(PressureModels, NearStatesStepAlike) {
+  const double most[4] = {0.9e-4, 0.9e-3, 35, 0.9e6};  // m, m/s, N on the piston, Pa of its rod side
+  const double area_a = 1.9635e-3, area_b = 1.0014e-3;
+  const Eigen::Vector4d small(1e-6, 6e-4, 1e4, 1e4);  // a hundredth and an eighth of the transducers' noise
+  for (const Moving& moving : moving_states(true)) {
+    const auto model = model_with(settings_of("pump_cylinder_nonlinear", "both", "signed"), moving.w1, moving.w2);
+    for (int corner = 0; corner < 16; ++corner) {
+      Eigen::Vector4d near = moving.state, next, next_near;
+      const auto side = [&](int i) { return (corner >> i & 1 ? 1 : -1) * most[i]; };
+      near += Eigen::Vector4d(side(0), side(1), (side(2) + area_b * side(3)) / area_a, side(3));
+      ASSERT_TRUE(model->near(moving.state.data(), near.data()));
+      Eigen::Matrix<double, 4, 4, Eigen::RowMajor> slope;
+      model->predict_linear(moving.state.data(), 1e-3, next.data(), slope.data());
+      model->predict(near.data(), 1e-3, next_near.data());
+      const Eigen::Vector4d off = next + slope * (near - moving.state) - next_near;
+      EXPECT_TRUE((off.cwiseAbs().array() < small.array()).all())
+          << off.transpose() << " at " << moving.state.transpose() << " beside " << near.transpose();
+    }
+    for (const Eigen::Vector4d& off :
+         {Eigen::Vector4d(1.1e-4, 0, 0, 0), Eigen::Vector4d(0, 1.1e-3, 0, 0), Eigen::Vector4d(0, 0, 45 / area_a, 0),
+          Eigen::Vector4d(0, 0, 0, 45 / area_b), Eigen::Vector4d(0, 0, 1.1e6 * area_b / area_a, 1.1e6)})
+      EXPECT_FALSE(model->near(moving.state.data(), Eigen::Vector4d(moving.state + off).data())) << off.transpose();
+  }
+}
+
 TEST(PressureModels, LinearStepIsExact) {
   // [Phi G] by the Taylor series of exp in 1000 short steps, from the numbers of (17).
   const double a = 1.3e9 / 1.4258e-4, b = 1.3e9 / 7.6821e-5, m = 12.3, ci = 1.097e-12, ce = 1.2e-13,
