@@ -1,4 +1,5 @@
-// reduce_to_triangle, reduce_beside_diagonal: lower triangular, the same M M', of fixed and free size, with rows of nothing and of bad scaling.
+// reduce_to_triangle, reduce_beside_diagonal: lower triangular, the same M M', of fixed and free size, with rows of
+// nothing and of bad scaling.
 #include "faultline/numerics/triangle.h"
 
 #include <gtest/gtest.h>
