@@ -4,8 +4,8 @@
 //   x = position, velocity, P_A, P_B;  u = w_1, w_2 held over a period;  y = position and, by `pressures`, P_A, P_B
 //   pump_cylinder_linear      x+ = Phi x + G u exactly, of (17): constant volumes and `bulk_modulus`, no gravity and no
 //                             dry friction
-//   pump_cylinder_nonlinear   x+ = x + phi(f dt) dt x', x' of (23), f of (25), phi(m) = (exp(m) - 1)/m, in shorter steps
-//                             where friction turns over within one; Phi = exp(f dt)
+//   pump_cylinder_nonlinear   x+ = x + phi(f dt) dt x', x' of (23), f of (25), phi(m) = (exp(m) - 1)/m, in shorter
+//                             steps where friction turns over within one; Phi = exp(f dt)
 // Dry friction in (23) by `friction`: signed, F_c tanh(v/friction_width), with its own term in f22; unsigned, F_c as it
 // is printed; none. Q is added per period as it stands: scaled by T, as (28) says, it leaves pressures unmeasured.
 //
