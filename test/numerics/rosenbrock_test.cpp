@@ -232,12 +232,12 @@ class Dry : public Problem {
   int asked_ = 0;
 };
 
-TEST(RungeKutta, LooksTwiceOnlyWhereFrictionSwitches) {
+TEST(RungeKutta, StepsByItselfWhereFrictionSwitches) {
   Dry rig(0.3), near(0.302);
   const std::unique_ptr<Integrator> leader = make_integrator(rig), beside = make_integrator(near),
                                     alone = make_integrator(near);
   for (const auto* method : {&leader, &beside, &alone}) (*method)->state()[1] = 1;
-  int twice = 0;
+  int own = 0;
   double worst = 0;
   for (int k = 0; k < 200; ++k) {
     const double h = 0.05;
@@ -245,14 +245,14 @@ TEST(RungeKutta, LooksTwiceOnlyWhereFrictionSwitches) {
     leader->lead(k * h, h, nullptr);
     near.asked_ = 0;
     beside->step_beside(k * h, h, nullptr, *leader);
-    ASSERT_TRUE(near.asked_ == 1 || near.asked_ == 2);
-    twice += near.asked_ == 2;
+    ASSERT_TRUE(near.asked_ == 1 || near.asked_ == 5);  // a look, and the four of a step
+    own += near.asked_ == 5;
     for (int i = 0; i < 100; ++i) alone->step(k * h + i * h / 100, h / 100, nullptr);
     worst = std::max(worst, std::abs(beside->state()[0] - alone->state()[0]));
   }
-  EXPECT_GE(twice, 6);  // in 10 s it starts and stops three times each
-  EXPECT_LE(twice, 12);
-  EXPECT_LT(worst, 0.1 * 0.002 * 3);  // of what the friction makes of three ways
+  EXPECT_GE(own, 6);  // in 10 s it starts and stops three times each
+  EXPECT_LE(own, 12);
+  EXPECT_LT(worst, 0.03 * 0.002 * 3);  // of what the friction makes of three ways
 }
 
 // Where a Jacobian serves several steps, a start anew asks for another.

@@ -33,7 +33,6 @@ class RungeKutta4 : public Integrator {
         sizes_(zero),
         jacobian_(system.states(), system.states()),
         weight_(jacobian_),
-        half_weight_(jacobian_),
         power_(jacobian_),
         difference_(system.states()),
         moved_(system.states()) {
@@ -83,19 +82,13 @@ class RungeKutta4 : public Integrator {
       for (std::size_t row = 0; row < states; ++row)
         jacobian_(static_cast<Eigen::Index>(row), c) = (probed_[row] - rate_[row]) / step;
     }
-    respond(1, dt, weight_);
-    respond(0.5, dt, half_weight_);
+    respond(dt);
   }
   void step_beside(double time, double dt, const double* inputs, const Integrator& other) override {
     const auto& leader = static_cast<const RungeKutta4&>(other);
     for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] = leader.middle_[s] + (state_[s] - leader.before_[s]);
     look(time + 0.5 * dt, inputs, leader);
-    if (leader.switches_ || resting(rate_) != leader.rests_) {
-      moved_.noalias() = leader.half_weight_ * difference_;
-      for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] += moved_[static_cast<Eigen::Index>(s)];
-      look(time + 0.5 * dt, inputs, leader);
-      difference_.noalias() -= leader.jacobian_ * moved_;
-    }
+    if (leader.switches_ || resting(rate_) != leader.rests_) return step(time, dt, inputs);
     moved_.noalias() = leader.weight_ * difference_;
     for (std::size_t s = 0; s < state_.size(); ++s)
       state_[s] = leader.state_[s] + (state_[s] - leader.before_[s]) + moved_[static_cast<Eigen::Index>(s)];
@@ -114,17 +107,16 @@ class RungeKutta4 : public Integrator {
     for (std::size_t s = 0; s < rate.size(); ++s) result |= static_cast<unsigned>(rate[s] == 0) << (s & 31);
     return result;
   }
-  // h phi(h J), h: `part` of the step; phi = I + z/2 (I + z/3 (I + z/4)).
-  void respond(double part, double dt, Matrix& weight) {
-    const double h = part * dt;
-    weight = jacobian_ * (h / 4);
+  // h phi(h J); phi = I + z/2 (I + z/3 (I + z/4)).
+  void respond(double h) {
+    weight_ = jacobian_ * (h / 4);
     for (const double order : {3.0, 2.0}) {
-      weight.diagonal().array() += 1;
-      power_.noalias() = jacobian_ * weight;
-      weight = power_ * (h / order);
+      weight_.diagonal().array() += 1;
+      power_.noalias() = jacobian_ * weight_;
+      weight_ = power_ * (h / order);
     }
-    weight.diagonal().array() += 1;
-    weight *= h;
+    weight_.diagonal().array() += 1;
+    weight_ *= h;
   }
   // r at middle_.
   void look(double time, const double* inputs, const RungeKutta4& leader) {
@@ -135,7 +127,7 @@ class RungeKutta4 : public Integrator {
 
   OdeSystem& system_;
   State state_, before_, ended_, middle_, rate_, probed_, sizes_;
-  Matrix jacobian_, weight_, half_weight_, power_;
+  Matrix jacobian_, weight_, power_;
   Vector difference_, moved_;
   int jacobian_age_ = kServes;   // steps
   double jacobian_dt_ = 0;       // of its step
