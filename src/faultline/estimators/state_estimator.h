@@ -19,8 +19,8 @@ class StateEstimator {
   virtual void reset(const double* state, const double* variance) = 0;
   // x-, P- after dt [s]; `noise_scale` multiplies Q (dt over the sample period).
   virtual void predict(double dt, double noise_scale) = 0;
-  // The same, where `leader`, of the same type and model, has just done it from about the same state (ProcessModel::near):
-  // its step may serve. Not after `leader` was corrected.
+  // The same, where `leader`, of the same type and model, has just done it from about the same state
+  // (ProcessModel::near): its step may serve. Not after `leader` was corrected.
   virtual void predict_beside(const StateEstimator& /*leader*/, double dt, double noise_scale) {
     predict(dt, noise_scale);
   }

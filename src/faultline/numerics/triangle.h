@@ -9,8 +9,8 @@
 namespace faultline {
 
 // Reflects row i, and those below it, so that of its columns from `begin` on, `width` of them, only the one on the
-// diagonal is left; what it has left of the diagonal stays. kWidth: `width`, where it is known when this is compiled, so
-// that all loops have one length that is known.
+// diagonal is left; what it has left of the diagonal stays. kWidth: `width`, where it is known when this is compiled,
+// so that all loops have one length that is known.
 template <int kWidth, class Matrix>
 void reflect_row(Matrix& m, Eigen::Index i, Eigen::Index begin, Eigen::Index width) {
   static_assert(Matrix::IsRowMajor, "rows must lie along memory");
