@@ -216,68 +216,6 @@ TEST(RungeKutta, WhatIsNearGoesBesideToSecondOrder) {
   }
 }
 
-// A body on a dry floor, driven to and fro: x' = v, where the force is beyond the friction, else it stands.
-class Dry : public Problem {
- public:
-  explicit Dry(double friction) : friction_(friction) {}
-  bool stiff() const override { return false; }
-  void derivative(double t, const double* s, const double*, double* rate) override {
-    ++asked_;
-    const double force = std::sin(t) - 0.1 * s[0];
-    rate[0] = force > friction_ ? force - friction_ : force < -friction_ ? force + friction_ : 0;
-    rate[1] = -s[1];
-  }
-  void jacobian(double, const double*, const double*, double*, double*, double*) override { FAIL() << "not asked"; }
-  double friction_;
-  int asked_ = 0;
-};
-
-TEST(RungeKutta, StepsByItselfWhereFrictionSwitches) {
-  Dry rig(0.3), near(0.302);
-  const std::unique_ptr<Integrator> leader = make_integrator(rig), beside = make_integrator(near),
-                                    alone = make_integrator(near);
-  for (const auto* method : {&leader, &beside, &alone}) (*method)->state()[1] = 1;
-  int own = 0;
-  double worst = 0;
-  for (int k = 0; k < 200; ++k) {
-    const double h = 0.05;
-    leader->step(k * h, h, nullptr);
-    leader->lead(k * h, h, nullptr);
-    near.asked_ = 0;
-    beside->step_beside(k * h, h, nullptr, *leader);
-    ASSERT_TRUE(near.asked_ == 1 || near.asked_ == 5);  // a look, and the four of a step
-    own += near.asked_ == 5;
-    for (int i = 0; i < 100; ++i) alone->step(k * h + i * h / 100, h / 100, nullptr);
-    worst = std::max(worst, std::abs(beside->state()[0] - alone->state()[0]));
-  }
-  EXPECT_GE(own, 6);  // in 10 s it starts and stops three times each
-  EXPECT_LE(own, 12);
-  EXPECT_LT(worst, 0.03 * 0.002 * 3);  // of what the friction makes of three ways
-}
-
-// Where a Jacobian serves several steps, a start anew asks for another.
-TEST(RungeKutta, AJacobianServesSomeStepsOnEnd) {
-  Explicit rig, fresh_rig;
-  const std::unique_ptr<Integrator> used = make_integrator(rig);
-  used->state()[0] = used->state()[1] = 1;
-  for (int k = 0; k < 2; ++k) {
-    used->step(0.05 * k, 0.05, nullptr);
-    used->lead(0.05 * k, 0.05, nullptr);
-  }
-  const std::unique_ptr<Integrator> fresh = make_integrator(fresh_rig);
-  Explicit near_rig;
-  const auto after_restart = [&](Integrator& leader) {
-    const std::unique_ptr<Integrator> near = make_integrator(near_rig);
-    leader.state()[0] = leader.state()[1] = 2;
-    near->state()[0] = near->state()[1] = 2.001;
-    leader.step(0, 0.05, nullptr);
-    leader.lead(0, 0.05, nullptr);
-    near->step_beside(0, 0.05, nullptr, leader);
-    return near->state()[1];
-  };
-  EXPECT_NEAR(after_restart(*used), after_restart(*fresh), 1e-9);
-}
-
 TEST(RungeKutta, AStepAllocatesNothing) {
   Explicit rig, near;
   expect_no_allocation(*make_integrator(rig), *make_integrator(near));

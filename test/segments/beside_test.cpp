@@ -91,8 +91,9 @@ void expect_as_near(const Course& course, std::size_t least, float within = kNea
 TEST(Beside, CylinderRespondsAsAlone) { expect_as_near({cylinder(), "steps", 0.25}, 30); }
 TEST(Beside, CoolingCircuitRespondsAsAlone) { expect_as_near({cooling(), "valve_steps", 0.2}, 100); }
 
-// What friction switches it steps through by itself.
-TEST(Beside, ControlValveRespondsAsAlone) { expect_as_near({valve(), "duty", 1.0}, 30, 0.05f); }
+// Its spool has no mass and settles within a step, and whether it moves at all is friction's to say: what changes
+// that is a tenth off, all else as above.
+TEST(Beside, ControlValveRespondsAsAlone) { expect_as_near({valve(), "duty", 1.0}, 30, 0.12f); }
 // Steps with an event in them are taken alone.
 TEST(Beside, ServoActuatorRespondsAsAlone) { expect_as_near({servo(), "random", 0.25}, 30); }
 

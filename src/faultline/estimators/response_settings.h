@@ -42,8 +42,7 @@ struct ResponseSettings {
                                        // in segments of 0.1 s, where a plant that stands in it no longer follows
   double new_fraction = 0.1;           // of the threshold: misfit of a stretch by which it says something new
   double weighed_fraction = 0.6;       // ... and below which, beyond white noise, causes are not weighed: none is told
-  double followed_fraction =
-      0.05;  // of the evidence of a fault that is known: misfit from which it is followed, a size off by a fifth
+  double followed_fraction = 0.02;     // of the evidence of a fault that is known: misfit from which it is followed
   double least_nuisance_amplitude = 0.05;  // of a nuisance effect, from which it is in the model of what is known
 
   // ---- parameters

@@ -26,33 +26,24 @@ class RungeKutta4 : public Integrator {
       : system_(system),
         state_(zero),
         before_(zero),
-        ended_(zero),
         middle_(zero),
         rate_(zero),
         probed_(zero),
         sizes_(zero),
         jacobian_(system.states(), system.states()),
         weight_(jacobian_),
+        half_weight_(jacobian_),
         power_(jacobian_),
         difference_(system.states()),
         moved_(system.states()) {
     stepper_.adjust_size(state_);
   }
   void step(double time, double dt, const double* inputs) override {
-    const bool goes_on = state_ == ended_;
     before_ = state_;
-    bool first = true;
-    switches_ = false;
     stepper_.do_step(
-        [&](const State& x, State& rate, double t) {
-          system_.derivative(t, x.data(), inputs, rate.data());
-          if (std::exchange(first, false)) rests_ = resting(rate);
-          switches_ = switches_ || resting(rate) != rests_;
-        },
+        [this, inputs](const State& x, State& rate, double t) { system_.derivative(t, x.data(), inputs, rate.data()); },
         state_, time, dt);
     system_.after_step(time + dt, state_.data(), inputs);
-    ended_ = state_;
-    if (!goes_on || switches_ || rests_ != jacobian_rests_) jacobian_age_ = kServes;
   }
   double* state() override { return state_.data(); }
 
@@ -63,11 +54,6 @@ class RungeKutta4 : public Integrator {
       sizes_[s] = std::max(sizes_[s], std::abs(middle_[s]));
     }
     system_.derivative(time + 0.5 * dt, middle_.data(), inputs, rate_.data());
-    switches_ = switches_ || resting(rate_) != rests_;
-    if (++jacobian_age_ < kServes && !switches_ && dt == jacobian_dt_) return;
-    jacobian_age_ = 0;
-    jacobian_dt_ = dt;
-    jacobian_rests_ = rests_;
     for (std::size_t column = 0; column < states; ++column) {
       const auto c = static_cast<Eigen::Index>(column);
       const double step = kDifference * sizes_[column];
@@ -82,13 +68,17 @@ class RungeKutta4 : public Integrator {
       for (std::size_t row = 0; row < states; ++row)
         jacobian_(static_cast<Eigen::Index>(row), c) = (probed_[row] - rate_[row]) / step;
     }
-    respond(dt);
+    respond(1, dt, weight_);
+    respond(0.5, dt, half_weight_);
   }
   void step_beside(double time, double dt, const double* inputs, const Integrator& other) override {
     const auto& leader = static_cast<const RungeKutta4&>(other);
     for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] = leader.middle_[s] + (state_[s] - leader.before_[s]);
     look(time + 0.5 * dt, inputs, leader);
-    if (leader.switches_ || resting(rate_) != leader.rests_) return step(time, dt, inputs);
+    moved_.noalias() = leader.half_weight_ * difference_;
+    for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] += moved_[static_cast<Eigen::Index>(s)];
+    look(time + 0.5 * dt, inputs, leader);
+    difference_.noalias() -= leader.jacobian_ * moved_;
     moved_.noalias() = leader.weight_ * difference_;
     for (std::size_t s = 0; s < state_.size(); ++s)
       state_[s] = leader.state_[s] + (state_[s] - leader.before_[s]) + moved_[static_cast<Eigen::Index>(s)];
@@ -99,24 +89,18 @@ class RungeKutta4 : public Integrator {
   using Matrix = Eigen::Matrix<double, kStates, kStates>;
   using Vector = Eigen::Matrix<double, kStates, 1>;
   static constexpr double kDifference = 1e-6;  // of the largest value that a state had
-  static constexpr int kServes = 4;            // steps on end in which nothing switches, of one Jacobian
 
-  // Which states do not move, one bit each: what dry friction holds, or a stop.
-  static unsigned resting(const State& rate) {
-    unsigned result = 0;
-    for (std::size_t s = 0; s < rate.size(); ++s) result |= static_cast<unsigned>(rate[s] == 0) << (s & 31);
-    return result;
-  }
-  // h phi(h J); phi = I + z/2 (I + z/3 (I + z/4)).
-  void respond(double h) {
-    weight_ = jacobian_ * (h / 4);
+  // h phi(h J), h: `part` of the step; phi = I + z/2 (I + z/3 (I + z/4)).
+  void respond(double part, double dt, Matrix& weight) {
+    const double h = part * dt;
+    weight = jacobian_ * (h / 4);
     for (const double order : {3.0, 2.0}) {
-      weight_.diagonal().array() += 1;
-      power_.noalias() = jacobian_ * weight_;
-      weight_ = power_ * (h / order);
+      weight.diagonal().array() += 1;
+      power_.noalias() = jacobian_ * weight;
+      weight = power_ * (h / order);
     }
-    weight_.diagonal().array() += 1;
-    weight_ *= h;
+    weight.diagonal().array() += 1;
+    weight *= h;
   }
   // r at middle_.
   void look(double time, const double* inputs, const RungeKutta4& leader) {
@@ -126,14 +110,9 @@ class RungeKutta4 : public Integrator {
   }
 
   OdeSystem& system_;
-  State state_, before_, ended_, middle_, rate_, probed_, sizes_;
-  Matrix jacobian_, weight_, power_;
+  State state_, before_, middle_, rate_, probed_, sizes_;
+  Matrix jacobian_, weight_, half_weight_, power_;
   Vector difference_, moved_;
-  int jacobian_age_ = kServes;   // steps
-  double jacobian_dt_ = 0;       // of its step
-  unsigned jacobian_rests_ = 0;  // in it
-  unsigned rests_ = 0;           // at the beginning of the step
-  bool switches_ = false;        // within it
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };
 

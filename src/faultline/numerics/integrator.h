@@ -7,14 +7,15 @@
 //   r(d) = f*(t + h/2, y_m + d) - f(t + h/2, y_m)
 //   d(t + h) = d + W r(d),   W = h phi(h J),  phi(z) = 1 + z/2 + z^2/6 + ...
 //
-// y_m: in the middle of the leader's step, d: as at its beginning, J: the leader's Jacobian, of an explicit method for
-// up to four steps in which nothing switches. Where a state begins or ceases to move within the leader's step, or moves
-// in one of the two only, dry friction or a stop is at work, and what goes beside takes an explicit step of its own.
+// y_m: in the middle of the leader's step, d: as at its beginning, J: the leader's Jacobian. An explicit method, whose
+// steps are not short against what dry friction switches on and off, looks once more, in the middle of the step:
+// d_m = d + h/2 phi(h J/2) r(d), and W (r(d_m) - J (d_m - d)) instead of W r(d).
 //
-// Exact where both are linear and have the same J; second order in h else, for one evaluation of f* and a product a
-// step. phi is the one of the leader's method, so that what is stable there is stable here. Where d stays small that is
-// how a course changes with parameters, effects and start states; where it comes to rest both methods agree. What
-// swings within a step with another J (a quarter of the mass more) may be wrong by half.
+// Exact where both are linear and have the same J; second order in h else, for one or two evaluations of f* and some
+// products a step. phi is the one of the leader's method, so that what is stable there is stable here. Where d stays
+// small that is how a course changes with parameters, effects and start states; where it comes to rest both methods
+// agree. What swings within a step with another J (a quarter of the mass more) may be wrong by half; what friction
+// switches within one, by a tenth.
 #pragma once
 
 #include <memory>
