@@ -6,6 +6,7 @@
 // (response_settings.h); latency [s, half of every].
 #include "faultline/estimators/response_core.h"
 
+#include <algorithm>
 #include <cmath>
 #include <future>
 #include <memory>
