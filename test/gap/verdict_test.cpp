@@ -30,6 +30,32 @@ TEST(Verdict, NothingIsSaidToFitWhereMuchIsLeft) {
   EXPECT_EQ(
       said("miscalibrated", "flow 440 times its noise"),
       "The parameters are off: area x 1.050. No place and no effect tells what is left: flow 440 times its noise.");
+  EXPECT_EQ(said("unknown", "flow 440 times its noise"),
+            "Something the library does not know, and no single place explains much of it (flow 440 times its noise); "
+            "no effect of the library could be tried.");
+}
+
+// A gap that is many times the noise and what matters is not silence, though no place is known.
+TEST(Verdict, AStructureThatLeavesMuchDoesNotFit) {
+  GapEvidence evidence;
+  evidence.perfect = 20000;
+  evidence.free_before = 700;
+  evidence.readings = 100000;
+  evidence.size = 0.6;
+  evidence.excess = 1200;
+  evidence.calibrated = 20;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+  EXPECT_FALSE(judge_gap(evidence, 0.01, options).placed);
+  // Both are needed: noise hides much, and transducers that are much better than the model show little things.
+  evidence.excess = 20;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "miscalibrated");
+  evidence.excess = 1200;
+  evidence.size = 0.04;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "miscalibrated");
+  EXPECT_EQ(judge_gap(evidence, 0.005, options).verdict, "unknown");
+  evidence.free_before = 8000;
+  EXPECT_TRUE(judge_gap(evidence, 0.01, options).placed);
 }
 
 // What closes the gap down to what every rig has is its cause, whatever a free signal would make of the rest.

@@ -189,10 +189,14 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
     result.shrink_refit = result.closable = 0;
     result.shrink_interval = {};
   }
-  if (!answer.names && result.verdict == "unknown") result.places = free_places(sheet, search.before);
+  const bool nowhere = result.verdict == "unknown" && !answer.placed;
+  if (nowhere)
+    result.places.clear();
+  else if (!answer.names && result.verdict == "unknown")
+    result.places = free_places(sheet, search.before);
 
   const std::vector<FreePlace>& free = (answer.names ? search.after : search.before).places;
-  if (result.verdict == "unknown" && !free.empty() && free.front().gain > 0) {
+  if (result.verdict == "unknown" && !nowhere && !free.empty() && free.front().gain > 0) {
     work.tell(0.95, "reconstructing what is missing");
     result.missing =
         unknown_shape(work, search, answer.names, answer.names ? explained_excess : refit_excess, result.remarks);
@@ -232,7 +236,7 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   }
   const bool no_cause = !answer.names && result.verdict != "unknown";
   if (no_cause) remark_noise(sheet, result);
-  describe(sheet, result, no_cause ? what_is_left(result) : "");
+  describe(sheet, result, no_cause || nowhere ? what_is_left(result) : "");
   return result;
 }
 

@@ -189,6 +189,10 @@ struct GapOptions {
     double place_log_likelihood = 0.05;
     // ... in a gap as large as the noise.
     double material_excess_variances = 1;
+    // What no place explains is no silence either where it is as large as this, over what a gap must have to matter, and
+    // this large against the noise: a structure that fits leaves less (development).
+    double silent_matters_ratio = 5;
+    double silent_excess_variances = 30;
     double miscalibrated_excess_variances =
         0.05;                           // that the refit must remove to speak of miscalibration: the quiet excess
     double doubt_steepness = 4;         // of the logistic curve from doubt to probability
@@ -328,6 +332,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.place_evidence_fraction);
   FAULTLINE_OPTION(verdict.place_log_likelihood);
   FAULTLINE_OPTION(verdict.material_excess_variances);
+  FAULTLINE_OPTION(verdict.silent_matters_ratio);
+  FAULTLINE_OPTION(verdict.silent_excess_variances);
   FAULTLINE_OPTION(verdict.miscalibrated_excess_variances);
   FAULTLINE_OPTION(verdict.doubt_steepness);
   FAULTLINE_OPTION(verdict.rival_standard_errors);

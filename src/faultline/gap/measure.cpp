@@ -229,15 +229,17 @@ void describe(const Datasheet& sheet, GapResult& result, const std::string& left
     std::string found;
     for (const NamedEffect& e : result.effects)
       found += fmt::format("{}{} at {}", found.empty() ? "" : " and ", e.effect, e.port);
-    result.sentence = fmt::format("Something the library does not know{}; ",
-                                  result.places.empty() ? "" : " at or near " + result.places.front().port);
+    result.sentence = "Something the library does not know";
+    if (!result.places.empty()) result.sentence += " at or near " + result.places.front().port;
+    if (!left.empty()) result.sentence += ", and no single place explains much of it (" + left + ")";
+    result.sentence += "; ";
     if (!found.empty())
       result.sentence += fmt::format("the nearest, {}, {} {} of what the refit leaves.", found,
                                      result.effects.size() > 1 ? "close" : "closes", percent(result.shrink_refit));
     else if (result.ranked.empty())
       result.sentence += "no effect of the library could be tried.";
     else
-      result.sentence += fmt::format("no effect of the library is significant on held-out data, {} at {} the nearest.",
+      result.sentence += fmt::format("no effect of the library explains it, {} at {} the nearest.",
                                      result.ranked.front().effect.effect, result.ranked.front().effect.port);
   }
 }

@@ -15,6 +15,7 @@ constexpr std::array<double, 3> kPlays = {0.03, 0.1, 0.3};            // widths,
 constexpr double kProductSign = 0.03;
 constexpr double kSameFraction = 0.03;  // of their spread, that two variables which are the same may differ by
 constexpr double kTail = 0.002;         // of the rows, on each side, outside a variable's range
+constexpr double kNothing = 1e-20;      // SI units: what has decayed to less is rest, whatever is made of it
 
 double spread_of(const SignalVariable& variable) {
   double sum = 0, squares = 0, count = 0;
@@ -74,7 +75,7 @@ bool settle_variable(SignalVariable& variable) {
   variable.high = quantile(1 - kTail);
   for (double& value : all) value = std::abs(value);
   variable.scale = quantile(0.95);
-  return spread_of(variable) > 1e-6 * variable.scale && variable.low < variable.high;
+  return spread_of(variable) > std::max(kNothing, 1e-6 * variable.scale) && variable.low < variable.high;
 }
 
 SignalTerms::SignalTerms(const std::vector<SignalVariable>& variables, double step)

@@ -25,11 +25,14 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
   result.names = evidence.found && evidence.size > options.named_matters_fraction * matters &&
                  evidence.shrink > shrink && evidence.effects > options.material_evidence_fraction * perfect;
-  // Without a name that holds: only a signal at one place that wins much of a gap that matters tells a cause.
+  // Without a name that holds: a signal at one place that wins much of a gap that matters tells a cause, or a gap that
+  // is too large for a model whose structure fits.
   const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
   const double place = evidence.free_before / std::max(options.place_evidence_fraction * perfect,
                                                        options.place_log_likelihood * std::max(evidence.readings, 1.0));
-  const double silent = large ? place : std::min(place, 0.5);
+  const double misfit = std::min(evidence.size / (options.silent_matters_ratio * std::max(matters, 1e-9)),
+                                 evidence.excess / options.silent_excess_variances);
+  const double silent = std::max(large ? place : std::min(place, 0.5), misfit);
   // As little is left as on a rig in which nothing is missing: whatever wins more there is no cause of this gap.
   const bool closed = evidence.left < evidence.quiet && evidence.shrink > options.closed_shrink_fraction;
   if (result.names && (beside <= 1 || closed)) {
@@ -41,6 +44,7 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   const bool part = result.names && (large || evidence.effects > options.partial_evidence_fraction * perfect);
   result.doubt = part ? std::max(beside, silent) : silent;
   result.names = part || (result.names && silent > 1);
+  result.placed = result.names || place > 1;
   if (result.doubt > 1)
     result.verdict = "unknown";
   else
