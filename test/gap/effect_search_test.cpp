@@ -149,6 +149,15 @@ TEST(EffectSearch, FindsTheFrequencyOfARipple) {
   EXPECT_NEAR(size[1], 23.7, 0.02);
 }
 
+// A free signal is hardly like a ripple, and beside an oil column wins little: a gap that is still large is searched on.
+TEST(EffectSearch, GoesOnWhileTheGapIsLarge) {
+  const EffectSearch search = search_among({"source.supply_pressure", "line.valve_cylinder"},
+                                           {"line_inertia@line.valve_cylinder:inertance=1.5e8",
+                                            "ripple@source.supply_pressure:amplitude=1e6,frequency=21.6"});
+  EXPECT_NE(found(search).find("line_inertia@line.valve_cylinder"), std::string::npos) << found(search);
+  EXPECT_NE(found(search).find("ripple@source.supply_pressure"), std::string::npos) << found(search);
+}
+
 // The steps of one run reach the limit, the other run hardly does: what it cannot show does not speak against the
 // effect.
 TEST(EffectSearch, ARunThatShowsNothingHasNoSay) {

@@ -84,11 +84,13 @@ bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best)
   return won > options.evidence_fraction * now.after.loss && won > options.further_evidence_fraction * before;
 }
 
-// Whether a free signal somewhere would win what is worth a search.
+// Whether what is left is worth a search: a gap that is large, or a free signal somewhere that would win much. Ripple,
+// friction that sticks and what acts in a part of the runs only are hardly like a free signal.
 bool more_to_find(const GapOptions::Search& options, const EffectSearch& now, bool large) {
   if (now.after.places.empty()) return false;
+  if (large) return true;
   const double most = now.after.places.front().gain;
-  if (now.base.effects.empty()) return large || most > options.least_free_fraction * now.before.loss;
+  if (now.base.effects.empty()) return most > options.least_free_fraction * now.before.loss;
   const double won = now.before.loss - now.after.loss;
   return most > options.further_evidence_fraction * won &&
          most > options.further_free_fraction * std::min(won, now.after.loss);
