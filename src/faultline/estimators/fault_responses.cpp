@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "faultline/attribution/screening.h"
+#include "faultline/estimators/amplitude_information.h"
 #include "faultline/estimators/plausibility.h"
 
 namespace faultline {
@@ -42,13 +43,14 @@ FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& s
       model_(sheet, settings),
       point_(model_.nominal()),
       reference_(model_.no_sums()),
-      known_(model_) {
+      known_(model_),
+      confirmation_(settings) {
   reset();
 }
 
 void FaultResponses::reset() {
-  event_ = confirmed_ = explained_ = shows_ = false;
-  confirming_ = 0;
+  event_ = explained_ = shows_ = false;
+  confirmation_.withdraw();
   recent_.clear();
   point_ = model_.nominal();
   reference_ = model_.no_sums();
@@ -322,28 +324,17 @@ double FaultResponses::speaks_for() const {
          model_.loss(before, last, point_, {hypotheses()[first.hypothesis].at(first.amplitude)});
 }
 
-// What the model always gets a little wrong adds up without end, so what speaks for the fault must come in about the
-// time in which one is looked for.
-void FaultResponses::hear(double evidence) {
-  confirming_ += evidence - confirming_ / static_cast<double>(settings_.recent_stretches);
-  confirm();
-}
-
 // A change that began before much was learnt is weighed once more, when it is about to be told, against parameters that
 // were learnt badly: the stretches that confirm it may show them where those in which it was found did not.
 void FaultResponses::doubt_once_more() {
   const double since = since_;
-  event_ = confirmed_ = false;
+  event_ = false;
+  confirmation_.withdraw();
   weigh_all();
   find_healthy_or_fault();
   if (!event_) return;
   since_ = std::min(since, since_);
-  confirmed_ = true;
-}
-
-void FaultResponses::confirm() {
-  confirmed_ = confirmed_ || confirming_ >= settings_.confirmed_fraction * settings_.threshold_evidence ||
-               evidence_ >= settings_.sure_ratio * settings_.threshold_evidence;
+  confirmation_.give();
 }
 
 void FaultResponses::look_beside(const Eigen::MatrixXd& before) {
@@ -379,8 +370,8 @@ bool FaultResponses::follow() {
 }
 
 void FaultResponses::end_event() {
-  event_ = confirmed_ = false;
-  confirming_ = 0;
+  event_ = false;
+  confirmation_.withdraw();
   age_ = 0;
   first_.clear();
   second_.clear();
@@ -405,10 +396,10 @@ void FaultResponses::judge_stretch() {
   if (!growing && !early && says_nothing_new()) {
     if (event_ || !due) {
       pass_over();
-      if (event_ && !confirmed_) {
+      if (event_ && !confirmation_.given()) {
         respond_all();
-        hear(speaks_for());
-        if (confirmed_ && young_) return doubt_once_more();
+        confirmation_.hear(speaks_for());
+        if (confirmation_.given() && young_) return doubt_once_more();
       }
       if (!event_ || !due) return;
       respond_all();
@@ -431,14 +422,14 @@ void FaultResponses::judge_stretch() {
   if (event_ && over()) {
     // What the recent stretches hold belongs to neither state.
     recent_.erase(recent_.begin(), recent_.end() - 1);
-    event_ = confirmed_ = false;
-    confirming_ = 0;
+    event_ = false;
+    confirmation_.withdraw();
     age_ = 0;
   }
   if (event_) {
-    if (!confirmed_) {
-      hear(speaks_for());
-      if (confirmed_ && young_) return doubt_once_more();
+    if (!confirmation_.given()) {
+      confirmation_.hear(speaks_for());
+      if (confirmation_.given() && young_) return doubt_once_more();
     }
     ++age_;
     window_.stretches = std::min(window_.stretches + 1, recent_.size());
@@ -523,12 +514,12 @@ void FaultResponses::find_healthy_or_fault() {
     event_ = true;
     young_ = window_.change && stretches_ <= settings_.early_stretches;
     age_ = 1;
-    confirming_ = 0;
+    confirmation_.withdraw();
   }
   // What one stretch has shown stays: the next may not move enough.
   if (doubt_text_.empty())
     doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found, window_.change, before_);
-  confirm();
+  confirmation_.found(evidence_);
 }
 
 // ---- what could be seen
@@ -548,28 +539,17 @@ void FaultResponses::look_what_shows() {
   shows_ = std::all_of(places.begin(), places.end(), [](const auto& place) { return place.second; });
 }
 
-// Parameters are known to their tolerance and from as much healthy motion as there is with the fault.
 Eigen::MatrixXd FaultResponses::information() const {
   Eigen::MatrixXd sums = reference_;
   for (const auto& stretch : recent_)
     if (stretch->weighed) sums += stretch->sums;
-  const Eigen::Index t = model_.parameters(), d = static_cast<Eigen::Index>(hypotheses().size());
-  sums.block(1, 1, t, t) = Eigen::MatrixXd::Identity(t, t) + 2 * sums.block(1, 1, t, t).eval();
-  return without_parameters(sums, t).bottomRightCorner(d, d);
+  return amplitude_information(std::move(sums), model_.parameters());
 }
 
 std::vector<double> FaultResponses::amplitude_errors() const {
-  std::vector<double> result;
-  for (const double left : Eigen::VectorXd(information().diagonal()))
-    result.push_back(left > settings_.least_response ? 1 / std::sqrt(left) : kInfinity);
-  return result;
+  return faultline::amplitude_errors(information(), settings_.least_response);
 }
 
-Eigen::MatrixXd FaultResponses::cosines() const {
-  const Eigen::MatrixXd left = information();
-  const Eigen::VectorXd scale = left.diagonal().unaryExpr(
-      [&](double square) { return square > 1.02 * settings_.least_response ? 1 / std::sqrt(square) : 0.0; });
-  return scale.asDiagonal() * left * scale.asDiagonal();
-}
+Eigen::MatrixXd FaultResponses::cosines() const { return response_cosines(information(), settings_.least_response); }
 
 }  // namespace faultline

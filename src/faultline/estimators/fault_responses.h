@@ -9,9 +9,8 @@
 // made linear anew around what it learnt of the parameters. The best few hypotheses are refined on the model with the
 // effect in it, and a second fault is searched for beside the first (fault_search.h).
 //
-// What was found is told once stretches that had no part in finding it confirm it: with the fault as it was found, the
-// model must explain them better, by as much evidence as finding takes, in about as many stretches as are looked at for
-// a fault. Of what is not there the next stretch says the opposite, as strongly as it would confirm it.
+// What was found is told once stretches that had no part in finding it confirm it (confirmation.h): with the fault as it
+// was found, the model must explain them better.
 //
 // Most stretches say what those before them said. One whose misfit with all that is known (known_model.h) is the usual
 // one cannot win evidence for any other cause, so it costs one run of the model and is not looked at further, while
@@ -28,6 +27,7 @@
 #include <memory>
 #include <vector>
 
+#include "faultline/estimators/confirmation.h"
 #include "faultline/estimators/fault_search.h"
 #include "faultline/estimators/known_model.h"
 
@@ -43,11 +43,11 @@ class FaultResponses {
 
   const std::vector<FaultHypothesis>& hypotheses() const { return model_.hypotheses(); }
   // While a fault is there: best first, refined ones only. Empty: nothing is wrong, or not surely.
-  const std::vector<RankedFault>& first() const { return confirmed_ ? first_ : none_; }
+  const std::vector<RankedFault>& first() const { return confirmation_.given() ? first_ : none_; }
   // The same for what is wrong beside the first.
-  const std::vector<RankedFault>& second() const { return confirmed_ ? second_ : none_; }
+  const std::vector<RankedFault>& second() const { return confirmation_.given() ? second_ : none_; }
   // Something is suspected that the next stretches must confirm; not for ever: a rig that rests confirms nothing.
-  bool undecided() const { return event_ && !confirmed_ && age_ <= settings_.recent_stretches; }
+  bool undecided() const { return event_ && !confirmation_.given() && age_ <= settings_.recent_stretches; }
   // A channel that is not what it is called explains more (plausibility.h); empty: none does.
   const std::string& doubt() const { return doubt_text_; }
   // Faults at every place of the rig would have shown so far: it moved, or is held where all of them show.
@@ -57,7 +57,7 @@ class FaultResponses {
   // confirmed no more than the threshold. While no fault is there but residuals hold more than the rig without faults
   // explains (explained_ratio), or the model is far off it, at least weighed_from().
   double evidence() const {
-    if (event_) return confirmed_ ? evidence_ : std::min(evidence_, settings_.threshold_evidence);
+    if (event_) return confirmation_.given() ? evidence_ : std::min(evidence_, settings_.threshold_evidence);
     return explained_ ? evidence_ : std::max(evidence_, weighed_from(settings_));
   }
   std::uint64_t runs() const { return model_.runs(); }  // of the model so far
@@ -94,8 +94,6 @@ class FaultResponses {
   void forget_oldest();
   double speaks_for() const;  // evidence of the latest stretch alone for the fault, as it was found
   bool over() const { return speaks_for() < -settings_.over_evidence; }  // it no longer shows it
-  void hear(double evidence);                                            // of a stretch after it was found
-  void confirm();
   void doubt_once_more();
   Eigen::MatrixXd prior(const Window& window) const;  // [r T]'[r T] of what is known of theta
   std::vector<RankedFault> screen(const Window& window) const;
@@ -129,13 +127,12 @@ class FaultResponses {
   Window window_;
   std::vector<RankedFault> first_, second_;
   const std::vector<RankedFault> none_;
-  bool young_ = false;  // the event is a change that came while little had been learnt
-  bool confirmed_ = false;
+  bool young_ = false;                        // the event is a change that came while little had been learnt
   bool explained_ = false;                    // the latest stretches looked at closely, by the rig without faults
-  double confirming_ = 0;                     // evidence of stretches since it was found, the older the less
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
   KnownModel known_;
+  Confirmation confirmation_;  // of the event
   std::string doubt_text_;
   Recording before_;            // the last stretch without the fault, where there is one
   std::deque<Recording> past_;  // healthy ones before the recent, newest last

@@ -1,0 +1,30 @@
+#include "faultline/estimators/amplitude_information.h"
+
+#include <cmath>
+#include <limits>
+
+#include "faultline/attribution/screening.h"
+
+namespace faultline {
+
+Eigen::MatrixXd amplitude_information(Eigen::MatrixXd sums, Eigen::Index parameters) {
+  sums.block(1, 1, parameters, parameters) =
+      Eigen::MatrixXd::Identity(parameters, parameters) + 2 * sums.block(1, 1, parameters, parameters).eval();
+  const Eigen::Index hypotheses = sums.cols() - 1 - parameters;
+  return without_parameters(sums, parameters).bottomRightCorner(hypotheses, hypotheses);
+}
+
+std::vector<double> amplitude_errors(const Eigen::MatrixXd& information, double least) {
+  std::vector<double> result;
+  for (const double left : Eigen::VectorXd(information.diagonal()))
+    result.push_back(left > least ? 1 / std::sqrt(left) : std::numeric_limits<double>::infinity());
+  return result;
+}
+
+Eigen::MatrixXd response_cosines(const Eigen::MatrixXd& information, double least) {
+  const Eigen::VectorXd scale = information.diagonal().unaryExpr(
+      [&](double square) { return square > 1.02 * least ? 1 / std::sqrt(square) : 0.0; });
+  return scale.asDiagonal() * information * scale.asDiagonal();
+}
+
+}  // namespace faultline
