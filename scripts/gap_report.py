@@ -197,6 +197,8 @@ def sentence_of(answer, sheet):
         return text[:1].upper() + text[1:], after + "."
     place = answer["where"]["ranked"][0]["port"] if answer["where"]["ranked"] else ""
     part = " at or near the " + sheet.component(place) if place else ""
+    if not cause["effects"] and not place:
+        return "Rig and model differ much, and neither a single place nor an effect in the library explains it.", ""
     if not cause["effects"]:
         return (
             "Rig and model differ{}, and no effect in the library explains it well enough to be named.".format(part),
@@ -354,6 +356,7 @@ def render(answer, series, sheet, facts):
         holdout=len(answer["holdout"]),
         deciding=os.path.basename(answer.get("deciding_run") or ""),
         where_kind=answer["where"].get("kind"),
+        placed=bool(answer["where"]["ranked"]),
         has_effect=has_effect,
         level_names=[gap_pictures.level_name(answer, name) for name in gap_pictures.shown_levels(answer)],
         causes=[effect_row(effect, sheet) for effect in answer["cause"]["ranked"][:RANKED]],

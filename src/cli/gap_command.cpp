@@ -223,6 +223,14 @@ void print_missing(const MissingSignal& missing) {
                100 * missing.adopted_shrink);
 }
 
+std::string where(const GapResult& result) {
+  if (result.places.empty()) return "at no single place";
+  const PlaceScore& first = result.places.front();
+  std::string text = fmt::format("{} ({})", first.port, first.component);
+  for (const std::string& other : first.inseparable) text += ", or " + other;
+  return text;
+}
+
 void print_result(const GapResult& result) {
   fmt::print("{}: {}\n{}\n", result.rig, result.verdict, result.sentence);
   fmt::print("\n{:<22} {:>12} {:>12} {:>12} {:>12} {:>12}\n", "rms over a segment", "noise", "nominal", "refit",
@@ -235,9 +243,7 @@ void print_result(const GapResult& result) {
                explained.rms.at("free"), gap.unit);
   }
   if (result.verdict == "named" || result.verdict == "unknown") {
-    fmt::print("\nwhere: {} ({})", result.places.front().port, result.places.front().component);
-    for (const std::string& other : result.places.front().inseparable) fmt::print(", or {}", other);
-    fmt::print("\n");
+    fmt::print("\nwhere: {}\n", where(result));
     for (const Region& region : result.regions)
       fmt::print("  {:.1f} times the mean where {}\n", region.enrichment, region.name);
     fmt::print("\n{:>6} {:>10}  cause\n", "p", "gain");

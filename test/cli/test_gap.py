@@ -252,6 +252,25 @@ class Diagnosed(unittest.TestCase):
         self.assertNotEqual(answer["cause"]["verdict"], "none")
         self.assertNotEqual(answer["cause"]["sentence"], self.answer["cause"]["sentence"])
 
+    def test_much_that_no_place_explains_is_unknown(self):
+        stop = ["--effect", "end_stop@force.piston:position=0.01,stiffness=5e5", "--duration", 6, "--quiet"]
+        for seed, profile in ((1, "multisine"), (2, "triangle")):
+            run = ["--profile", profile, "--seed", seed, "-o", f"stop_{profile}.bag"]
+            self.assertEqual(call(self.folder, "simulate", "servo_actuator", *stop, *run).returncode, 0)
+        alike = ["end_stop", "load_force", "added_mass", "elasticity", "backlash", "presliding_friction"]
+        without = [word for effect in alike for word in ("--without", effect)]
+        runs = ["stop_multisine.bag", "stop_triangle.bag"]
+        done = call(self.folder, "gap", *runs, *without, "--json", "stop.json", "--report", "stop.html")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        answer = json.loads((self.folder / "stop.json").read_text())
+        self.assertEqual(check_schema(answer, SCHEMA), [])
+        self.assertEqual(answer["cause"]["verdict"], "unknown")
+        self.assertEqual((answer["where"]["ranked"], answer["missing"]), ([], None))
+        self.assertIn("no single place explains", answer["cause"]["sentence"])
+        self.assertIn("\nwhere: at no single place\n", done.stdout)
+        self.assertIn("position among its highest tenth", done.stdout)
+        self.assertIn("neither a single place nor an effect", (self.folder / "stop.html").read_text())
+
     def test_says_since_when(self):
         self.assertIsNone(self.answer["cause"]["since"])
         options = ["--profile", "multisine", "--duration", 10, "--seed", 3, "--quiet", "-o", "later.bag"]

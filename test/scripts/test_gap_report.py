@@ -49,6 +49,12 @@ class FirstSentence(unittest.TestCase):
         self.assertIn("0.25 s", after)
         self.assertNotIn("began", gap_report.sentence_of(answer(CLOGGED), Sheet)[0])
 
+    def test_where_no_place_is_known(self):
+        unknown = answer(heldout=0.0)
+        unknown["cause"]["verdict"] = "unknown"
+        unknown["where"] = {"ranked": []}
+        self.assertIn("neither a single place nor", gap_report.sentence_of(unknown, Sheet)[0])
+
     def test_rounding_closes_nothing_and_says_why(self):
         text, after = gap_report.sentence_of(answer(ROUNDED, heldout=0.0), Sheet)
         self.assertIn("position transducer", text)
