@@ -79,6 +79,13 @@ bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best)
   const std::vector<double> gain = minus(now.score, best.score);
   if (sum(gain) <= options.significance_standard_errors * work.standard_error(gain)) return false;
   if (from_input_noise(work, now.base, best)) return false;
+  // Of what restarts hide the likelihood says too much: beside others it must close as much of what they leave as a
+  // first one must of the gap (verdict.h).
+  const double values = work.held_out_values();
+  const double closes = 1 - mean_excess(best.held_out, values) / std::max(mean_excess(now.losses, values), 1e-12);
+  if (!now.base.effects.empty() && !restarts_freely(best.fit.effects.back().effect) &&
+      closes < work.options().verdict.hidden_shrink_fraction)
+    return false;
   const double loss = loss_of(work, now.noise, best);
   const double won = now.after.loss - loss, before = now.before.loss - now.after.loss;
   return won > options.evidence_fraction * now.after.loss && won > options.further_evidence_fraction * before;
