@@ -149,7 +149,7 @@ TEST(EffectSearch, FindsTheFrequencyOfARipple) {
   EXPECT_NEAR(size[1], 23.7, 0.02);
 }
 
-// A free signal is hardly like a ripple, and beside an oil column wins little: a gap that is still large is searched on.
+// A free signal is hardly like a ripple, and beside an oil column wins little: while a gap is large the search goes on.
 TEST(EffectSearch, GoesOnWhileTheGapIsLarge) {
   const EffectSearch search = search_among({"source.supply_pressure", "line.valve_cylinder"},
                                            {"line_inertia@line.valve_cylinder:inertance=1.5e8",

@@ -1,6 +1,6 @@
 // What a motion shows of the amplitudes of faults: from its sums over [r T D] (stretch_model.h), of residuals, of
-// responses to parameters in tolerances and of responses to hypotheses. Parameters are known to their tolerance and from
-// as much healthy motion as there is with the fault; what they could do as well is projected out.
+// responses to parameters in tolerances and of responses to hypotheses. Parameters are known to their tolerance and
+// from as much healthy motion as there is with the fault; what they could do as well is projected out.
 #pragma once
 
 #include <vector>

@@ -9,8 +9,8 @@
 // made linear anew around what it learnt of the parameters. The best few hypotheses are refined on the model with the
 // effect in it, and a second fault is searched for beside the first (fault_search.h).
 //
-// What was found is told once stretches that had no part in finding it confirm it (confirmation.h): with the fault as it
-// was found, the model must explain them better.
+// What was found is told once stretches that had no part in finding it confirm it (confirmation.h): with the fault as
+// it was found, the model must explain them better.
 //
 // Most stretches say what those before them said. One whose misfit with all that is known (known_model.h) is the usual
 // one cannot win evidence for any other cause, so it costs one run of the model and is not looked at further, while

@@ -189,8 +189,8 @@ struct GapOptions {
     double place_log_likelihood = 0.05;
     // ... in a gap as large as the noise.
     double material_excess_variances = 1;
-    // What no place explains is no silence either where it is as large as this, over what a gap must have to matter, and
-    // this large against the noise: a structure that fits leaves less (development).
+    // What no place explains is no silence either where it is as large as this, over what a gap must have to matter,
+    // and this large against the noise: a structure that fits leaves less (development).
     double silent_matters_ratio = 5;
     double silent_excess_variances = 30;
     double miscalibrated_excess_variances =
