@@ -30,8 +30,7 @@ struct GapVerdict {
   std::string verdict;  // none | miscalibrated | named | unknown
   bool names = false;   // whether the effects are told: under "unknown" they are part of the cause
   double doubt = 0;     // of a name or of silence; above 1: unknown
-  bool placed =
-      false;  // whether a place of what is unknown is known: where effects are a part of it, or a signal enters
+  bool placed = false;  // under "unknown": effects are a part of it, or a signal at one place is
 };
 
 GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bool found);
