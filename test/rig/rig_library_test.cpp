@@ -19,11 +19,13 @@ namespace fs = std::filesystem;
 class RigLibrary : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::canonical(fs::temp_directory_path()) / ("faultline_rigs_" + std::to_string(::getpid()));
-    fs::remove_all(folder_);
+    const fs::path own = fs::canonical(fs::temp_directory_path()) / ("faultline_rigs_" + std::to_string(::getpid()));
+    fs::remove_all(own);
+    // Libraries are looked for two folders above a package too: that is still a folder of the test's own.
+    folder_ = own / "path";
     fs::create_directories(folder_);
   }
-  void TearDown() override { fs::remove_all(folder_); }
+  void TearDown() override { fs::remove_all(folder_.parent_path()); }
 
   void write(const std::string& name, const std::string& text) {
     fs::create_directories((folder_ / name).parent_path());
