@@ -155,7 +155,9 @@ TEST(GapSeries, HoldsTheRecordingAndThreeCourses) {
   ModelChange wrong = nominal();
   wrong.parameters[static_cast<std::size_t>(servo().parameter("viscous_damping"))] *= 1.5;
   wrong.parameters[static_cast<std::size_t>(servo().parameter("flow_coefficient"))] *= 0.8;
-  const GapSeries series = gap_series(model, 1, wrong, nominal(), nominal(), 2);
+  const Eigen::MatrixXf bad = settled_residuals(model, wrong, 1), good = settled_residuals(model, nominal(), 1);
+  EXPECT_EQ(settled_residuals(model, wrong, 1, 3), bad);  // whatever the threads
+  const GapSeries series = gap_series(model, 1, {&bad, &good, &good}, 2);
   EXPECT_EQ(series.run, 1u);
   ASSERT_EQ(series.time.size(), 3001u);  // every second of 6001
   EXPECT_EQ(series.time.front(), 0);
@@ -176,7 +178,7 @@ TEST(GapSeries, HoldsTheRecordingAndThreeCourses) {
   EXPECT_LT(off[1] / static_cast<double>(6 * series.time.size()), 4);
 
   // The second half of a run that was cut in two: one run, and time goes on.
-  const GapSeries half = gap_series(model, 1, wrong, nominal(), nominal(), 1);
+  const GapSeries half = gap_series(model, 1, {&bad, &good, &good}, 1);
   EXPECT_EQ(half.run, 0u);
 }
 

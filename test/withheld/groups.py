@@ -55,6 +55,17 @@ def plain(label):
     return label.get("identifiable") and label.get("severity") in ("2-5", "above 5")
 
 
+def counted(label):
+    """A case that any line about verdicts counts: one without effect, or one whose effects show beside all parameters."""
+    if label["part"] == "none":
+        return True
+    if label["part"] == "closed":
+        return plain(label)
+    if label["part"] == "open" and next(iter(label["effects"])) in twins.PARAMETER_TWINS:
+        return False
+    return label.get("structure") and label.get("severity") in ("2-5", "above 5")
+
+
 def right(label, given):
     """Whether the verdict is right: named with exactly these effects, none (or miscalibrated) without, unknown if they
     were withheld."""

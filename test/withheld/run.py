@@ -18,6 +18,7 @@ from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 
 import baselines
 import generate
+import groups
 import score
 from datasheet import ROOT, Datasheet
 
@@ -131,6 +132,11 @@ def main():
     reader.add_argument(
         "--at-once", type=int, default=1, help="cases diagnosed at once; the cores are shared among them"
     )
+    reader.add_argument(
+        "--counted",
+        action="store_true",
+        help="ask only of cases that the lines about verdicts count (identifiable, severity above 2; all without effect)",
+    )
     reader.add_argument("--no-faultline", action="store_true", help="baselines only")
     reader.add_argument("--no-baselines", action="store_true", help="faultline only")
     reader.add_argument("--table", help="write the table here (default OUT/table.md)")
@@ -141,6 +147,9 @@ def main():
         sys.exit(f"{given.program}: cannot be run; build first, or give --program or --no-faultline")
     seed = generate.seed_of(given)
     manifest = generate.from_arguments(given)
+    if given.counted:
+        label = lambda entry: generate.read(os.path.join(given.out, "sealed", entry["case"] + ".json"))
+        manifest = [entry for entry in manifest if groups.counted(label(entry))]
     failed = []
     if not given.no_faultline:
         threads = max(1, given.jobs // given.at_once)
@@ -163,12 +172,13 @@ def main():
         + (" --partly-measured" if given.partly_measured else "")
         + (" --third" if given.third else "")
         + (f" --first {given.first}" if given.first else "")
+        + (" --counted" if given.counted else "")
         + (" --truth random" if given.truth == "random" else "")
         + (f" --classes {','.join(given.classes) or 'none'}" if given.classes is not None else "")
         + (f" --without-classes {','.join(given.without_classes)}" if given.without_classes else "")
         + "".join(f" --{n} {v:g}" for n in ("runs", "length", "noise") for v in [getattr(given, n)] if v)
     )
-    table = score.score([given.out], f"Made by `{command}` (seed {seed}).", given.first is not None)
+    table = score.score([given.out], f"Made by `{command}` (seed {seed}).", given.counted or given.first is not None)
     with open(given.table or os.path.join(given.out, "table.md"), "w", encoding="utf-8") as stream:
         stream.write(table)
     print(table)

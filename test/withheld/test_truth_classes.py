@@ -22,6 +22,7 @@ import nature
 import levels
 import score
 import truth_classes
+import twins
 from generate import World
 
 RIG = "hydraulic_drive"  # its truth is the cheapest
@@ -150,6 +151,24 @@ class Commands(unittest.TestCase):
             other = self.run_one(folder, "--case", "1", "--runs", "2")
             self.assertIn("holds cases of other settings", other.stderr)
 
+    def test_only_what_counts_is_asked(self):
+        with tempfile.TemporaryDirectory() as folder:
+            asked, program = os.path.join(folder, "asked.txt"), os.path.join(folder, "program")
+            with open(program, "w", encoding="ascii") as stream:
+                stream.write(f'#!/bin/sh\necho "$@" >> {asked}\nexit 1\n')
+            os.chmod(program, 0o755)
+            out = os.path.join(folder, "out")
+            command = [sys.executable, os.path.join(HERE, "run.py"), out, "--rig", RIG, "--truth", "random", "--counted"]
+            command += ["--cases", "3", "--part", "closed", "--length", "4", "--jobs", "1", "--program", program]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            labels = {f"case_{n:04d}": generate.read(f"{out}/sealed/case_{n:04d}.json") for n in range(1, 4)}
+            expected = {name for name, label in labels.items() if groups.counted(label)}
+            self.assertTrue(0 < len(expected) < 3, labels)
+            with open(asked, encoding="ascii") as stream:
+                said = stream.read()
+            self.assertEqual({name for name in labels if name in said}, expected)
+
     def test_a_class_that_nobody_knows_is_named(self):
         with tempfile.TemporaryDirectory() as folder:
             done = self.run_one(folder, "--classes", "friktion")
@@ -211,6 +230,22 @@ class Tables(unittest.TestCase):
                     if name != "integrator" and variant not in like_none:
                         self.assertTrue(nature.NATURE.get((name, variant), nature.NATURE.get(name)), (name, variant))
         self.assertEqual(set(nature.NATURE) - known, set())
+
+    def test_what_no_line_counts_is_not_counted(self):
+        def label(part, severity="2-5", structure=True, identifiable=True, effect="lag@command.valve_command"):
+            return {"part": part, "severity": severity, "structure": structure, "identifiable": identifiable,
+                    "effects": {effect: {}}}
+
+        self.assertTrue(groups.counted({"part": "none", "effects": {}}))
+        self.assertTrue(groups.counted(label("closed")))
+        self.assertFalse(groups.counted(label("closed", identifiable=False)))
+        self.assertFalse(groups.counted(label("closed", severity="1.2-2")))
+        self.assertTrue(groups.counted(label("open", identifiable=False)))
+        self.assertFalse(groups.counted(label("open", structure=False)))
+        self.assertTrue(groups.counted(label("two", severity="above 5")))
+        self.assertFalse(groups.counted(label("two", severity="below 1.2")))
+        for effect in twins.PARAMETER_TWINS:
+            self.assertFalse(groups.counted(label("open", effect=effect)))
 
     def test_the_rows_are_markdown(self):
         for title in groups.OF:

@@ -168,7 +168,7 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   result.places = rank_places(sheet, search.screened, result.ranked, verdict.place_probability);
   if (found) name_effects(search, work.ninety_percent(), verdict, result);
 
-  measure_levels(work.model(), nominal, search.plain.fit.model, search.base, result);
+  measure_levels(work.model(), nominal, search.plain.fit.model, search.base, settings.jobs, result);
   GapEvidence evidence = gap_evidence(search.before, search.after, found);
   evidence.plain = std::all_of(search.base.effects.begin(), search.base.effects.end(),
                                [](const Candidate& candidate) { return restarts_freely(candidate.effect); });

@@ -7,6 +7,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "faultline/numerics/in_parallel.h"
 #include "faultline/rig/parameter_range.h"
 
 namespace faultline {
@@ -52,16 +53,16 @@ std::vector<std::vector<Eigen::MatrixXf>> effect_sensitivity(const ResidualModel
                                                              const Coordinates& coordinates,
                                                              const std::vector<Eigen::MatrixXf>& now,
                                                              const std::vector<std::size_t>& runs, int jobs) {
-  std::vector<std::vector<Eigen::MatrixXf>> columns;
-  for (const auto& which : coordinates) {
+  std::vector<std::vector<Eigen::MatrixXf>> columns(coordinates.size());
+  in_parallel(coordinates.size(), jobs, [&](std::size_t i) {
+    const auto& which = coordinates[i];
     std::vector<Candidate> moved = at.effects;
     const double c = coordinate(moved, which);
     const double size = residuals.options().fit.difference_coordinate;
     const double step = c > 0.5 ? -size : size;
     set_coordinate(moved, which, c + step);
-    columns.push_back(
-        difference(residuals_of(residuals, with_effects(moved, at.model.parameters), runs, jobs), now, step));
-  }
+    columns[i] = difference(residuals_of(residuals, with_effects(moved, at.model.parameters), runs, jobs), now, step);
+  });
   return columns;
 }
 

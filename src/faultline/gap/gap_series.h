@@ -6,16 +6,18 @@
 // Where a model is off by more than 1e4 noise levels, its course is cut there.
 #pragma once
 
+#include <array>
+
 #include "faultline/gap/gap_result.h"
 #include "faultline/gap/residual_model.h"
 
 namespace faultline {
 
-Eigen::MatrixXf settled_residuals(const ResidualModel& model, const ModelChange& at, std::size_t run);
+Eigen::MatrixXf settled_residuals(const ResidualModel& model, const ModelChange& at, std::size_t run, int jobs = 1);
 
-// `run`: of the model's. `given`: how many runs were asked for; fewer than the model has where a single one was cut
+// `run`: of the model's. `levels`: its settled_residuals() of the nominal, the refitted and the explained model. `given`: how many runs were asked for; fewer than the model has where a single one was cut
 // in two, and then the time goes on over the cut.
-GapSeries gap_series(const ResidualModel& model, std::size_t run, const ModelChange& nominal,
-                     const ModelChange& refitted, const ModelChange& explained, std::size_t given);
+GapSeries gap_series(const ResidualModel& model, std::size_t run, const std::array<const Eigen::MatrixXf*, 3>& levels,
+                     std::size_t given);
 
 }  // namespace faultline

@@ -119,17 +119,18 @@ void GapTrials::tell(double share, const std::string& text) const {
   if (progress_) progress_(share, text);
 }
 
-Surroundings GapTrials::settle(const Surroundings& before, const ModelChange& at, int jobs) const {
+Surroundings GapTrials::settle(const Surroundings& before, const ModelChange& at) const {
+  const int jobs = settings_.jobs;
   Surroundings now;
   now.residuals = std::make_shared<ResidualModel>(*before.residuals);
   const bool known = before.linear && near(sheet_, before.seen_from, at, options().trials.same_sensitivity_fraction);
   now.seen_from = known ? before.seen_from : at;
   std::vector<std::vector<Eigen::MatrixXf>> starts(every_.size());
   in_parallel(every_.size(), jobs, [&](std::size_t i) {
-    starts[i] = now.residuals->settle_starts(at, every_[i],
-                                             known ? before.linear->start_columns(i) : std::vector<Eigen::MatrixXf>());
+    starts[i] = now.residuals->settle_starts(
+        at, every_[i], known ? before.linear->start_columns(i) : std::vector<Eigen::MatrixXf>(), jobs);
   });
-  now.linear = known ? std::make_shared<Linearisation>(*now.residuals, at, *before.linear)
+  now.linear = known ? std::make_shared<Linearisation>(*now.residuals, at, *before.linear, jobs)
                      : std::make_shared<Linearisation>(*now.residuals, at, every_, jobs, std::move(starts));
   return now;
 }
@@ -141,14 +142,14 @@ double GapTrials::learned_loss(const Surroundings& around) const {
 
 double GapTrials::learned_loss(const Surroundings& around, const ModelChange& at) const {
   const Linearisation learn = around.linear->subset(learn_);
-  return sum(robust(learn.segment_losses(residuals_of(*around.residuals, at, learn_))));
+  return sum(robust(learn.segment_losses(residuals_of(*around.residuals, at, learn_, settings_.jobs))));
 }
 
 FitResult GapTrials::refit(const ModelChange& start, const std::vector<Candidate>& effects) {
   Structure structure;
   structure.fit.effects = effects;
   structure.fit.model = with_effects(effects, start.parameters);
-  structure.around = settle(around_, structure.fit.model, settings_.jobs);
+  structure.around = settle(around_, structure.fit.model);
   return refit(structure);
 }
 
@@ -165,7 +166,7 @@ void GapTrials::converge(FitResult& fit, double aim) {
   for (std::size_t round = 0; round < options().trials.refit_rounds; ++round) {
     const FitResult better = fit_gap(*around_.residuals, fit.model, fit.effects, around_.linear->subset(learn_),
                                      options().trials.steps, settings_.jobs);
-    Surroundings moved = settle(around_, better.model, settings_.jobs);
+    Surroundings moved = settle(around_, better.model);
     const double now = learned_loss(moved);
     if (!(now < before)) break;
     fit.model = better.model;
@@ -195,7 +196,7 @@ FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
     FitResult other;
     other.model.parameters = sheet_.nominal();
     shift_parameters(model(), free, move, other.model.parameters);
-    around_ = settle(part_, other.model, settings_.jobs);
+    around_ = settle(part_, other.model);
     converge(other, aim);
     const double cost = learned_cost(other);
     if (cost >= least - options().trials.relinearise_log_likelihood) continue;
@@ -221,7 +222,7 @@ void GapTrials::take_part(const ModelChange& at) {
 FitResult GapTrials::stand(const ModelChange& model) {
   FitResult fit;
   fit.model = model;
-  around_ = settle(around_, model, settings_.jobs);
+  around_ = settle(around_, model);
   take_part(fit.model);
   return fit;
 }
@@ -245,7 +246,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
   const GapOptions::Trials& trials = options().trials;
   const Linearisation learn = part_.linear->subset(learn_);
   const auto weighted = [&](const ModelChange& at) {
-    return sum(robust(learn.segment_losses(residuals_of(*part_.residuals, at, learn_))));
+    return sum(robust(learn.segment_losses(residuals_of(*part_.residuals, at, learn_, settings_.jobs))));
   };
   const double before = weighted(base.model);
   // The time from which a signal is stuck has a narrow valley.
@@ -266,7 +267,7 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
   // A candidate is judged by where its fit has converged, from the refit's parameters, which were bent without it, and
   // from the datasheet's: after one step it says more of the start than of the effect.
   const auto fit = [&](Structure& structure, const FitResult& start) {
-    FitResult found = fit_gap(*part_.residuals, start.model, start.effects, learn, trials.quick_steps);
+    FitResult found = fit_gap(*part_.residuals, start.model, start.effects, learn, trials.quick_steps, settings_.jobs);
     const double gain = before - weighted(found.model);
     if (gain <= structure.quick) return;
     structure.fit = std::move(found);
@@ -286,8 +287,8 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
       straight.model.parameters = sheet_.nominal();
       fit(structure, straight);
       FitResult other = bent;
-      if (search && search_effect(*part_.residuals, learn, other, trials.wide_span_coordinate, trials.wide_points) >=
-                        trials.relinearise_log_likelihood)
+      if (search && search_effect(*part_.residuals, learn, other, trials.wide_span_coordinate, trials.wide_points,
+                                  settings_.jobs) >= trials.relinearise_log_likelihood)
         fit(structure, other);
     }
     const std::size_t now = ++done;
@@ -299,16 +300,15 @@ void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structu
                    [](const Structure& a, const Structure& b) { return a.quick > b.quick; });
 }
 
-double GapTrials::follow(Structure& structure, const Surroundings& from, double base, int jobs,
-                         std::size_t rounds) const {
+double GapTrials::follow(Structure& structure, const Surroundings& from, double base, std::size_t rounds) const {
   const GapOptions::Trials& trials = options().trials;
-  structure.around = settle(from, structure.fit.model, jobs);
+  structure.around = settle(from, structure.fit.model);
   double best = learned_loss(structure.around);
   for (std::size_t round = 0; round < rounds; ++round) {
     const Surroundings& own = structure.around;
     const FitResult fit = fit_gap(*own.residuals, structure.fit.model, structure.fit.effects,
-                                  own.linear->subset(learn_), trials.steps, jobs);
-    Surroundings moved = settle(own, fit.model, jobs);
+                                  own.linear->subset(learn_), trials.steps, settings_.jobs);
+    Surroundings moved = settle(own, fit.model);
     const double now = learned_loss(moved);
     if (!(now < best)) break;
     const bool converged =
@@ -321,42 +321,44 @@ double GapTrials::follow(Structure& structure, const Surroundings& from, double 
   return best;
 }
 
-double GapTrials::begin(Structure& structure, int jobs) const {
+double GapTrials::begin(Structure& structure) const {
   // The refit without this effect may have bent parameters into a valley of their own, from which no step leads out:
   // the fit starts at the datasheet's parameters again, and goes on from there unless the quick fit is ahead of its
   // first round.
   const FitResult quick = structure.fit;
   const double quick_loss = learned_loss(part_, quick.model);
   structure.fit.model.parameters = sheet_.nominal();
-  const double base = learned_loss(part_), best = follow(structure, part_, base, jobs, 1);
+  const double base = learned_loss(part_), best = follow(structure, part_, base, 1);
   if (best <= quick_loss) return best;
   structure.fit = quick;
-  return follow(structure, part_, base, jobs, 1);
+  return follow(structure, part_, base, 1);
 }
 
-void GapTrials::finish(Structure& structure, int jobs) const {
+void GapTrials::finish(Structure& structure) const {
   const GapOptions::Trials& trials = options().trials;
   const double base = learned_loss(part_);
-  double best = follow(structure, Surroundings(structure.around), base, jobs, trials.refine_rounds);
+  double best = follow(structure, Surroundings(structure.around), base, trials.refine_rounds);
   const double values = segment_values() * static_cast<double>(part_.linear->subset(learn_).weights().size());
   const double enough = trials.search_excess_variances * 0.5 * values;
   for (std::size_t pass = 0; pass < trials.searches && best > enough; ++pass) {
     Structure searched = structure;
     if (search_effect(*structure.around.residuals, structure.around.linear->subset(learn_), searched.fit,
-                      trials.close_span_coordinate, trials.close_points, jobs) < trials.relinearise_log_likelihood)
+                      trials.close_span_coordinate, trials.close_points,
+                      settings_.jobs) < trials.relinearise_log_likelihood)
       break;
-    const double other = follow(searched, part_, base, jobs, 1);
+    const double other = follow(searched, part_, base, 1);
     if (other > best - trials.relinearise_log_likelihood) break;
     structure = std::move(searched);
     best = other;
   }
-  if (parted_) follow(structure, around_, learned_loss(around_), jobs, trials.whole_rounds);
+  if (parted_) follow(structure, around_, learned_loss(around_), trials.whole_rounds);
   structure.fit.covariance =
-      uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_), jobs);
-  cross_score(structure.around, structure, structure.fit.effects.size() - 1, jobs);
+      uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_), settings_.jobs);
+  cross_score(structure.around, structure, structure.fit.effects.size() - 1);
 }
 
-void GapTrials::cross_score(const Surroundings& around, Structure& structure, std::size_t held, int jobs) const {
+void GapTrials::cross_score(const Surroundings& around, Structure& structure, std::size_t held) const {
+  const int jobs = settings_.jobs;
   const FitResult& fit = structure.fit;
   std::vector<Eigen::VectorXd> shown;
   if (folds_.size() > 1) shown = information(*around.residuals, fit, *around.linear, jobs);
@@ -369,10 +371,11 @@ void GapTrials::cross_score(const Surroundings& around, Structure& structure, st
       const std::vector<Candidate> effects =
           left_to(fold.train, fit.effects, held, shown, options().trials.shown_information_fraction);
       part = fit_gap(*around.residuals, fit.model, effects, around.linear->subset(fold.train), options().trials.steps,
-                     1, false);
+                     jobs, false);
     }
     if (!fit.effects.empty()) sizes[f] = free_sizes(fit.effects.back(), part.effects.back());
-    losses[f] = around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test));
+    losses[f] =
+        around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test, jobs));
   });
   structure.held_out.clear();
   for (const std::vector<double>& part : losses)
@@ -386,12 +389,11 @@ void GapTrials::cross_score(const Surroundings& around, Structure& structure, st
 Structure GapTrials::score(const FitResult& fit) const {
   Structure structure;
   structure.fit = fit;
-  cross_score(around_, structure, fit.effects.empty() ? 0 : fit.effects.size() - 1, settings_.jobs);
+  cross_score(around_, structure, fit.effects.empty() ? 0 : fit.effects.size() - 1);
   return structure;
 }
 
 std::size_t GapTrials::refine(std::vector<Structure>& structures, double from, double to) const {
-  const int inner = std::max(1, settings_.jobs / std::max(1, static_cast<int>(structures.size())));
   std::atomic<std::size_t> done{0};
   const auto tell_one = [&](double steps) {
     const std::size_t now = ++done;
@@ -400,7 +402,7 @@ std::size_t GapTrials::refine(std::vector<Structure>& structures, double from, d
   };
   std::vector<double> losses(structures.size());
   in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
-    losses[i] = begin(structures[i], inner);
+    losses[i] = begin(structures[i]);
     tell_one(2 * static_cast<double>(structures.size()));
   });
   const double base = learned_loss(part_);
@@ -420,7 +422,7 @@ std::size_t GapTrials::refine(std::vector<Structure>& structures, double from, d
   }
   structures.resize(kept);
   in_parallel(kept, settings_.jobs, [&](std::size_t i) {
-    finish(structures[i], std::max(1, settings_.jobs / static_cast<int>(kept)));
+    finish(structures[i]);
     tell_one(static_cast<double>(losses.size() + kept));
   });
   for (Structure& structure : behind) structures.push_back(std::move(structure));

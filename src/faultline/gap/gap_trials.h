@@ -110,7 +110,7 @@ class GapTrials {
   double standard_error(const std::vector<double>& differences) const;
 
  private:
-  Surroundings settle(const Surroundings& before, const ModelChange& at, int jobs) const;
+  Surroundings settle(const Surroundings& before, const ModelChange& at) const;
   double learned_loss(const Surroundings& around) const;
   double learned_loss(const Surroundings& around, const ModelChange& at) const;
   double learned_cost(const FitResult& fit) const;  // of what stands: with the tolerances' part
@@ -119,12 +119,12 @@ class GapTrials {
   void converge(FitResult& fit, double aim);
   void take_part(const ModelChange& at);
   // Around sensitivities of its own, once.
-  double begin(Structure& structure, int jobs) const;
-  void finish(Structure& structure, int jobs) const;
+  double begin(Structure& structure) const;
+  void finish(Structure& structure) const;
   // `base`: learned loss of what it is beside, over the same segments.
-  double follow(Structure& structure, const Surroundings& from, double base, int jobs, std::size_t rounds) const;
+  double follow(Structure& structure, const Surroundings& from, double base, std::size_t rounds) const;
   // The first `held` effects stay as they are.
-  void cross_score(const Surroundings& around, Structure& structure, std::size_t held, int jobs) const;
+  void cross_score(const Surroundings& around, Structure& structure, std::size_t held) const;
 
   const Datasheet& sheet_;
   const GapSettings& settings_;

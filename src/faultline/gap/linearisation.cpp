@@ -69,7 +69,7 @@ Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& 
   const bool known = !starts.empty();
   starts.resize(runs_.size());
   in_parallel(known ? 0 : runs_.size(), jobs,
-              [&](std::size_t r) { starts[r] = residuals.start_sensitivity(model, runs_[r]); });
+              [&](std::size_t r) { starts[r] = residuals.start_sensitivity(model, runs_[r], jobs); });
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     const SegmentedRun& run = residuals.runs()[runs_[r]];
     auto around =
@@ -85,9 +85,10 @@ Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& 
   take_weights();
 }
 
-Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& model, const Linearisation& near)
+Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& model, const Linearisation& near,
+                             int jobs)
     : residuals_(residuals), runs_(near.runs_), free_(near.free_), around_(near.around_) {
-  at_model_ = residuals_of(residuals, model, runs_);
+  at_model_ = residuals_of(residuals, model, runs_, jobs);
   take_weights();
 }
 

@@ -35,7 +35,7 @@ class Linearisation {
 
   // The sensitivities of `near` around a model that has hardly moved from there: only residuals and shifts of start
   // states are new.
-  Linearisation(const ResidualModel& residuals, const ModelChange& model, const Linearisation& near);
+  Linearisation(const ResidualModel& residuals, const ModelChange& model, const Linearisation& near, int jobs);
 
   // Loss r' W r / 2 of residuals r (one matrix per run) with the start states projected out, per segment.
   std::vector<double> segment_losses(const std::vector<Eigen::MatrixXf>& residuals) const;

@@ -1,16 +1,19 @@
 #include "faultline/gap/measure.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
 #include <fmt/format.h>
 
 #include "faultline/gap/gap_series.h"
+#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {
 
+constexpr const char* kLevels[] = {"nominal", "refit", "explained"};
 constexpr double kSamePeriod = 0.01;
 constexpr std::size_t kWhole = std::numeric_limits<std::size_t>::max() / 2;  // rows: no restart but at breaks
 
@@ -36,29 +39,36 @@ double deviation(const ResidualModel& model, std::size_t output) {
   return n > 0 ? std::sqrt(std::max(s2 / n - s / n * s / n, 0.0)) : 0;
 }
 
+Eigen::VectorXd column_squares(const Eigen::MatrixXf& residuals) {
+  return residuals.colwise().squaredNorm().transpose().cast<double>();
+}
+
 std::string percent(double share) { return share < 0.005 ? "less than 1 %" : fmt::format("{:.0f} %", 100 * share); }
 
-GapLevel level(const ResidualModel& model, const std::string& name, const ModelChange& at) {
+// `settled`: of each run.
+GapLevel level(const ResidualModel& model, const std::string& name, const ModelChange& at,
+               const std::vector<Eigen::MatrixXf>& settled, int jobs) {
   GapLevel result;
   result.name = name;
   const std::size_t outputs = model.outputs().size();
   for (std::size_t o = 0; o < outputs; ++o) result.channels.push_back(channel_gap(model, o));
   const std::pair<const char*, std::size_t> horizons[] = {
       {"1", 1}, {"10", 10}, {"100", 100}, {"segment", 0}, {"free", kWhole}};
-  for (const auto& [name_of_horizon, horizon] : horizons) {
-    const std::string key = name_of_horizon;
-    std::vector<double> squares(outputs, 0);
-    double rows = 0;
-    for (std::size_t r = 0; r < model.runs().size(); ++r) {
-      const Eigen::MatrixXf residuals =
-          horizon == 0 ? settled_residuals(model, at, r) : model.residuals(at, r, horizon);
-      rows += static_cast<double>(residuals.rows());
-      for (std::size_t o = 0; o < outputs; ++o)
-        squares[o] += static_cast<double>(residuals.col(static_cast<Eigen::Index>(o)).squaredNorm());
-    }
+  const std::size_t runs = settled.size();
+  std::vector<Eigen::VectorXd> squares(std::size(horizons) * runs);  // per output, horizon by horizon
+  in_parallel(squares.size(), jobs, [&](std::size_t i) {
+    const std::size_t horizon = horizons[i / runs].second, r = i % runs;
+    squares[i] = column_squares(horizon == 0 ? settled[r] : model.residuals(at, r, horizon));
+  });
+  double rows = 0;
+  for (const Eigen::MatrixXf& residuals : settled) rows += static_cast<double>(residuals.rows());
+  for (std::size_t h = 0; h < std::size(horizons); ++h) {
+    const std::string key = horizons[h].first;
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(outputs));
+    for (std::size_t r = 0; r < runs; ++r) sum += squares[h * runs + r];
     for (std::size_t o = 0; o < outputs; ++o) {
       ChannelGap& gap = result.channels[o];
-      const double square = squares[o] / rows;
+      const double square = sum[static_cast<Eigen::Index>(o)] / rows;
       const double rms = gap.noise_std * std::sqrt(square);
       gap.rms[key] = rms;
       gap.nrmse[key] = rms / std::max(deviation(model, o), 1e-300);
@@ -175,27 +185,32 @@ void find_regions(const ResidualModel& model, const std::vector<Eigen::MatrixXf>
 }  // namespace
 
 void measure_levels(const ResidualModel& model, const ModelChange& nominal, const ModelChange& refitted,
-                    const FitResult& explained, GapResult& result) {
+                    const FitResult& explained, int jobs, GapResult& result) {
   ModelChange best = explained.model;
   best.effects.clear();
   for (const Candidate& candidate : explained.effects) best.effects.push_back(candidate.effect);
-  result.gap = {level(model, "nominal", nominal), level(model, "refit", refitted), level(model, "explained", best)};
-  std::vector<Eigen::MatrixXf> residuals, remaining;
+  const std::size_t runs = model.runs().size();
+  const std::array<const ModelChange*, 3> levels = {&nominal, &refitted, &best};
+  std::array<std::vector<Eigen::MatrixXf>, 3> settled;
+  for (std::vector<Eigen::MatrixXf>& level : settled) level.resize(runs);
+  in_parallel(3 * runs, jobs, [&](std::size_t i) {
+    settled[i / runs][i % runs] = settled_residuals(model, *levels[i / runs], i % runs, jobs);
+  });
+  for (std::size_t i = 0; i < 3; ++i) result.gap.push_back(level(model, kLevels[i], *levels[i], settled[i], jobs));
   std::size_t deciding = 0;
   double most = 0;
-  for (std::size_t r = 0; r < model.runs().size(); ++r) {
-    residuals.push_back(settled_residuals(model, refitted, r));
-    remaining.push_back(settled_residuals(model, best, r));
-    const double gain = static_cast<double>(residuals.back().squaredNorm() - remaining.back().squaredNorm()) /
-                        static_cast<double>(residuals.back().size());
+  for (std::size_t r = 0; r < runs; ++r) {
+    const double gain = static_cast<double>(settled[1][r].squaredNorm() - settled[2][r].squaredNorm()) /
+                        static_cast<double>(settled[1][r].size());
     if (r == 0 || gain > most) {
       most = gain;
       deciding = r;
     }
   }
   result.deciding_run = model.runs()[deciding].name;
-  result.series = gap_series(model, deciding, nominal, refitted, best, result.runs.size() + result.holdout.size());
-  find_regions(model, residuals, remaining, result);
+  result.series = gap_series(model, deciding, {&settled[0][deciding], &settled[1][deciding], &settled[2][deciding]},
+                             result.runs.size() + result.holdout.size());
+  find_regions(model, settled[1], settled[2], result);
 }
 
 void describe(const Datasheet& sheet, GapResult& result, const std::string& left) {

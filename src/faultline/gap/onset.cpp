@@ -1,4 +1,5 @@
 #include "faultline/gap/onset.h"
+#include "faultline/numerics/in_parallel.h"
 
 #include <algorithm>
 #include <cmath>
@@ -41,8 +42,9 @@ std::size_t OnsetSearch::first_segment(std::size_t run) const {
 }
 
 void OnsetSearch::settle(const ModelChange& at) {
-  std::vector<std::vector<Eigen::MatrixXf>> starts;
-  for (const std::size_t run : every_) starts.push_back(residuals_.settle_starts(at, run));
+  std::vector<std::vector<Eigen::MatrixXf>> starts(every_.size());
+  in_parallel(every_.size(), jobs_,
+              [&](std::size_t i) { starts[i] = residuals_.settle_starts(at, every_[i], {}, jobs_); });
   linear_ = std::make_shared<Linearisation>(residuals_, at, every_, jobs_, std::move(starts));
 }
 

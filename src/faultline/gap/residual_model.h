@@ -55,19 +55,19 @@ class ResidualModel {
     return model_.residuals(model, runs_[run], noise_, horizon);
   }
   // d residuals / d shift of the start states: one matrix per direction.
-  std::vector<Eigen::MatrixXf> start_sensitivity(const ModelChange& model, std::size_t run) const {
-    return model_.start_columns(model, runs_[run], noise_);
+  std::vector<Eigen::MatrixXf> start_sensitivity(const ModelChange& model, std::size_t run, int jobs = 1) const {
+    return model_.start_columns(model, runs_[run], noise_, jobs);
   }
   // SegmentModel::settle() of a run. Hidden states and what is known behind sensors with effects are as the model at
   // hand has them, unless it has hardly moved.
   std::vector<Eigen::MatrixXf> settle_starts(const ModelChange& model, std::size_t run,
-                                             std::vector<Eigen::MatrixXf> known = {}) {
+                                             std::vector<Eigen::MatrixXf> known = {}, int jobs = 1) {
     const bool at_sensor = std::any_of(model.effects.begin(), model.effects.end(), [](const EffectSpec& effect) {
       return port_kind(effect.port) == PortKind::sensor;
     });
     if (known.empty() && (at_sensor || !hidden_states(model_, runs_[run]).empty()))
       model_.place_starts(runs_[run], noise_, model);
-    return model_.settle(model, runs_[run], noise_, std::move(known));
+    return model_.settle(model, runs_[run], noise_, std::move(known), jobs);
   }
 
  private:

@@ -1,5 +1,8 @@
-// Runs work(0) ... work(count - 1) on `jobs` threads. What comes out must not depend on the order. The first exception
-// ends it all and is thrown on.
+// Runs work(0) ... work(count - 1) on at most `jobs` threads. What comes out must not depend on the order. The first
+// exception ends it all and is thrown on.
+//
+// Loops may stand in loops and all name the same `jobs`: threads beyond the first are counted over the process, so an
+// inner loop takes those that the outer one leaves idle, and none where all have work.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +13,11 @@
 #include <vector>
 
 namespace faultline {
+
+inline std::atomic<int> threads_beside{0};  // that work now for in_parallel(), beyond one
+
+// How many threads a loop would get now.
+inline int idle_threads(int jobs) { return std::max(1, jobs - threads_beside.load()); }
 
 template <class Work>
 void in_parallel(std::size_t count, int jobs, Work&& work) {
@@ -26,12 +34,18 @@ void in_parallel(std::size_t count, int jobs, Work&& work) {
         next = count;
       }
     }
+    --threads_beside;  // what waits for the others below, or ends, leaves its place to loops within
   };
   std::vector<std::thread> threads;
-  for (std::size_t i = 1; i < std::min(count, static_cast<std::size_t>(std::max(1, jobs))); ++i)
-    threads.emplace_back(worker);
+  int beside = threads_beside.load();
+  while (threads.size() + 1 < count && beside + 1 < jobs)
+    if (threads_beside.compare_exchange_weak(beside, beside + 1)) {
+      threads.emplace_back(worker);
+      ++beside;
+    }
   worker();
   for (std::thread& thread : threads) thread.join();
+  ++threads_beside;
   if (failure) std::rethrow_exception(failure);
 }
 

@@ -311,7 +311,7 @@ std::vector<Eigen::MatrixXf> SegmentModel::residuals(const std::vector<Variant>&
     else
       light.push_back(i);
   }
-  const std::size_t parts = static_cast<std::size_t>(std::max(1, jobs));
+  const std::size_t parts = static_cast<std::size_t>(idle_threads(jobs));
   for (const std::vector<std::size_t>* beside : {&heavy, &light})
     for (std::size_t part = 0; part < parts; ++part) {
       std::vector<std::size_t> group{0};
@@ -349,7 +349,7 @@ Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const Segment
 }
 
 std::vector<Eigen::MatrixXf> SegmentModel::start_columns(const ModelChange& change, const SegmentedRun& run,
-                                                         const std::vector<double>& sigma) const {
+                                                         const std::vector<double>& sigma, int jobs) const {
   const double step = options_.start_difference_sigma;
   std::vector<Variant> variants{{&change, starts_of(run)}};
   const std::size_t states = shown_by_.size();
@@ -359,17 +359,17 @@ std::vector<Eigen::MatrixXf> SegmentModel::start_columns(const ModelChange& chan
       Eigen::Map<Eigen::VectorXd>(&variants.back().starts[g * states], static_cast<Eigen::Index>(states)) +=
           step * run.start_roots[g].col(i);
   }
-  std::vector<Eigen::MatrixXf> result = residuals(variants, run, sigma, 1);
+  std::vector<Eigen::MatrixXf> result = residuals(variants, run, sigma, jobs);
   for (std::size_t i = 1; i < result.size(); ++i) result[i] = (result[i] - result[0]) / static_cast<float>(step);
   result.erase(result.begin());
   return result;
 }
 
 std::vector<Eigen::MatrixXf> SegmentModel::settle(const ModelChange& change, SegmentedRun& run,
-                                                  const std::vector<double>& sigma,
-                                                  std::vector<Eigen::MatrixXf> known) const {
+                                                  const std::vector<double>& sigma, std::vector<Eigen::MatrixXf> known,
+                                                  int jobs) const {
   const Eigen::MatrixXf before = residuals(change, run, sigma);
-  std::vector<Eigen::MatrixXf> columns = known.empty() ? start_columns(change, run, sigma) : std::move(known);
+  std::vector<Eigen::MatrixXf> columns = known.empty() ? start_columns(change, run, sigma, jobs) : std::move(known);
   const double largest = options_.start_shift_limit_sigma;
   const std::vector<Eigen::VectorXd> old = run.start_shift;
   for (std::size_t g = 0; g < run.segments(); ++g)

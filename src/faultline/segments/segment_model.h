@@ -68,11 +68,11 @@ class SegmentModel {
                                          const std::vector<double>& sigma, int jobs) const;
   // d residuals / d shift, by differences: one matrix per direction.
   std::vector<Eigen::MatrixXf> start_columns(const ModelChange& change, const SegmentedRun& run,
-                                             const std::vector<double>& sigma) const;
+                                             const std::vector<double>& sigma, int jobs = 1) const;
   // Moves the starts to those that fit the model best, where that lowers a segment's loss |r|^2 + |d|^2. One
   // Gauss-Newton step a call. Returns the columns that it used: `known` ones, or its own where that is empty.
   std::vector<Eigen::MatrixXf> settle(const ModelChange& change, SegmentedRun& run, const std::vector<double>& sigma,
-                                      std::vector<Eigen::MatrixXf> known = {}) const;
+                                      std::vector<Eigen::MatrixXf> known = {}, int jobs = 1) const;
 
  private:
   // The row of a restart still shows where the segment before it ended, which is not what this segment's states

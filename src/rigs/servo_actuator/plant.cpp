@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "faultline/numerics/cubic_table.h"
 #include "faultline/rig/orifice.h"
 
 namespace faultline {
@@ -18,6 +19,10 @@ constexpr double kAtmosphere = 101325;       // Pa, between gauge and absolute
 constexpr double kContactStiffness = 2.0e7;  // N/m, of a coupling that is stiff: steel on steel, as the stops
 constexpr double kContactDamping = 2.0e3;    // N s/m
 const double kRootTwo = std::sqrt(2.0);
+
+// exp(-x^2) within 1e-9, in half the time.
+const CubicTable<512> bell_of_positive(
+    0, 6, [](double x) { return std::exp(-x * x); }, [](double x) { return -2 * x * std::exp(-x * x); });
 
 }  // namespace
 
@@ -139,11 +144,11 @@ double ServoActuator::coupling_force(const double* state) const {
 }
 
 double ServoActuator::stribeck(double velocity) const {
-  const double ratio = velocity * stribeck_scale_;
-  return std::abs(ratio) < 6 ? static_excess_ * std::exp(-ratio * ratio) : 0.0;
+  const double ratio = std::abs(velocity * stribeck_scale_);
+  return bell_of_positive.holds(ratio) ? static_excess_ * bell_of_positive(ratio) : 0.0;
 }
 
-ServoActuator::Body ServoActuator::piston(const double* state, const double* channels) const {
+ServoActuator::Body ServoActuator::piston(const double* state, double coupling) const {
   const double velocity = state[kVelocity];
   const double drop = state[kPressureA] - state[kPressureB];
   const double share = has_load_ ? 1 - load_friction_share_ : 1.0;
@@ -162,31 +167,30 @@ ServoActuator::Body ServoActuator::piston(const double* state, const double* cha
     body.force -= extra.viscous;
     if (!has_load_) body.force -= extra.applied;
   }
-  body.force -= has_load_ ? coupling_force(state) : channels[load_force_];
+  body.force -= coupling;
   return body;
 }
 
-ServoActuator::Body ServoActuator::load(const double* state, const double* channels) const {
+ServoActuator::Body ServoActuator::load(const double* state, double coupling, const double* channels) const {
   const double position = state[load_], velocity = state[load_ + 1];
   Body body;
   body.mass = mass_ * load_mass_share_;
   body.sliding_plus = body.sliding_minus = load_friction_share_ * (coulomb_ + stribeck(velocity));
   body.breakaway_plus = body.breakaway_minus = load_friction_share_ * (coulomb_ + static_excess_);
-  body.force = coupling_force(state) - load_friction_share_ * damping_ * velocity - channels[load_force_];
+  body.force = coupling - load_friction_share_ * damping_ * velocity - channels[load_force_];
   if (has_force_) body.force -= force_port_.forces({position, velocity, 0, false}).applied;
   return body;
 }
 
-double ServoActuator::acceleration(const double* state, const double* channels) const {
+double ServoActuator::acceleration(const double* state, double coupling) const {
   if (bare_) {
     const double velocity = state[kVelocity];
     const double friction = coulomb_ + stribeck(velocity);
     return ((state[kPressureA] - state[kPressureB]) * area_ - damping_ * velocity -
-            stop_force(state[kPosition], velocity) - channels[load_force_] -
-            piston_friction_.force(friction, friction)) /
+            stop_force(state[kPosition], velocity) - coupling - piston_friction_.force(friction, friction)) /
            mass_;
   }
-  const Body body = piston(state, channels);
+  const Body body = piston(state, coupling);
   return (body.force - piston_friction_.force(body.sliding_plus, body.sliding_minus)) / body.mass;
 }
 
@@ -258,9 +262,10 @@ void ServoActuator::derivative(double time, const double* state, const double* c
   }
 
   rate[kPosition] = velocity;
-  rate[kVelocity] = piston_friction_.stuck() ? 0 : acceleration(state, channels);
+  const double coupling = has_load_ ? coupling_force(state) : channels[load_force_];
+  rate[kVelocity] = piston_friction_.stuck() ? 0 : acceleration(state, coupling);
   if (has_load_) {
-    const Body other = load(state, channels);
+    const Body other = load(state, coupling, channels);
     rate[load_] = state[load_ + 1];
     rate[load_ + 1] = load_friction_.stuck()
                           ? 0
@@ -281,11 +286,11 @@ void ServoActuator::after_step(double, double* state, const double* channels) {
     state[line_ + 1] = std::max(0.0, state[line_ + 1]);
   }
   if (!piston_friction_.slips_on(state[kVelocity])) {
-    const Body body = piston(state, channels);
+    const Body body = piston(state, has_load_ ? coupling_force(state) : channels[load_force_]);
     piston_friction_.after_step(state[kVelocity], body.force, body.breakaway_plus, body.breakaway_minus);
   }
-  if (has_load_) {
-    const Body other = load(state, channels);
+  if (has_load_ && !load_friction_.slips_on(state[load_ + 1])) {
+    const Body other = load(state, coupling_force(state), channels);
     load_friction_.after_step(state[load_ + 1], other.force, other.breakaway_plus, other.breakaway_minus);
   }
 }

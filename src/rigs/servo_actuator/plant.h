@@ -40,12 +40,13 @@ class ServoActuator : public Rig {
   struct Body {  // forces on one body but for its dry friction, and the levels of that
     double force = 0, mass = 1, sliding_plus = 0, sliding_minus = 0, breakaway_plus = 0, breakaway_minus = 0;
   };
-  Body piston(const double* state, const double* channels) const;
-  Body load(const double* state, const double* channels) const;
+  // `coupling`: what the rod takes from the piston, or the load's force where both are one body, N.
+  Body piston(const double* state, double coupling) const;
+  Body load(const double* state, double coupling, const double* channels) const;
   double stop_force(double position, double velocity) const;
   double coupling_force(const double* state) const;
   double stribeck(double velocity) const;
-  double acceleration(const double* state, const double* channels) const;   // of the piston while it slips
+  double acceleration(const double* state, double coupling) const;          // of the piston while it slips
   double drooped(double time, const double* state, double measured) const;  // supply pressure
 
   double area_, mass_, damping_, coulomb_, static_excess_, stribeck_velocity_, chamber_volume_, bulk_modulus_,
