@@ -42,6 +42,26 @@ TEST(Residuals, OfAStuckTransducerAreNoiseOnceItIsInTheModel) {
   EXPECT_LT(mean_square(model), 1.2);
 }
 
+// Where parts of a run are simulated, each holds what the run held when it stuck.
+TEST(Residuals, OfWhatIsStuckAreNoiseInPartsOfARunToo) {
+  for (const std::string stuck : {"stuck@sensor.load_pressure:from=2.1", "stuck@command.valve_command:from=2.1"}) {
+    SimulationSetup setup = servo_setup("multisine");
+    setup.effects = {parse_effect(stuck)};
+    const ResidualModel whole(servo(), {cut_run(servo(), "a.bag", simulate(servo(), setup, 6), 0.25)});
+    const ResidualModel residuals = whole.part({{2, 3, 12, 13, 18, 21}});
+    ModelChange model = nominal();
+    model.effects = {parse_effect(stuck)};
+    const Eigen::MatrixXf r = residuals.residuals(model, 0);
+    const SegmentedRun& run = residuals.runs()[0];
+    ASSERT_EQ(run.segments(), 6u);
+    for (const std::size_t row : run.restarts) {
+      const Eigen::MatrixXf segment =
+          r.middleRows(static_cast<Eigen::Index>(row) + 1, static_cast<Eigen::Index>(run.segment) - 1);
+      EXPECT_LT(segment.squaredNorm() / static_cast<float>(segment.size()), 2.0F) << stuck << " " << row;
+    }
+  }
+}
+
 TEST(ResidualModel, IsNoiseWhereTheModelIsRightAndMoreWhereItIsNot) {
   SimulationSetup other = servo_setup("prbs", 2);
   other.effects.push_back(parse_effect("viscous_friction@force.piston:coefficient=800"));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "faultline/gap/input_noise.h"
 #include "faultline/gap/missing_signal.h"
@@ -72,23 +73,56 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
   return structures;
 }
 
-// Whether a structure is worth its last effect: on runs that its fit did not see, against what noise of inputs would
-// give it, and against what it leaves.
-bool pays(const GapTrials& work, const EffectSearch& now, const Structure& best) {
-  const GapOptions::Search& options = work.options().search;
+// Whether a structure gains over what it was added to on runs that its fit did not see, and more than noise of inputs
+// would give it.
+bool gains(const GapTrials& work, const EffectSearch& now, const Structure& best) {
   const std::vector<double> gain = minus(now.score, best.score);
-  if (sum(gain) <= options.significance_standard_errors * work.standard_error(gain)) return false;
-  if (from_input_noise(work, now.base, best)) return false;
+  return sum(gain) > work.options().search.significance_standard_errors * work.standard_error(gain) &&
+         !from_input_noise(work, now.base, best);
+}
+
+// The part of what `now` leaves that a structure closes.
+double closes(const GapTrials& work, const EffectSearch& now, const Structure& best) {
+  const double values = work.held_out_values();
+  return 1 - mean_excess(best.held_out, values) / std::max(mean_excess(now.losses, values), 1e-12);
+}
+
+// Whether a structure that gains over `now` is worth what it has more than `certain` against what that leaves.
+bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch& now, const Structure& best) {
+  const GapOptions::Search& options = work.options().search;
+  const double half = work.options().verdict.hidden_shrink_fraction;
   // Of what restarts hide the likelihood says too much: beside others it must close as much of what they leave as a
   // first one must of the gap (verdict.h).
-  const double values = work.held_out_values();
-  const double closes = 1 - mean_excess(best.held_out, values) / std::max(mean_excess(now.losses, values), 1e-12);
-  if (!now.base.effects.empty() && !restarts_freely(best.fit.effects.back().effect) &&
-      closes < work.options().verdict.hidden_shrink_fraction)
+  if (!now.base.effects.empty() && !restarts_freely(best.fit.effects.back().effect) && closes(work, now, best) < half)
     return false;
+  if (&certain != &now && closes(work, certain, best) < half) return false;
   const double loss = loss_of(work, now.noise, best);
-  const double won = now.after.loss - loss, before = now.before.loss - now.after.loss;
-  return won > options.evidence_fraction * now.after.loss && won > options.further_evidence_fraction * before;
+  const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
+  return won > options.evidence_fraction * certain.after.loss && won > options.further_evidence_fraction * before;
+}
+
+// What stands for certain while an effect is on trial: one that gains over segments and is not worth it from sample to
+// sample, where so much is left that another one is missing beside it.
+struct Certain {
+  EffectSearch search;
+  GapTrials::Standing standing;
+};
+
+bool worth_a_trial(const GapTrials& work, const EffectSearch& now, const Structure& best) {
+  const double before = typical_excess(now.score, work.held_out_values());
+  const double after = typical_excess(best.score, work.held_out_values());
+  return after > work.options().verdict.material_excess_variances &&
+         after < (1 - work.options().verdict.material_shrink_fraction) * before;
+}
+
+// The last effect of a structure alone beside what stands.
+Structure alone_beside(const GapTrials& work, const EffectSearch& now, const Structure& best) {
+  std::vector<Structure> alone(1);
+  alone.front().fit.effects = now.base.effects;
+  alone.front().fit.effects.push_back(best.fit.effects.back());
+  alone.front().fit.model = with_effects(alone.front().fit.effects, now.base.model.parameters);
+  work.refine(alone, 0.88, 0.88);
+  return alone.front();
 }
 
 // Whether what is left is worth a search: a gap that is large, or a free signal somewhere that would win much. Ripple,
@@ -210,6 +244,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
   std::vector<std::vector<Structure>> followed;  // round by round, best first
   stand_plain(work, search);
   int valleys = 0;
+  std::optional<Certain> certain;
   for (int round = 0; round < most_effects;) {
     const double excess = typical_excess(search.score, values);
     const bool large = excess > work.options().verdict.material_excess_variances;
@@ -220,7 +255,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     if (screened.empty()) break;
     std::vector<Structure> rest;
     std::vector<Structure> structures = best_of_round(work, search, screened, from + 0.5 * width, from + width, rest);
-    const Structure best = structures.front();
+    Structure best = structures.front();
     structures.front().around = {};
     if (round == 0 && valleys++ < kMostValleys && work.better_without(best)) {
       // What it wins is the parameters', which the refit did not find.
@@ -233,7 +268,28 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
       search.ranked = structures;
       search.ranked.insert(search.ranked.end(), rest.begin(), rest.end());
     }
-    if (!pays(work, search, best)) break;
+    if (!gains(work, search, best)) break;
+    if (pays(work, certain ? certain->search : search, search, best)) {
+      if (certain) {
+        // The second of the two may have been what is missing, alone.
+        const Certain tried{search, work.standing()};
+        work.come_back(certain->standing);
+        const Structure alone = alone_beside(work, certain->search, best);
+        if (gains(work, certain->search, alone) && pays(work, certain->search, certain->search, alone)) {
+          search = certain->search;
+          best = alone;
+          followed.pop_back();
+          --round;
+        } else {
+          work.come_back(tried.standing);
+        }
+        certain.reset();
+      }
+    } else if (!certain && round + 1 < most_effects && worth_a_trial(work, search, best)) {
+      certain = Certain{search, work.standing()};
+    } else {
+      break;
+    }
     followed.push_back(structures);
     search.base = work.refit(best);
     search.base.covariance = best.fit.covariance;
@@ -246,6 +302,11 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     search.score = better.score;
     search.after = discrepancy(work, search);
     ++round;
+  }
+  if (certain) {
+    search = certain->search;
+    work.come_back(certain->standing);
+    followed.pop_back();
   }
   try_rivals(work, followed, search);
   return search;

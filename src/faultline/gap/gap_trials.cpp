@@ -153,6 +153,12 @@ FitResult GapTrials::refit(const ModelChange& start, const std::vector<Candidate
   return refit(structure);
 }
 
+void GapTrials::come_back(const Standing& standing) {
+  around_ = standing.around;
+  part_ = standing.part;
+  parted_ = standing.parted;
+}
+
 FitResult GapTrials::refit(const Structure& refined) {
   around_ = refined.around;
   FitResult fit = refined.fit;

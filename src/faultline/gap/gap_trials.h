@@ -58,6 +58,15 @@ class GapTrials {
   // The same from a refined structure on.
   FitResult refit(const Structure& refined);
 
+  // Start states and linearisation at what refit() or stand() returned, to come back to.
+  struct Standing {
+    Surroundings around;
+    Surroundings part;
+    bool parted = false;
+  };
+  Standing standing() const { return {around_, part_, parted_}; }
+  void come_back(const Standing& standing);
+
   // The model as it is, with start states and linearisation of all runs at it.
   FitResult stand(const ModelChange& model);
 

@@ -180,6 +180,8 @@ void linearise(const ResidualModel& residuals, const ModelChange& change, int jo
       stretch.f[i].setZero();
       stretch.defect[i].setZero();
     }
+    std::vector<SegmentModel::Held> held(segments.outputs().size(), {0, run.recording.rows(), 0});
+    for (const SegmentModel::Held& one : segments.held_readings(change, run)) held[one.output] = one;
     for (std::size_t i = 0; i < rows; ++i) {
       const auto at = static_cast<Eigen::Index>(i);
       for (Eigen::Index o = 0; o < outputs; ++o) {
@@ -188,6 +190,11 @@ void linearise(const ResidualModel& residuals, const ModelChange& change, int jo
         const auto shown = std::find(segments.shown_by().begin(), segments.shown_by().end(), c);
         const double y = run.reading(stretch.rows[i], static_cast<std::size_t>(c));
         const bool counts = measures(sheet.channels[static_cast<std::size_t>(c)], y);
+        const SegmentModel::Held& stuck = held[static_cast<std::size_t>(o)];
+        if (stretch.rows[i] >= stuck.first) {  // it shows no state
+          if (counts) stretch.misfit[i][o] = (y - stuck.value) / noise;
+          continue;
+        }
         if (shown != segments.shown_by().end()) {
           const auto s = shown - segments.shown_by().begin();
           stretch.h[i](o, s) = model.size[s] / noise;

@@ -12,7 +12,23 @@ struct DrivenModel::Parts {
       : sheet(std::move(datasheet)),
         plant(*sheet, setup, Use::model),
         now(sheet->channels.size()),
-        next(sheet->channels.size()) {}
+        next(sheet->channels.size()) {
+    for (const EffectSpec& spec : setup.effects)
+      if (spec.effect == "stuck" && sheet->port(spec.port).kind == PortKind::command)
+        stuck.push_back(
+            {static_cast<std::size_t>(sheet->channel(sheet->port(spec.port).channel)), spec.parameters.front()});
+  }
+
+  // What stuck before `row` holds since.
+  void read_held_commands(const Recording& recording, std::size_t row) {
+    for (const auto& [command, from] : stuck) {
+      const auto begin = recording.time.begin();
+      const auto after = std::lower_bound(begin, begin + static_cast<std::ptrdiff_t>(row), from + *begin);
+      if (after == begin || after == begin + static_cast<std::ptrdiff_t>(row)) continue;
+      const auto last_row = static_cast<std::size_t>(after - begin) - 1;
+      plant.remember(command, recording.at(last_row, command), time(recording, last_row));
+    }
+  }
 
   // What reaches the plant: a sensor whose reading drives the model shows the true value through its effects.
   void take(const Recording& recording, std::size_t row, std::vector<double>& values) {
@@ -46,6 +62,7 @@ struct DrivenModel::Parts {
   }
 
   RunningPlant plant;
+  std::vector<std::pair<std::size_t, double>> stuck;  // commands, and from when on, s
   Around look;
   std::vector<double> now, next, ended;
   std::vector<RunningPlant::Beside> plants;  // of those beside this one
@@ -61,6 +78,7 @@ DrivenModel::~DrivenModel() = default;
 void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {
   parts_->take(recording, row, parts_->now);
   parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, parts_->around(recording, row));
+  parts_->read_held_commands(recording, row);
   parts_->plant.follow(Parts::time(recording, row), parts_->now.data());
   parts_->last = Parts::time(recording, row);
   parts_->ended.assign(state_count(), std::nan(""));

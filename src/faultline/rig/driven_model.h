@@ -28,7 +28,8 @@ class DrivenModel {
   // which the nominal states are set to start_states + i * (number of the datasheet's states); before the first restart
   // the rig's own initial state runs. A restart acts after its row was predicted: the row still shows where the segment
   // before it ended. Calls row(index, channels) with one value per channel for each of them. Effects forget what was
-  // before `first`; their time counts from the recording's first row. Where row returns a bool, false ends the run.
+  // before `first`, but for a command that is stuck: it holds what the recording says. Their time counts from the
+  // recording's first row. Where row returns a bool, false ends the run.
   template <class Row>
   void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
            const double* start_states, Row&& row) {

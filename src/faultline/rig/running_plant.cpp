@@ -138,6 +138,13 @@ void RunningPlant::start(double time, const double* channels, const double* nomi
     shown_[channel] = std::isnan(resumed_[channel]) ? chain->signal(shown_[channel], time) : resumed_[channel];
 }
 
+void RunningPlant::remember(std::size_t command, double value, double time) {
+  for (const auto& [channel, chain] : commands_)
+    if (channel == command) chain->signal(value, time);
+  for (const Follower& f : followers_)
+    if (f.command == command && f.drive) f.drive->signal(value, time);
+}
+
 void RunningPlant::restart(double time, const double* channels, const double* nominal_state, const CourseOf& around,
                            bool running) {
   std::vector<double>& state = start_;

@@ -52,6 +52,9 @@ class RunningPlant {
   // ones, or long ones where that is asked for.
   bool goes_beside(const RunningPlant& leader) const;
 
+  // What a command's effects with memory were given before a start. After start().
+  void remember(std::size_t command, double value, double time);
+
   const std::vector<double>& seen() const { return shown_; }
   const std::vector<std::pair<std::size_t, const EffectChain*>>& input_sensors() const { return inputs_; }
   const double* state() const { return integrator_->state(); }

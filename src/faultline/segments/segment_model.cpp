@@ -253,34 +253,45 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
     }
     if (ended) return results;
   }
-  for (std::size_t i = 0; i < models.size(); ++i) read_held_values(*variants[i].change, run, results[i]);
+  for (std::size_t i = 0; i < models.size(); ++i) read_held_values(*variants[i].change, run, sigma, results[i]);
   return results;
 }
 
-// What a stuck sensor holds is read from the recording: its simulated value has the error of the segment in which it
-// stuck, for ever.
-void SegmentModel::read_held_values(const ModelChange& change, const SegmentedRun& run,
-                                    Eigen::MatrixXf& residuals) const {
+std::vector<SegmentModel::Held> SegmentModel::held_readings(const ModelChange& change, const SegmentedRun& run) const {
+  std::vector<Held> result;
   for (const EffectSpec& spec : change.effects) {
     if (spec.effect != "stuck" || sheet_->port(spec.port).kind != PortKind::sensor) continue;
-    const auto output = std::find(outputs_.begin(), outputs_.end(), sheet_->channel(sheet_->port(spec.port).channel)) -
-                        outputs_.begin();
+    const int channel = sheet_->channel(sheet_->port(spec.port).channel);
+    const auto output = std::find(outputs_.begin(), outputs_.end(), channel) - outputs_.begin();
     if (output == static_cast<std::ptrdiff_t>(outputs_.size())) continue;
     const double from = spec.parameters.front() + run.recording.time.front();
-    const auto first = static_cast<std::size_t>(
-        std::lower_bound(run.recording.time.begin(), run.recording.time.end(), from) - run.recording.time.begin());
-    const auto held = [&](const auto& visit) {
-      for (const Stretched& part : run.parted ? parts_of(run) : run.stretches)
-        for (std::size_t k = std::max(first, part.first); k < part.last; ++k)
-          if (counts(run, k, static_cast<std::size_t>(output))) visit(residuals(static_cast<Eigen::Index>(k), output));
-    };
-    double sum = 0, count = 0;
-    held([&](float& r) {
-      sum += static_cast<double>(r);
-      count += 1;
-    });
-    if (count > 0) held([&](float& r) { r -= static_cast<float>(sum / count); });
+    const auto first = std::lower_bound(run.recording.time.begin(), run.recording.time.end(), from);
+    Held held{static_cast<std::size_t>(output), static_cast<std::size_t>(first - run.recording.time.begin()), 0};
+    double count = 0;
+    for (const Stretched& part : run.parted ? parts_of(run) : run.stretches)
+      for (std::size_t k = std::max(held.first, part.first); k < part.last; ++k)
+        if (counts(run, k, held.output)) {
+          held.value += run.reading(k, static_cast<std::size_t>(channel));
+          count += 1;
+        }
+    if (count == 0) continue;
+    held.value /= count;
+    result.push_back(held);
   }
+  return result;
+}
+
+void SegmentModel::read_held_values(const ModelChange& change, const SegmentedRun& run,
+                                    const std::vector<double>& sigma, Eigen::MatrixXf& residuals) const {
+  const double largest = options_.largest_residual_sigma;
+  for (const Held& held : held_readings(change, run))
+    for (std::size_t k = held.first; k < run.recording.rows(); ++k)
+      if (counts(run, k, held.output)) {
+        const double r =
+            (run.reading(k, static_cast<std::size_t>(outputs_[held.output])) - held.value) / sigma[held.output];
+        residuals(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(held.output)) =
+            static_cast<float>(std::clamp(r, -largest, largest));
+      }
 }
 
 Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,

@@ -74,6 +74,15 @@ class SegmentModel {
   std::vector<Eigen::MatrixXf> settle(const ModelChange& change, SegmentedRun& run, const std::vector<double>& sigma,
                                       std::vector<Eigen::MatrixXf> known = {}, int jobs = 1) const;
 
+  // What stuck transducers hold, read from the recording: the simulated value has the error of the segment in which one
+  // stuck, for ever, and where parts of a run are simulated each of them would hold another.
+  struct Held {
+    std::size_t output;  // position in outputs()
+    std::size_t first;   // row
+    double value;        // mean of what is read from there on
+  };
+  std::vector<Held> held_readings(const ModelChange& change, const SegmentedRun& run) const;
+
  private:
   // The row of a restart still shows where the segment before it ended, which is not what this segment's states
   // explain; but it is what a run of so many samples says.
@@ -84,7 +93,8 @@ class SegmentModel {
                                         const SegmentedRun& run, const std::vector<std::size_t>& restarts,
                                         const std::vector<double>& sigma, Restarted restarted,
                                         const Enough& enough) const;
-  void read_held_values(const ModelChange& change, const SegmentedRun& run, Eigen::MatrixXf& residuals) const;
+  void read_held_values(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma,
+                        Eigen::MatrixXf& residuals) const;
   void place_hidden(SegmentedRun& run, std::size_t segment, const Eigen::VectorXd& mean,
                     const Eigen::MatrixXd& covariance, const std::vector<int>& hidden, Eigen::Index direction) const;
   bool counts(const SegmentedRun& run, std::size_t row, std::size_t output) const;
