@@ -158,6 +158,33 @@ TEST(EffectSearch, GoesOnWhileTheGapIsLarge) {
   EXPECT_NE(found(search).find("ripple@source.supply_pressure"), std::string::npos) << found(search);
 }
 
+// An oil column that is not worth it alone, in what a leak leaves, is on trial until the leak is found beside it; where
+// both together are not worth it either, all is as it was before.
+TEST(EffectSearch, WhatIsNotWorthItAloneMayBeWithAnother) {
+  GapSettings settings = among({"line.valve_cylinder", "flow.chamber_a_chamber_b"});
+  settings.without.push_back("orifice_leakage");
+  const auto search_with = [&](double evidence_fraction, int most_effects) {
+    settings.options.search.evidence_fraction = evidence_fraction;
+    GapTrials work(servo(),
+                   runs_with({"line_inertia@line.valve_cylinder:inertance=1e8",
+                              "laminar_leakage@flow.chamber_a_chamber_b:coefficient=2e-11"}),
+                   kFolds, {0, 1}, settings, kSilent);
+    EffectSearch search = search_effects(work, most_effects, 0.05);
+    // What stands in the trials is what was found.
+    const double held_out = sum(work.held_out(search.base.model)), said = sum(search.losses);
+    EXPECT_NEAR(held_out, said, 0.05 * said);
+    return search;
+  };
+  const auto won = [](const EffectSearch& search) { return 1 - search.after.loss / search.before.loss; };
+  constexpr double kMoreThanAlone = 0.6;
+  EXPECT_EQ(found(search_with(kMoreThanAlone, 1)), "");
+  const EffectSearch both = search_with(kMoreThanAlone, 2);
+  EXPECT_EQ(both.base.effects.size(), 2u);
+  const EffectSearch none = search_with(won(both) + 0.05, 2);
+  EXPECT_EQ(found(none), "");
+  EXPECT_EQ(won(none), 0);
+}
+
 // The steps of one run reach the limit, the other run hardly does: what it cannot show does not speak against the
 // effect.
 TEST(EffectSearch, ARunThatShowsNothingHasNoSay) {
