@@ -56,7 +56,7 @@ def plain(label):
 
 
 def counted(label):
-    """A case that any line about verdicts counts: one without effect, or one whose effects show beside all parameters."""
+    """A case that any line about verdicts counts: without effect, or with effects that show beside all parameters."""
     if label["part"] == "none":
         return True
     if label["part"] == "closed":

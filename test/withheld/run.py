@@ -135,7 +135,7 @@ def main():
     reader.add_argument(
         "--counted",
         action="store_true",
-        help="ask only of cases that the lines about verdicts count (identifiable, severity above 2; all without effect)",
+        help="ask only of cases that lines about verdicts count (identifiable, severity above 2; all without effect)",
     )
     reader.add_argument("--no-faultline", action="store_true", help="baselines only")
     reader.add_argument("--no-baselines", action="store_true", help="faultline only")

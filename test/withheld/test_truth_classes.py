@@ -158,8 +158,9 @@ class Commands(unittest.TestCase):
                 stream.write(f'#!/bin/sh\necho "$@" >> {asked}\nexit 1\n')
             os.chmod(program, 0o755)
             out = os.path.join(folder, "out")
-            command = [sys.executable, os.path.join(HERE, "run.py"), out, "--rig", RIG, "--truth", "random", "--counted"]
-            command += ["--cases", "3", "--part", "closed", "--length", "4", "--jobs", "1", "--program", program]
+            command = [sys.executable, os.path.join(HERE, "run.py"), out, "--rig", RIG, "--truth", "random"]
+            command += ["--counted", "--cases", "3", "--part", "closed", "--length", "4", "--jobs", "1"]
+            command += ["--program", program]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             self.assertEqual(done.returncode, 1, done.stderr)
             labels = {f"case_{n:04d}": generate.read(f"{out}/sealed/case_{n:04d}.json") for n in range(1, 4)}

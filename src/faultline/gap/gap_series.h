@@ -15,8 +15,9 @@ namespace faultline {
 
 Eigen::MatrixXf settled_residuals(const ResidualModel& model, const ModelChange& at, std::size_t run, int jobs = 1);
 
-// `run`: of the model's. `levels`: its settled_residuals() of the nominal, the refitted and the explained model. `given`: how many runs were asked for; fewer than the model has where a single one was cut
-// in two, and then the time goes on over the cut.
+// `run`: of the model's. `levels`: its settled_residuals() of the nominal, the refitted and the explained model.
+// `given`: how many runs were asked for; fewer than the model has where a single one was cut in two, and then the time
+// goes on over the cut.
 GapSeries gap_series(const ResidualModel& model, std::size_t run, const std::array<const Eigen::MatrixXf*, 3>& levels,
                      std::size_t given);
 
