@@ -272,7 +272,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     if (pays(work, certain ? certain->search : search, search, best)) {
       if (certain) {
         // The second of the two may have been what is missing, alone.
-        const Certain tried{search, work.standing()};
+        const GapTrials::Standing both = work.standing();
         work.come_back(certain->standing);
         const Structure alone = alone_beside(work, certain->search, best);
         if (gains(work, certain->search, alone) && pays(work, certain->search, certain->search, alone)) {
@@ -281,7 +281,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
           followed.pop_back();
           --round;
         } else {
-          work.come_back(tried.standing);
+          work.come_back(both);
         }
         certain.reset();
       }
