@@ -299,6 +299,7 @@ class Case:
                     "severity": severity_class(facts["lift_after_refit"]),
                     "structure": structure,
                     "identifiable": alone,
+                    "hidden": oracle.hidden(facts),
                     "inseparable": {k: oracle.separate_set(facts, k) for k in effects},
                     "oracle": facts,
                 }

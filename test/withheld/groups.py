@@ -56,12 +56,15 @@ def plain(label):
 
 
 def counted(label):
-    """A case that any line about verdicts counts: without effect, or with effects that show beside all parameters."""
+    """A case that any line about verdicts counts: without effect, or with effects that show beside all parameters and
+    beside each other."""
     if label["part"] == "none":
         return True
     if label["part"] == "closed":
         return plain(label)
     if label["part"] == "open" and next(iter(label["effects"])) in twins.PARAMETER_TWINS:
+        return False
+    if label.get("hidden"):
         return False
     return label.get("structure") and label.get("severity") in ("2-5", "above 5")
 
@@ -107,6 +110,9 @@ def counts(cases, answers):
             add("false name", given.verdict == "named" and keys[0] not in given.effects + given.equivalent)
         elif part == "open" and keys[0] not in twins.PARAMETER_TWINS:
             add("open unknown", right(label, given))
+        elif part == "two" and label.get("hidden"):
+            seen = set(keys) - set(label["hidden"])
+            add("of a hidden pair what shows", seen <= set(given.effects))
         elif part == "two":
             add("both of two", set(keys) <= set(given.effects))
     return table
@@ -124,6 +130,7 @@ COLUMNS = [
     "none right",
     "none, false name",
     "both of two",
+    "of a hidden pair what shows",
 ]
 
 
@@ -151,7 +158,8 @@ def markdown(title, method, labels, answers, seconds):
         "",
         "Right: the verdict with exactly the true effects; but for nature: further effects may be what the drawn truth"
         " has by nature (nature.py). All but none: severity above 2 and more than parameters can"
-        " explain; the first six columns: told from every near-equivalent too. Level: median residual over noise that"
+        " explain; the first six columns: told from every near-equivalent too. Of a hidden pair one effect does not show"
+        " beside the other and the parameters. Level: median residual over noise that"
         " the truth leaves without any effect. In brackets: number of cases.",
         "",
         f"| {title} | cases | level | " + " | ".join(COLUMNS) + " | s |",

@@ -18,8 +18,9 @@ RIVAL = 60.0  # log likelihood lower by 30
 ALIKE = 0.8  # cosine from which an effect is tried as a rival
 
 
-def refit(runs, target, columns, effect=None, steps=5, enough=np.inf):
-    """Smallest chi^2 that parameters within tolerance (and one effect) leave of a target, by Gauss-Newton.
+def refit(runs, target, columns, effect=None, steps=5, enough=np.inf, there=False):
+    """Smallest chi^2 that parameters within tolerance (and one effect) leave of a target, by Gauss-Newton. there: begins
+    at the effect's values instead of at none.
 
     Starts linear, then simulates what it found and corrects, for thresholds are small beside the chi^2 of a plain
     effect; not where the linear answer is far beyond `enough`. `effect`: (key, values, main parameter, bounds, its
@@ -29,7 +30,11 @@ def refit(runs, target, columns, effect=None, steps=5, enough=np.inf):
     matrix, prior = [columns[n] for n in names], [1.0] * len(names)
     if effect:
         matrix, prior = matrix + [effect[4]], prior + [0.0]
-    linear, best_left, solution = signature.explained(target, matrix, prior, repetition)
+    if there:
+        begin = np.array([0.0] * len(names) + [1.0])
+        linear, best_left, solution = signature.explained(target - effect[4], matrix, prior, repetition, begin)
+    else:
+        linear, best_left, solution = signature.explained(target, matrix, prior, repetition)
     best = np.inf
     for _ in range(steps):
         moved = {n: runs[0].parameters[n] * (1 + solution[i] * runs[0].sheet.tolerance[n]) for i, n in enumerate(names)}
@@ -79,11 +84,9 @@ def examine(runs, effects, sheet, random, level=1.0, search=False):
     target = np.concatenate(raw).ravel()
     columns = signature.parameter_signatures(runs)
     alone, left = refit(runs, target, columns)
-    if len(effects) == 1:  # some effects are a parameter exactly; a search need not be sharp enough to see it
+    if len(effects) == 1:
         ((key, values),) = effects.items()
-        off = twins.twin_tolerances(key, values, runs[0].parameters, sheet.tolerance)
-        if off <= 3 and off**2 < alone:
-            alone, left = off**2, np.zeros_like(left)
+        alone, left = as_twin(runs[0], key, values, alone, left)
     share = np.mean(left.reshape(-1, raw[0].shape[1]) ** 2, axis=0) / np.square(level)
     after = float(np.sqrt(1 + np.max(share)))
     quiet = dict.fromkeys(runs[0].nuisance, 0.0)
@@ -96,6 +99,7 @@ def examine(runs, effects, sheet, random, level=1.0, search=False):
         "chi2_parameters_alone": alone,
         "chi2_nuisance": floor,
         "chi2_rivals": {},
+        "beside": beside(runs, effects, sheet, target, columns, level) if len(effects) > 1 else {},
     }
     for key in effects:
         rest = {k: v for k, v in effects.items() if k != key}
@@ -116,6 +120,37 @@ def examine(runs, effects, sheet, random, level=1.0, search=False):
                     best = min(best, refit(runs, single, columns, trial, 3, max(RIVAL, floor))[0])
             facts["chi2_rivals"][f"{key} < {rival}"] = best if rest else min(best, alone)
     return facts
+
+
+def as_twin(run, key, values, cost, left):
+    """(chi^2, what is left) where the effect is a parameter exactly; a search need not be sharp enough to see it."""
+    off = twins.twin_tolerances(key, values, run.parameters, run.sheet.tolerance)
+    return (off**2, np.zeros_like(left)) if off <= 3 and off**2 < cost else (cost, left)
+
+
+def beside(runs, effects, sheet, target, columns, level):
+    """{key: (chi^2, lift)} of several effects: what is left of all of them in the best explanation by parameters within
+    tolerance and the others at a size of their own. An effect that leaves nothing there is not to be told beside them,
+    however large it is alone: what it does to the outputs goes into a parameter that the other one leaves free."""
+    found = {}
+    for key in effects:
+        others = [other for other in effects if other != key]
+        if len(others) != 1:
+            continue
+        (other,) = others
+        main = sizes.main_parameter(other.split("@")[0]) or next(iter(sheet.bounds[other]))
+        column = np.concatenate([run.signature({other: effects[other]}) for run in runs]).ravel()
+        trial = (other, effects[other], main, sheet.bounds[other], column)
+        cost, left = as_twin(runs[0], key, effects[key], *refit(runs, target, columns, trial, there=True))
+        share = np.mean(left.reshape(-1, len(runs[0].truth.OUTPUTS)) ** 2, axis=0) / np.square(level)
+        found[key] = (cost, float(np.sqrt(1 + np.max(share))))
+    return found
+
+
+def hidden(facts):
+    """Of several effects those that nobody could tell beside the others, or that are too small there to count."""
+    limit = max(PARAMETERS_ALONE, facts["chi2_nuisance"])
+    return sorted(key for key, (cost, lift) in facts["beside"].items() if cost <= limit or lift <= 2)
 
 
 def identifiable(facts):

@@ -157,7 +157,7 @@ def summarise(labels, answers, seconds, third):
     result["open_place"] = rate(
         next(iter(parts["open"][n]["effects"])).split("@")[1] == answers.get(n, MISSING).place for n in opened
     )
-    both = [n for n, l in parts["two"].items() if l["structure"] and l["severity"] in ("2-5", "above 5")]
+    both = [n for n, l in parts["two"].items() if groups.counted(l)]
     result["two_both"] = rate(set(parts["two"][n]["effects"]) <= set(answers.get(n, MISSING).effects) for n in both)
     result["two_one"] = rate(bool(set(parts["two"][n]["effects"]) & set(answers.get(n, MISSING).effects)) for n in both)
     shares, kept = [], []

@@ -357,6 +357,16 @@ class Oracle(unittest.TestCase):
     def test_an_overlapping_valve_is_told_from_everything(self):
         self.assertEqual(self.verdict({"deadband@restriction.valve": {"width": 0.8}}), (True, True))
 
+    def test_of_two_effects_one_may_hide_beside_the_other(self):
+        overlap, force = {"deadband@restriction.valve": {"width": 0.8}}, "coulomb_friction@force.piston"
+        lagging = {"lag@sensor.position": {"time_constant": 0.02}}
+        small = {force: {"force": 0.12 * P["coulomb_friction"]}}
+        for second, expected in ((lagging, []), (small, [force])):
+            facts = oracle.examine(self.runs, {**overlap, **second}, SHEET, np.random.default_rng(0))
+            self.assertEqual(oracle.hidden(facts), expected, facts["beside"])
+        alone = oracle.examine(self.runs, overlap, SHEET, np.random.default_rng(0))
+        self.assertEqual(oracle.hidden(alone), [])
+
     def test_explained_keeps_what_is_orthogonal_and_bounds_parameters(self):
         target = np.array([1.0, 2.0, 0.0])
         free, left, _ = signature.explained(target, [np.array([1.0, 0.0, 0.0])], [0.0], 1.0)

@@ -221,6 +221,14 @@ class Tables(unittest.TestCase):
         found = score.summarise(self.labels, self.answers, {}, {})[0]
         self.assertEqual(found["none_foreign"], (1, 1))
 
+    def test_of_a_pair_what_nobody_could_tell_is_not_asked_for(self):
+        pair = {**self.labels["case_0002"], "part": "two", "effects": {"lag@command.valve": {}, "deadband@command.b": {}}}
+        for hidden, expected in ((["deadband@command.b"], "of a hidden pair what shows"), ([], "both of two")):
+            found = groups.counts({"case_0002": {**pair, "hidden": hidden}}, self.answers)
+            self.assertEqual(found, {expected: [int(bool(hidden)), 1]})
+            summary = score.summarise({"case_0002": {**pair, "hidden": hidden}}, self.answers, {}, {})[0]
+            self.assertEqual(summary["two_both"][1], int(not hidden))
+
     def test_every_variant_has_a_nature_or_is_like_no_effect(self):
         like_none = {"cross_talk", "coloured", "hum", "heavy", "by_level", "jitter", "missed"}
         known = set()
@@ -245,6 +253,8 @@ class Tables(unittest.TestCase):
         self.assertFalse(groups.counted(label("open", structure=False)))
         self.assertTrue(groups.counted(label("two", severity="above 5")))
         self.assertFalse(groups.counted(label("two", severity="below 1.2")))
+        self.assertTrue(groups.counted({**label("two"), "hidden": []}))
+        self.assertFalse(groups.counted({**label("two"), "hidden": ["lag@command.valve_command"]}))
         for effect in twins.PARAMETER_TWINS:
             self.assertFalse(groups.counted(label("open", effect=effect)))
 
