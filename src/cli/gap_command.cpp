@@ -158,6 +158,21 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
     json["discrepancy"].push_back(
         {{"level", level.name}, {"evidence", level.discrepancy.loss}, {"noise", noise}, {"places", places}});
   }
+  const GapEvidence& evidence = result.evidence;
+  json["evidence"] = {{"found", evidence.found},
+                      {"plain", evidence.plain},
+                      {"shrink", evidence.shrink},
+                      {"perfect", evidence.perfect},
+                      {"effects", evidence.effects},
+                      {"free_before", evidence.free_before},
+                      {"free_after", evidence.free_after},
+                      {"readings", evidence.readings},
+                      {"size", evidence.size},
+                      {"matters", result.matters},
+                      {"excess", evidence.excess},
+                      {"calibrated", evidence.calibrated},
+                      {"left", evidence.left},
+                      {"quiet", evidence.quiet}};
   json["missing"] = missing_json(sheet, result.missing);
   json["shrink"] = {{"heldout", result.shrink_refit},
                     {"against_nominal", result.shrink_nominal},

@@ -216,6 +216,30 @@ TEST(RungeKutta, WhatIsNearGoesBesideToSecondOrder) {
   }
 }
 
+// A massless body that is pushed against its stop at 0.
+class Stopped : public OdeSystem {
+ public:
+  int states() const override { return 1; }
+  void derivative(double, const double* s, const double*, double* rate) override {
+    rate[0] = s[0] <= 0 ? std::max(push_, 0.0) : push_;
+  }
+  void after_step(double, double* s, const double*) override { s[0] = std::max(s[0], 0.0); }
+  double push_ = 1;
+};
+
+// Across a stop a difference is no derivative: it says that the body would be a million times as fast as it is.
+TEST(RungeKutta, NothingGoesBesideABodyAtItsStop) {
+  Stopped body;
+  const std::unique_ptr<Integrator> leader = make_integrator(body);
+  leader->state()[0] = 0.5;
+  leader->step(0, 0.1, nullptr);
+  EXPECT_TRUE(leader->lead(0, 0.1, nullptr));
+  body.push_ = -1;
+  leader->state()[0] = 0;
+  leader->step(0.1, 0.1, nullptr);
+  EXPECT_FALSE(leader->lead(0.1, 0.1, nullptr));
+}
+
 TEST(RungeKutta, AStepAllocatesNothing) {
   Explicit rig, near;
   expect_no_allocation(*make_integrator(rig), *make_integrator(near));

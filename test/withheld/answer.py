@@ -57,6 +57,10 @@ class Answer:
         self.low, self.high = _number(bounds[0]), _number(bounds[1])
 
 
-def read(path):
+def data(path):
     with open(path, encoding="utf-8") as stream:
-        return Answer(json.load(stream))
+        return json.load(stream)
+
+
+def read(path):
+    return Answer(data(path))

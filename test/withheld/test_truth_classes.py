@@ -19,6 +19,7 @@ sys.path.insert(0, HERE)
 import generate
 import groups
 import nature
+import leave_out
 import levels
 import score
 import truth_classes
@@ -228,6 +229,42 @@ class Tables(unittest.TestCase):
             self.assertEqual(found, {expected: [int(bool(hidden)), 1]})
             summary = score.summarise({"case_0002": {**pair, "hidden": hidden}}, self.answers, {}, {})[0]
             self.assertEqual(summary["two_both"][1], int(not hidden))
+
+    def test_thresholds_are_judged_on_what_was_left_out(self):
+        evidence = {"found": True, "plain": True, "shrink": 0.9, "perfect": 100.0, "effects": 80.0, "free_before": 70.0,
+                    "free_after": 10.0, "readings": 10.0, "size": 0.1, "matters": 0.01, "excess": 5.0,
+                    "calibrated": 0.0, "left": 1.0, "quiet": 0.05}
+        judged = lambda **changed: leave_out.judged({**evidence, **changed}, leave_out.TODAY)
+        self.assertEqual(judged(), "named")
+        self.assertEqual(judged(free_after=21.0), "unknown")
+        self.assertEqual(judged(free_after=21.0, left=0.04, shrink=0.95), "named")
+        self.assertEqual(judged(found=False, effects=0.0), "unknown")
+        self.assertEqual(judged(found=False, effects=0.0, size=0.009, excess=40.0), "silent")
+        self.assertEqual(judged(found=False, effects=0.0, free_before=0.0), "silent")
+        self.assertEqual(judged(found=False, effects=0.0, free_before=0.0, excess=31.0), "unknown")
+        with tempfile.TemporaryDirectory() as base:
+            for number, (part, verdict) in enumerate([("closed", "named"), ("none", "none")], 1):
+                for folder in ("sealed", "asked", "answers/faultline"):
+                    os.makedirs(os.path.join(base, folder), exist_ok=True)
+                label = dict(self.labels["case_0001" if part == "closed" else "case_0003"])
+                cause = {"verdict": verdict, "effects": [{"effect": "lag", "port": "command.valve"}] * (part == "closed")}
+                silent = {} if part == "closed" else {"found": False, "effects": 0.0, "free_before": 0.0}
+                for folder, content in (("sealed", label), ("asked", {}),
+                                        ("answers/faultline", {"cause": cause, "evidence": {**evidence, **silent}})):
+                    with open(f"{base}/{folder}/case_000{number}.json", "w", encoding="utf-8") as stream:
+                        json.dump(content, stream)
+            command = [sys.executable, os.path.join(HERE, "leave_out.py"), base, "--draws", "40"]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("2 cases that count: closed 1, open 0, none 1, two 0", done.stdout)
+            self.assertIn("Today's thresholds 1.00; the best of 40 draws", done.stdout)
+            self.assertIn("| class friction | 1 |", done.stdout)
+            path = f"{base}/answers/faultline/case_0002.json"
+            with open(path, "w", encoding="utf-8") as stream:
+                json.dump({"cause": {"verdict": "unknown", "effects": []}, "evidence": {**evidence, **silent}}, stream)
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            self.assertNotEqual(done.returncode, 0)
+            self.assertIn("where today's thresholds say silent", done.stderr)
 
     def test_every_variant_has_a_nature_or_is_like_no_effect(self):
         like_none = {"cross_talk", "coloured", "hum", "heavy", "by_level", "jitter", "missed"}

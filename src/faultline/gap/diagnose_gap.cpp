@@ -169,7 +169,8 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   if (found) name_effects(search, work.ninety_percent(), verdict, result);
 
   measure_levels(work.model(), nominal, search.plain.fit.model, search.base, settings.jobs, result);
-  GapEvidence evidence = gap_evidence(search.before, search.after, found);
+  GapEvidence& evidence = result.evidence;
+  evidence = gap_evidence(search.before, search.after, found);
   evidence.plain = std::all_of(search.base.effects.begin(), search.base.effects.end(),
                                [](const Candidate& candidate) { return restarts_freely(candidate.effect); });
   evidence.shrink = result.shrink_refit;
@@ -178,6 +179,7 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   evidence.calibrated = nominal_excess - refit_excess;
   evidence.left = explained_excess;
   evidence.quiet = quiet;
+  result.matters = settings.matters;
   const GapVerdict answer = judge_gap(evidence, settings.matters, verdict);
   result.verdict = answer.verdict;
   result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (answer.doubt - 1)));

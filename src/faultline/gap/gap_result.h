@@ -9,6 +9,7 @@
 
 #include "faultline/gap/discrepancy.h"
 #include "faultline/gap/missing_signal.h"
+#include "faultline/gap/verdict.h"
 
 namespace faultline {
 
@@ -107,6 +108,8 @@ struct GapResult {
   std::vector<Region> regions;
   std::vector<Region> bands;       // frequency bands of the residual, enrichment over white
   std::string verdict;             // none | miscalibrated | named | unknown
+  GapEvidence evidence;            // on which the verdict rests ...
+  double matters = 0;              // ... and the size from which a gap must have a cause
   double unknown_probability = 0;  // that the cause is something that the library does not have
   std::string sentence;
   std::vector<NamedEffect> effects;

@@ -135,12 +135,13 @@ class Rosenbrock : public Integrator {
   double* state() override { return state_.data(); }
 
   // stage_ becomes y_m, rate_ f there. Where f is linear, h f(y_m) is what the step has done, to the last digit.
-  void lead(double time, double dt, const double* inputs) override {
+  bool lead(double time, double dt, const double* inputs) override {
     const auto& [u1, u2, u3, u4] = u_;
     for (std::size_t s = 0; s < state_.size(); ++s)
       stage_[s] = before_[s] + 1.5 * u1[s] - u2[s] / 6 + u3[s] / 3 + 0.5 * u4[s];
     system_.derivative(time + 0.5 * dt, stage_.data(), inputs, rate_.data());
     lu_.weigh(dt);
+    return true;
   }
   void step_beside(double time, double dt, const double* inputs, const Integrator& other) override {
     const auto& leader = static_cast<const Rosenbrock&>(other);

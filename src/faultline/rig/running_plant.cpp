@@ -218,8 +218,8 @@ void RunningPlant::advance(double time, const double* now, const double* next, c
     const int motion = rig_->motion(integrator_->state());
     const int count = take_step(time, now, next, i, substeps_), end = i + count;
     // An explicit method meets its events in the shorter steps, and what leads has none.
-    const bool leads = rig_->stiff() || count == even_;
-    if (leads) integrator_->lead(time + i * substep_, count * substep_, true_.data());
+    const bool leads =
+        (rig_->stiff() || count == even_) && integrator_->lead(time + i * substep_, count * substep_, true_.data());
     if (end == substeps_ || !sensors_.empty()) observe(time + end * substep_);
     for (const Beside& other : beside) {
       RunningPlant& plant = *other.plant;

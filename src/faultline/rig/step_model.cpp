@@ -118,7 +118,8 @@ void StepModel::advance_all(const double* states, int count, const double* from,
     const auto own = [&](Running& model, int first, int length) {
       model.integrator->step(first * h, length * h, p.drive(from, to, first, length, steps));
     };
-    const auto short_ones = [&](Running& model, int length) {
+    const auto alone = [&](Running& model, int length) {
+      if (length > 1 && model.try_step(Rig::kUneven, [&] { own(model, i, length); })) return;
       for (int k = 0; k < length; ++k) own(model, i + k, 1);
     };
     Running& leader = p.models.front();
@@ -127,9 +128,8 @@ void StepModel::advance_all(const double* states, int count, const double* from,
     const bool evenly = p.even > 1 && i + p.even <= steps && leader.try_step(motion, [&] { own(leader, i, p.even); });
     if (!evenly) own(leader, i, 1);
     taken = evenly ? p.even : 1;
-    const bool leads = models > 1 && (evenly || leader.rig->stiff());
-    const double* inputs = p.drive(from, to, i, taken, steps);
-    if (leads) leader.integrator->lead(i * h, taken * h, inputs);
+    const bool leads = models > 1 && (evenly || leader.rig->stiff()) &&
+                       leader.integrator->lead(i * h, taken * h, p.drive(from, to, i, taken, steps));
     for (std::size_t m = 1; m < models; ++m) {
       Running& other = p.models[m];
       const auto beside = [&] {
@@ -138,7 +138,7 @@ void StepModel::advance_all(const double* states, int count, const double* from,
       if (leads && leader.rig->stiff()) {
         beside();
       } else if (!(leads && other.try_step(motion, beside))) {
-        short_ones(other, taken);
+        alone(other, taken);
       }
     }
   }

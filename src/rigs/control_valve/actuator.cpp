@@ -70,7 +70,8 @@ double Actuator::speed(double travel, double cylinder_gauge, double load) const 
 }
 
 double Actuator::speed_at(double travel, double force) const {
-  const double plus = plus_factor_ * coulomb_plus_(travel), minus = minus_factor_ * coulomb_minus_(travel);
+  const Curve::Place place = coulomb_plus_.place(travel);
+  const double plus = plus_factor_ * coulomb_plus_.at(place), minus = minus_factor_ * coulomb_minus_.at(place);
   const double speed =
       force_port_.empty() ? outside(force, -minus, plus) / viscous_ : slip_speed(travel, force, plus, minus);
   return within_stops(speed, travel, 0, stroke_);

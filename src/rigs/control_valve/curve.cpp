@@ -28,7 +28,7 @@ Curve::Curve(const Datasheet& sheet, const std::string& table, const std::string
       std::adjacent_find(x_.begin(), x_.end(), std::greater_equal<>()) != x_.end())
     throw InputError(fmt::format("{}: 'tables.{}': '{}' must rise, with as many values as '{}', two at least",
                                  sheet.file, table, x, y));
-  for (std::size_t i = 1; i < x_.size(); ++i) slope_[i] = (y_[i] - y_[i - 1]) / (x_[i] - x_[i - 1]);
+  for (std::size_t i = 0; i + 1 < x_.size(); ++i) slope_[i] = (y_[i + 1] - y_[i]) / (x_[i + 1] - x_[i]);
 }
 
 }  // namespace faultline

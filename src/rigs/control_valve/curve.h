@@ -13,16 +13,24 @@ class Curve {
   // InputError where the datasheet has no such table or column, or `x` does not rise.
   Curve(const Datasheet& sheet, const std::string& table, const std::string& x, const std::string& y);
 
-  double operator()(double x) const {
-    std::size_t i = 1;
-    if (!(x > x_.front())) return y_.front();
-    if (x >= x_.back()) return y_.back();
-    while (x > x_[i]) ++i;
-    return y_[i - 1] + slope_[i] * (x - x_[i - 1]);
+  double operator()(double x) const { return at(place(x)); }
+
+  // Where x lies: for several columns of one table.
+  struct Place {
+    std::size_t point = 0;
+    double beyond = 0;
+  };
+  Place place(double x) const {
+    if (!(x > x_.front())) return {};
+    if (x >= x_.back()) return {x_.size() - 1, 0};
+    std::size_t i = 0;
+    while (x > x_[i + 1]) ++i;
+    return {i, x - x_[i]};
   }
+  double at(const Place& place) const { return y_[place.point] + slope_[place.point] * place.beyond; }
 
  private:
-  std::vector<double> x_, y_, slope_;  // slope_[i]: from point i - 1 to i
+  std::vector<double> x_, y_, slope_;  // slope_[i]: from point i to i + 1
 };
 
 }  // namespace faultline

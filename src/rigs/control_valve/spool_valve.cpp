@@ -53,13 +53,15 @@ double SpoolValve::flow(double share, double cylinder, double supply, double roo
   double opening = share - 0.5;
   if (!ports_.empty()) opening = ports_.opening(opening);
   if (opening > 0) {
-    const double ratio = cylinder / supply, low = fill_low_(ratio);
-    const double cd = low + (fill_high_(ratio) - low) * std::clamp((share - 0.6) / 0.2, 0.0, 1.0);
+    const Curve::Place ratio = fill_low_.place(cylinder / supply);
+    const double low = fill_low_.at(ratio);
+    const double cd = low + (fill_high_.at(ratio) - low) * std::clamp((share - 0.6) / 0.2, 0.0, 1.0);
     return air_flow(fill_factor_ * cd * port_area_ * opening / 0.5, supply, cylinder, root);
   }
-  const double gauge = cylinder - ambient_, middle = exhaust_2_(gauge);
-  const double cd = share < 0.2 ? middle + (exhaust_0_(gauge) - middle) * std::min((0.2 - share) / 0.2, 1.0)
-                                : middle + (exhaust_4_(gauge) - middle) * std::min((share - 0.2) / 0.2, 1.0);
+  const Curve::Place gauge = exhaust_2_.place(cylinder - ambient_);
+  const double middle = exhaust_2_.at(gauge);
+  const double cd = share < 0.2 ? middle + (exhaust_0_.at(gauge) - middle) * std::min((0.2 - share) / 0.2, 1.0)
+                                : middle + (exhaust_4_.at(gauge) - middle) * std::min((share - 0.2) / 0.2, 1.0);
   return -air_flow(exhaust_factor_ * cd * port_area_ * -opening / 0.5, cylinder, ambient_, root);
 }
 
