@@ -35,9 +35,7 @@ class RungeKutta4 : public Integrator {
         half_weight_(jacobian_),
         power_(jacobian_),
         difference_(system.states()),
-        moved_(system.states()),
-        rest_(system.states()),
-        rest_before_(Vector::Zero(system.states())) {
+        moved_(system.states()) {
     stepper_.adjust_size(state_);
   }
   void step(double time, double dt, const double* inputs) override {
@@ -79,12 +77,10 @@ class RungeKutta4 : public Integrator {
     const auto& leader = static_cast<const RungeKutta4&>(other);
     for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] = leader.middle_[s] + (state_[s] - leader.before_[s]);
     look(time + 0.5 * dt, inputs, leader);
-    if (!as_before(leader)) {
-      moved_.noalias() = leader.half_weight_ * difference_;
-      for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] += moved_[static_cast<Eigen::Index>(s)];
-      look(time + 0.5 * dt, inputs, leader);
-      difference_.noalias() -= leader.jacobian_ * moved_;
-    }
+    moved_.noalias() = leader.half_weight_ * difference_;
+    for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] += moved_[static_cast<Eigen::Index>(s)];
+    look(time + 0.5 * dt, inputs, leader);
+    difference_.noalias() -= leader.jacobian_ * moved_;
     moved_.noalias() = leader.weight_ * difference_;
     for (std::size_t s = 0; s < state_.size(); ++s)
       state_[s] = leader.state_[s] + (state_[s] - leader.before_[s]) + moved_[static_cast<Eigen::Index>(s)];
@@ -96,7 +92,6 @@ class RungeKutta4 : public Integrator {
   using Vector = Eigen::Matrix<double, kStates, 1>;
   static constexpr double kDifference = 1e-6;  // of the largest value that a state had
   static constexpr double kFastest = 3;        // rate times step, a little above what the method is stable for
-  static constexpr double kSame = 0.03;        // of r or its rest, that one look does not see
 
   // h phi(h J), h: `part` of the step; phi = I + z/2 (I + z/3 (I + z/4)).
   void respond(double part, double dt, Matrix& weight) {
@@ -117,22 +112,10 @@ class RungeKutta4 : public Integrator {
       difference_[static_cast<Eigen::Index>(s)] = rate_[s] - leader.rate_[s];
   }
 
-  // Whether what of r is not J's stayed what it was at the step before.
-  bool as_before(const RungeKutta4& leader) {
-    for (std::size_t s = 0; s < state_.size(); ++s)
-      moved_[static_cast<Eigen::Index>(s)] = state_[s] - leader.before_[s];
-    rest_ = difference_;
-    rest_.noalias() -= leader.jacobian_ * moved_;
-    const auto largest = rest_.array().abs().max(difference_.array().abs());
-    const bool same = ((rest_ - rest_before_).array().abs() <= kSame * largest).all();
-    rest_before_ = rest_;
-    return same;
-  }
-
   OdeSystem& system_;
   State state_, before_, middle_, rate_, probed_, sizes_;
   Matrix jacobian_, weight_, half_weight_, power_;
-  Vector difference_, moved_, rest_, rest_before_;
+  Vector difference_, moved_;
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };
 

@@ -8,8 +8,7 @@
 //   d(t + h) = d + W r(d),   W = h phi(h J),  phi(z) = 1 + z/2 + z^2/6 + ...
 //
 // y_m: in the middle of the leader's step, d: as at its beginning, J: the leader's Jacobian. An explicit method, whose
-// steps are not short against what dry friction switches on and off, looks once more where r - J d is not what it was
-// the step before, in the middle of the step:
+// steps are not short against what dry friction switches on and off, looks once more, in the middle of the step:
 // d_m = d + h/2 phi(h J/2) r(d), and W (r(d_m) - J (d_m - d)) instead of W r(d).
 //
 // Exact where both are linear and have the same J; second order in h else, for one or two evaluations of f* and some

@@ -206,7 +206,7 @@ void ControlValve::outputs(double, const double* state, double* channels) const 
 namespace {
 // Nothing in the linkage has a mass: only what damps a compliance is fast.
 bool is_fast(const EffectSpec& effect) { return effect.effect == "elasticity"; }
-FAULTLINE_RIG(control_valve, {"control_valve", 0.5e-3, make_rig<ControlValve>, 1e-2 / 6, 1e-2 / 3, 0, is_fast});
+FAULTLINE_RIG(control_valve, {"control_valve", 0.5e-3, make_rig<ControlValve>, 1.25e-3, 2.5e-3, 0, is_fast});
 }  // namespace
 
 }  // namespace faultline
