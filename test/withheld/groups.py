@@ -158,8 +158,8 @@ def markdown(title, method, labels, answers, seconds):
         "",
         "Right: the verdict with exactly the true effects; but for nature: further effects may be what the drawn truth"
         " has by nature (nature.py). All but none: severity above 2 and more than parameters can"
-        " explain; the first six columns: told from every near-equivalent too. Of a hidden pair one effect does not show"
-        " beside the other and the parameters. Level: median residual over noise that"
+        " explain; the first six columns: told from every near-equivalent too. Of a hidden pair one effect does not"
+        " show beside the other and the parameters. Level: median residual over noise that"
         " the truth leaves without any effect. In brackets: number of cases.",
         "",
         f"| {title} | cases | level | " + " | ".join(COLUMNS) + " | s |",

@@ -78,7 +78,7 @@ def drawn(source):
 
 
 def names_of(given):
-    """What the search found, in the order of the answer: its effects, or the ranking where the verdict withdrew them."""
+    """What the search found, in the answer's order: its effects, or the ranking where the verdict withdrew them."""
     effects = [name for name in given.effects if not name.startswith("quantisation@")]
     return effects or given.ranked[:1]
 

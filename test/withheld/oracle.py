@@ -19,8 +19,8 @@ ALIKE = 0.8  # cosine from which an effect is tried as a rival
 
 
 def refit(runs, target, columns, effect=None, steps=5, enough=np.inf, there=False):
-    """Smallest chi^2 that parameters within tolerance (and one effect) leave of a target, by Gauss-Newton. there: begins
-    at the effect's values instead of at none.
+    """Smallest chi^2 that parameters within tolerance (and one effect) leave of a target, by Gauss-Newton. there:
+    begins at the effect's values instead of at none.
 
     Starts linear, then simulates what it found and corrects, for thresholds are small beside the chi^2 of a plain
     effect; not where the linear answer is far beyond `enough`. `effect`: (key, values, main parameter, bounds, its

@@ -223,7 +223,8 @@ class Tables(unittest.TestCase):
         self.assertEqual(found["none_foreign"], (1, 1))
 
     def test_of_a_pair_what_nobody_could_tell_is_not_asked_for(self):
-        pair = {**self.labels["case_0002"], "part": "two", "effects": {"lag@command.valve": {}, "deadband@command.b": {}}}
+        effects = {"lag@command.valve": {}, "deadband@command.b": {}}
+        pair = {**self.labels["case_0002"], "part": "two", "effects": effects}
         for hidden, expected in ((["deadband@command.b"], "of a hidden pair what shows"), ([], "both of two")):
             found = groups.counts({"case_0002": {**pair, "hidden": hidden}}, self.answers)
             self.assertEqual(found, {expected: [int(bool(hidden)), 1]})
@@ -247,7 +248,8 @@ class Tables(unittest.TestCase):
                 for folder in ("sealed", "asked", "answers/faultline"):
                     os.makedirs(os.path.join(base, folder), exist_ok=True)
                 label = dict(self.labels["case_0001" if part == "closed" else "case_0003"])
-                cause = {"verdict": verdict, "effects": [{"effect": "lag", "port": "command.valve"}] * (part == "closed")}
+                effects = [{"effect": "lag", "port": "command.valve"}] * (part == "closed")
+                cause = {"verdict": verdict, "effects": effects}
                 silent = {} if part == "closed" else {"found": False, "effects": 0.0, "free_before": 0.0}
                 for folder, content in (("sealed", label), ("asked", {}),
                                         ("answers/faultline", {"cause": cause, "evidence": {**evidence, **silent}})):
