@@ -99,7 +99,7 @@ def examine(runs, effects, sheet, random, level=1.0, search=False):
         "chi2_parameters_alone": alone,
         "chi2_nuisance": floor,
         "chi2_rivals": {},
-        "beside": beside(runs, effects, sheet, target, columns, level) if len(effects) > 1 else {},
+        "beside": beside(runs, effects, sheet, target, columns, level) if len(effects) == 2 else {},
     }
     for key in effects:
         rest = {k: v for k, v in effects.items() if k != key}
@@ -129,15 +129,11 @@ def as_twin(run, key, values, cost, left):
 
 
 def beside(runs, effects, sheet, target, columns, level):
-    """{key: (chi^2, lift)} of several effects: what is left of all of them in the best explanation by parameters within
-    tolerance and the others at a size of their own. An effect that leaves nothing there is not to be told beside them,
+    """{key: (chi^2, lift)} of two effects: what is left of both in the best explanation by parameters within tolerance
+    and the other one at a size of its own. An effect that leaves nothing there is not to be told beside the other,
     however large it is alone: what it does to the outputs goes into a parameter that the other one leaves free."""
     found = {}
-    for key in effects:
-        others = [other for other in effects if other != key]
-        if len(others) != 1:
-            continue
-        (other,) = others
+    for key, other in (tuple(effects), tuple(effects)[::-1]):
         main = sizes.main_parameter(other.split("@")[0]) or next(iter(sheet.bounds[other]))
         column = np.concatenate([run.signature({other: effects[other]}) for run in runs]).ravel()
         trial = (other, effects[other], main, sheet.bounds[other], column)
@@ -148,7 +144,7 @@ def beside(runs, effects, sheet, target, columns, level):
 
 
 def hidden(facts):
-    """Of several effects those that nobody could tell beside the others, or that are too small there to count."""
+    """Of two effects those that nobody could tell beside the others, or that are too small there to count."""
     limit = max(PARAMETERS_ALONE, facts["chi2_nuisance"])
     return sorted(key for key, (cost, lift) in facts["beside"].items() if cost <= limit or lift <= 2)
 
