@@ -150,7 +150,7 @@ void expect_no_allocation(Integrator& method, Integrator& beside) {
   for (int k = 0; k < 100; ++k) {
     method.step(0.01 * k, 0.01, nullptr);
     method.lead(0.01 * k, 0.01, nullptr);
-    beside.step_beside(0.01 * k, 0.01, nullptr, method);
+    beside.step_beside(0.01 * k, 0.01, nullptr, method, Look::once);
   }
   EXPECT_EQ(allocations(), before);
 }
@@ -190,7 +190,7 @@ double beside_error(double stiffness, double push, double off, int steps) {
     const double h = 1.0 / steps;
     leader->step(k * h, h, nullptr);
     leader->lead(k * h, h, nullptr);
-    beside->step_beside(k * h, h, nullptr, *leader);
+    beside->step_beside(k * h, h, nullptr, *leader, Look::again);
     for (int i = 0; i < kFiner; ++i) alone->step(k * h, h / kFiner, nullptr);
   }
   return std::hypot(beside->state()[0] - alone->state()[0], beside->state()[1] - alone->state()[1]) /

@@ -168,16 +168,27 @@ TEST(SegmentModel, SomeSegmentsAreAsInTheWholeRun) {
   EXPECT_EQ(some.middleRows(between, 3 * (rows + 1)).squaredNorm(), 0.0f);
 }
 
-// Long steps where the motion is even cost a fraction of the noise.
+// Long steps where the motion is even cost a fraction of the noise, with effects that remember what they saw too.
 TEST(SegmentModel, LongStepsAreAsNear) {
   const Prepared given(simulate(servo(), servo_setup("multisine"), 3), 0.25);
   SegmentOptions options;
   options.long_steps = true;
   const SegmentModel longer(servo(), options);
-  const Eigen::MatrixXf apart =
-      longer.residuals(nominal(), given.run, given.noise) - given.model.residuals(nominal(), given.run, given.noise);
-  EXPECT_GT(apart.squaredNorm(), 0.0f);
-  EXPECT_LT(std::sqrt(apart.squaredNorm() / static_cast<float>(apart.size())), 0.1f);
+  const auto residuals = [&](const SegmentModel& model, const char* effect) {
+    ModelChange change = nominal();
+    if (effect != nullptr) change.effects.push_back(parse_effect(effect));
+    return model.residuals(change, given.run, given.noise);
+  };
+  const auto size = [](const Eigen::MatrixXf& r) { return std::sqrt(r.squaredNorm() / static_cast<float>(r.size())); };
+  const Eigen::MatrixXf without = residuals(given.model, nullptr);
+  for (const char* effect : {static_cast<const char*>(nullptr), "lag@sensor.chamber_a_pressure:time_constant=0.005",
+                             "delay@sensor.velocity:time=0.005", "hysteresis@sensor.position:width=0.0005",
+                             "lag@command.valve_command:time_constant=0.01"}) {
+    const Eigen::MatrixXf near = residuals(longer, effect), exact = residuals(given.model, effect);
+    EXPECT_GT(size(near - exact), 0.0f) << (effect ? effect : "nominal");
+    EXPECT_LT(size(near - exact), 0.1f) << (effect ? effect : "nominal");
+    if (effect) EXPECT_GT(size(exact - without), 1.0f) << effect;  // it is there
+  }
 }
 
 TEST(SegmentModel, TakesNothingFromReadingsThatAreMissing) {

@@ -25,12 +25,21 @@ class CubicTable {
 
   bool holds(double x) const { return x >= from_ && x < to_; }
   // Where it holds x.
-  double operator()(double x) const {
+  double operator()(double x) const { return at(place(x)); }
+
+  // Where x lies: for several tables of one range.
+  struct Place {
+    std::size_t interval;
+    double part;
+  };
+  Place place(double x) const {
     const double place = (x - from_) * per_interval_;
     const auto i = static_cast<std::ptrdiff_t>(place);  // signed: one instruction
-    const double part = place - static_cast<double>(i);
-    const std::array<double, 4>& c = cubics_[static_cast<std::size_t>(i < kLast ? i : kLast)];
-    return (c[0] + part * c[1]) + part * part * (c[2] + part * c[3]);
+    return {static_cast<std::size_t>(i < kLast ? i : kLast), place - static_cast<double>(i)};
+  }
+  double at(const Place& place) const {
+    const std::array<double, 4>& c = cubics_[place.interval];
+    return (c[0] + place.part * c[1]) + place.part * place.part * (c[2] + place.part * c[3]);
   }
 
  private:

@@ -33,7 +33,8 @@ class RungeKutta4 : public Integrator {
         jacobian_(system.states(), system.states()),
         weight_(jacobian_),
         half_weight_(jacobian_),
-        power_(jacobian_),
+        square_(jacobian_),
+        cube_(jacobian_),
         difference_(system.states()),
         moved_(system.states()) {
     stepper_.adjust_size(state_);
@@ -69,18 +70,22 @@ class RungeKutta4 : public Integrator {
         jacobian_(static_cast<Eigen::Index>(row), c) = (probed_[row] - rate_[row]) / step;
     }
     if (!(jacobian_.diagonal().cwiseAbs().maxCoeff() * dt < kFastest)) return false;
-    respond(1, dt, weight_);
-    respond(0.5, dt, half_weight_);
+    square_.noalias() = jacobian_ * jacobian_;
+    cube_.noalias() = square_ * jacobian_;
+    respond(dt, weight_);
+    respond(0.5 * dt, half_weight_);
     return true;
   }
-  void step_beside(double time, double dt, const double* inputs, const Integrator& other) override {
+  void step_beside(double time, double dt, const double* inputs, const Integrator& other, Look looks) override {
     const auto& leader = static_cast<const RungeKutta4&>(other);
     for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] = leader.middle_[s] + (state_[s] - leader.before_[s]);
     look(time + 0.5 * dt, inputs, leader);
-    moved_.noalias() = leader.half_weight_ * difference_;
-    for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] += moved_[static_cast<Eigen::Index>(s)];
-    look(time + 0.5 * dt, inputs, leader);
-    difference_.noalias() -= leader.jacobian_ * moved_;
+    if (looks == Look::again) {
+      moved_.noalias() = leader.half_weight_ * difference_;
+      for (std::size_t s = 0; s < state_.size(); ++s) middle_[s] += moved_[static_cast<Eigen::Index>(s)];
+      look(time + 0.5 * dt, inputs, leader);
+      difference_.noalias() -= leader.jacobian_ * moved_;
+    }
     moved_.noalias() = leader.weight_ * difference_;
     for (std::size_t s = 0; s < state_.size(); ++s)
       state_[s] = leader.state_[s] + (state_[s] - leader.before_[s]) + moved_[static_cast<Eigen::Index>(s)];
@@ -93,17 +98,10 @@ class RungeKutta4 : public Integrator {
   static constexpr double kDifference = 1e-6;  // of the largest value that a state had
   static constexpr double kFastest = 3;        // rate times step, a little above what the method is stable for
 
-  // h phi(h J), h: `part` of the step; phi = I + z/2 (I + z/3 (I + z/4)).
-  void respond(double part, double dt, Matrix& weight) {
-    const double h = part * dt;
-    weight = jacobian_ * (h / 4);
-    for (const double order : {3.0, 2.0}) {
-      weight.diagonal().array() += 1;
-      power_.noalias() = jacobian_ * weight;
-      weight = power_ * (h / order);
-    }
-    weight.diagonal().array() += 1;
-    weight *= h;
+  // h phi(h J), phi = I + z/2 + z^2/6 + z^3/24.
+  void respond(double h, Matrix& weight) const {
+    weight = (h * h / 2) * jacobian_ + (h * h * h / 6) * square_ + (h * h * h * h / 24) * cube_;
+    weight.diagonal().array() += h;
   }
   // r at middle_.
   void look(double time, const double* inputs, const RungeKutta4& leader) {
@@ -114,7 +112,7 @@ class RungeKutta4 : public Integrator {
 
   OdeSystem& system_;
   State state_, before_, middle_, rate_, probed_, sizes_;
-  Matrix jacobian_, weight_, half_weight_, power_;
+  Matrix jacobian_, weight_, half_weight_, square_, cube_;
   Vector difference_, moved_;
   boost::numeric::odeint::runge_kutta4_classic<State> stepper_;
 };

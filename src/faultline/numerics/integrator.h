@@ -9,7 +9,8 @@
 //
 // y_m: in the middle of the leader's step, d: as at its beginning, J: the leader's Jacobian. An explicit method, whose
 // steps are not short against what dry friction switches on and off, looks once more, in the middle of the step:
-// d_m = d + h/2 phi(h J/2) r(d), and W (r(d_m) - J (d_m - d)) instead of W r(d).
+// d_m = d + h/2 phi(h J/2) r(d), and W (r(d_m) - J (d_m - d)) instead of W r(d); not where f* is f and d as small as the
+// spread of a filter's points.
 //
 // Exact where both are linear and have the same J; second order in h else, for one or two evaluations of f* and some
 // products a step. phi is the one of the leader's method, so that what is stable there is stable here. Where d stays
@@ -25,6 +26,8 @@
 
 namespace faultline {
 
+enum class Look { once, again };  // of an explicit method
+
 class Integrator {
  public:
   virtual ~Integrator() = default;
@@ -36,7 +39,7 @@ class Integrator {
   // After a step, before others take it beside this one: whether they may. `inputs` as in step().
   virtual bool lead(double time, double dt, const double* inputs) = 0;
   // The step that `leader`, of the same kind and with as many states, has just led, beside it.
-  virtual void step_beside(double time, double dt, const double* inputs, const Integrator& leader) = 0;
+  virtual void step_beside(double time, double dt, const double* inputs, const Integrator& leader, Look look) = 0;
 };
 
 // The system must outlive its integrator.

@@ -143,7 +143,7 @@ class Rosenbrock : public Integrator {
     lu_.weigh(dt);
     return true;
   }
-  void step_beside(double time, double dt, const double* inputs, const Integrator& other) override {
+  void step_beside(double time, double dt, const double* inputs, const Integrator& other, Look) override {
     const auto& leader = static_cast<const Rosenbrock&>(other);
     const std::size_t states = state_.size();
     for (std::size_t s = 0; s < states; ++s) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -70,12 +71,6 @@ RunningPlant::RunningPlant(const Datasheet& sheet, const SimulationSetup& setup,
                                  setup.parameters.size(), sheet.parameters.size()));
   rig_ = type->make(sheet, setup.parameters.empty() ? sheet.nominal() : setup.parameters, effects_);
   integrator_ = make_integrator(*rig_);
-  // What remembers is asked at every substep.
-  const std::vector<EffectSpec> specs = all_effects(sheet, setup.effects);
-  if (setup.long_steps && use == Use::model && setup.substep <= 0 && parts == 1 && !effects_.remembers() &&
-      std::none_of(specs.begin(), specs.end(),
-                   [type](const EffectSpec& effect) { return asks_for_short_steps(*type, effect); }))
-    even_ = std::clamp(static_cast<int>(type->even_substep / substep_ + 1e-9), 1, substeps_);
   before_.resize(static_cast<std::size_t>(rig_->states()));
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     if (sheet.channels[c].predicted_by.empty()) continue;
@@ -93,9 +88,10 @@ RunningPlant::RunningPlant(const Datasheet& sheet, const SimulationSetup& setup,
       f.drive = &chain;
       followed = true;
     }
-    if (port.kind == PortKind::command && !followed) commands_.push_back({channel, &chain});
+    if (port.kind == PortKind::command && !followed)
+      commands_.push_back({channel, &chain, std::vector<double>(static_cast<std::size_t>(substeps_))});
     if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::output)
-      sensors_.push_back({channel, &chain});
+      sensors_.push_back({channel, &chain, chain.remembers(), 0});
     if (port.kind == PortKind::sensor && sheet.channels[channel].role == Role::input)
       inputs_.push_back({channel, &chain});
   }
@@ -104,21 +100,34 @@ RunningPlant::RunningPlant(const Datasheet& sheet, const SimulationSetup& setup,
     if (sheet.channels[c].role == Role::command) held_.push_back(c);
   }
   for (std::size_t i = 0; i < sheet.states.size(); ++i)
-    for (const auto& [channel, chain] : sensors_)
-      if (sheet.states[i].channel == static_cast<int>(channel)) shown_states_.push_back({i, chain});
+    for (const Sensor& sensor : sensors_)
+      if (sheet.states[i].channel == static_cast<int>(sensor.channel)) shown_states_.push_back({i, sensor.chain});
+  if (setup.long_steps && use == Use::model && setup.substep <= 0 && parts == 1)
+    even_ = longest_even_step(*type, setup);
   rest_.resize(static_cast<std::size_t>(rig_->states()));
   moved_.resize(rest_.size());
   start_.resize(sheet.states.size());
   true_.resize(sheet.channels.size());
   shown_.resize(sheet.channels.size());
   resumed_.resize(sheet.channels.size());
+  plain_.resize(sheet.channels.size());
+}
+
+// What shows is asked after a step for each of its substeps; what acts in the equations would have to be asked within.
+int RunningPlant::longest_even_step(const RigType& type, const SimulationSetup& setup) const {
+  const std::vector<EffectSpec> specs = all_effects(sheet_, setup.effects);
+  if (effects_.remembers_inside() || std::any_of(specs.begin(), specs.end(), [&type](const EffectSpec& effect) {
+        return asks_for_short_steps(type, effect);
+      }))
+    return 1;
+  return std::clamp(static_cast<int>(type.even_substep / substep_ + 1e-9), 1, substeps_);
 }
 
 void RunningPlant::start(double time, const double* channels, const double* nominal_state, const CourseOf& around) {
   effects_.reset();
   effects_.set_time(time);
   std::copy_n(channels, true_.size(), true_.begin());
-  for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(channels[channel], time);
+  for (const Command& c : commands_) true_[c.channel] = c.chain->signal(channels[c.channel], time);
   if (use_ == Use::simulator)
     for (const Follower& f : followers_) true_[f.input] = channels[f.command];
   std::fill_n(integrator_->state(), rig_->states(), 0.0);
@@ -134,13 +143,16 @@ void RunningPlant::start(double time, const double* channels, const double* nomi
   std::fill(resumed_.begin(), resumed_.end(), std::nan(""));
   if (nominal_state) restart(time, channels, nominal_state, around, false);
   rig_->outputs(time, integrator_->state(), shown_.data());
-  for (const auto& [channel, chain] : sensors_)
-    shown_[channel] = std::isnan(resumed_[channel]) ? chain->signal(shown_[channel], time) : resumed_[channel];
+  for (Sensor& sensor : sensors_) {
+    const double resumed = resumed_[sensor.channel];
+    sensor.before = shown_[sensor.channel];
+    shown_[sensor.channel] = std::isnan(resumed) ? sensor.chain->signal(sensor.before, time) : resumed;
+  }
 }
 
 void RunningPlant::remember(std::size_t command, double value, double time) {
-  for (const auto& [channel, chain] : commands_)
-    if (channel == command) chain->signal(value, time);
+  for (const Command& c : commands_)
+    if (c.channel == command) c.chain->signal(value, time);
   for (const Follower& f : followers_)
     if (f.command == command && f.drive) f.drive->signal(value, time);
 }
@@ -167,6 +179,9 @@ void RunningPlant::restart(double time, const double* channels, const double* no
     if (!std::isnan(value)) resumed_[channel] = shown;
   }
   move_to(state.data(), channels);
+  if (even_ == 1) return;
+  rig_->outputs(time, integrator_->state(), plain_.data());
+  for (Sensor& sensor : sensors_) sensor.before = plain_[sensor.channel];
 }
 
 void RunningPlant::follow(double time, const double* channels) {
@@ -186,13 +201,21 @@ void RunningPlant::follow(double time, const double* channels) {
 void RunningPlant::advance(double time, const double* now, const double* next, int part) {
   const int count = substeps_ / parts_;
   effects_.set_time(time + part * count * substep_);
+  take_commands(time, now, part * count, (part + 1) * count);
   take_steps(time, now, next, part * count, (part + 1) * count);
+}
+
+void RunningPlant::take_commands(double time, const double* now, int first, int last) {
+  for (Command& c : commands_)
+    for (int i = first; i < last; ++i)
+      c.values[static_cast<std::size_t>(i)] = c.chain->signal(now[c.channel], time + i * substep_);
 }
 
 void RunningPlant::take_steps(double time, const double* now, const double* next, int first, int last) {
   for (int i = first; i < last;) {
-    i += take_step(time, now, next, i, last);
-    if (i == substeps_ || !sensors_.empty() || (i == last && parts_ > 1)) observe(time + i * substep_);
+    const int count = take_step(time, now, next, i, last);
+    i += count;
+    if (i == substeps_ || !sensors_.empty() || (i == last && parts_ > 1)) observe(time + i * substep_, count);
   }
 }
 
@@ -213,18 +236,22 @@ bool RunningPlant::goes_beside(const RunningPlant& leader) const {
 
 void RunningPlant::advance(double time, const double* now, const double* next, const std::vector<Beside>& beside) {
   effects_.set_time(time);
-  for (const Beside& other : beside) other.plant->effects_.set_time(time);
+  take_commands(time, now, 0, substeps_);
+  for (const Beside& other : beside) {
+    other.plant->effects_.set_time(time);
+    other.plant->take_commands(time, other.now, 0, substeps_);
+  }
   for (int i = 0; i < substeps_;) {
     const int motion = rig_->motion(integrator_->state());
     const int count = take_step(time, now, next, i, substeps_), end = i + count;
     // An explicit method meets its events in the shorter steps, and what leads has none.
     const bool leads =
         (rig_->stiff() || count == even_) && integrator_->lead(time + i * substep_, count * substep_, true_.data());
-    if (end == substeps_ || !sensors_.empty()) observe(time + end * substep_);
+    if (end == substeps_ || !sensors_.empty()) observe(time + end * substep_, count);
     for (const Beside& other : beside) {
       RunningPlant& plant = *other.plant;
       if (leads && plant.step_beside(time, other.now, other.next, i, count, motion, *integrator_)) {
-        if (end == substeps_ || !plant.sensors_.empty()) plant.observe(time + end * substep_);
+        if (end == substeps_ || !plant.sensors_.empty()) plant.observe(time + end * substep_, count);
       } else {
         plant.take_steps(time, other.now, other.next, i, end);
       }
@@ -233,18 +260,20 @@ void RunningPlant::advance(double time, const double* now, const double* next, c
   }
 }
 
-void RunningPlant::drive(double time, const double* now, const double* next, int first, int count) {
-  const double t = time + first * substep_;
+void RunningPlant::drive(const double* now, const double* next, int first, int count) {
   const double share = (first + 0.5 * count) / substeps_;
   for (const std::size_t c : run_) true_[c] = now[c] + share * (next[c] - now[c]);
   for (const std::size_t c : held_) true_[c] = now[c];
-  for (const auto& [channel, chain] : commands_) true_[channel] = chain->signal(now[channel], t);
+  for (const Command& c : commands_) {
+    const double* const values = &c.values[static_cast<std::size_t>(first)];
+    true_[c.channel] = std::accumulate(values, values + count, 0.0) / count;
+  }
   for (const Follower& f : followers_)
     true_[f.input] = use_ == Use::simulator ? f.values[static_cast<std::size_t>(first)] : now[f.input];
 }
 
 void RunningPlant::step(double time, const double* now, const double* next, int first, int count) {
-  drive(time, now, next, first, count);
+  drive(now, next, first, count);
   integrator_->step(time + first * substep_, count * substep_, true_.data());
 }
 
@@ -256,8 +285,8 @@ bool RunningPlant::step_evenly(double time, const double* now, const double* nex
 bool RunningPlant::step_beside(double time, const double* now, const double* next, int first, int count, int motion,
                                const Integrator& leader) {
   const auto beside = [&] {
-    drive(time, now, next, first, count);
-    integrator_->step_beside(time + first * substep_, count * substep_, true_.data(), leader);
+    drive(now, next, first, count);
+    integrator_->step_beside(time + first * substep_, count * substep_, true_.data(), leader, Look::again);
   };
   if (!rig_->stiff()) return without_event(*rig_, integrator_->state(), before_, motion, beside);
   beside();
@@ -274,9 +303,15 @@ void RunningPlant::move_to(const double* nominal_state, const double* channels) 
   rig_->set_modes(state);
 }
 
-void RunningPlant::observe(double time) {
+void RunningPlant::observe(double time, int count) {
   rig_->outputs(time, integrator_->state(), shown_.data());
-  for (const auto& [channel, chain] : sensors_) shown_[channel] = chain->signal(shown_[channel], time);
+  for (Sensor& sensor : sensors_) {
+    const double value = shown_[sensor.channel];
+    for (int left = count - 1; left > 0 && sensor.remembers; --left)
+      sensor.chain->signal(value + (sensor.before - value) * left / count, time - left * substep_);
+    shown_[sensor.channel] = sensor.chain->signal(value, time);
+    sensor.before = value;
+  }
 }
 
 std::vector<EffectSpec> nominal_effects(const Datasheet& sheet) {

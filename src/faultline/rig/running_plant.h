@@ -73,7 +73,9 @@ class RunningPlant {
   void move_to(const double* nominal_state, const double* channels);
 
   // What drives the equations in substeps `first` .. `first + count - 1` of the period.
-  void drive(double time, const double* now, const double* next, int first, int count);
+  void drive(const double* now, const double* next, int first, int count);
+  // What commands with effects are in these substeps, before any of them is taken: trying one twice asks no effect twice.
+  void take_commands(double time, const double* now, int first, int last);
   // These as one step.
   void step(double time, const double* now, const double* next, int first, int count);
   // The same for a long one; false, and nothing has happened, where there may be an event in it.
@@ -85,8 +87,23 @@ class RunningPlant {
   int take_step(double time, const double* now, const double* next, int first, int last);
   void take_steps(double time, const double* now, const double* next, int first, int last);
 
-  // Outputs as they are, then as sensors with effects show them.
-  void observe(double time);
+  // Outputs as they are, then as sensors with effects show them, after a step of so many substeps: one that remembers
+  // sees them run linearly from where they were before it.
+  void observe(double time, int count);
+
+  int longest_even_step(const RigType& type, const SimulationSetup& setup) const;  // in substeps
+
+  struct Command {  // with effects
+    std::size_t channel;
+    const EffectChain* chain;
+    std::vector<double> values;  // per substep of the period
+  };
+  struct Sensor {  // of an output, with effects
+    std::size_t channel;
+    const EffectChain* chain;
+    bool remembers;
+    double before;  // the output at the last row or step, or where a restart put it
+  };
 
   struct Follower {  // an input that the model predicts from a command
     std::size_t input, command;
@@ -104,11 +121,13 @@ class RunningPlant {
   bool beside_;   // SimulationSetup
   std::unique_ptr<Rig> rig_;
   std::unique_ptr<Integrator> integrator_;
-  std::vector<std::pair<std::size_t, const EffectChain*>> commands_, sensors_, inputs_;
+  std::vector<std::pair<std::size_t, const EffectChain*>> inputs_;
+  std::vector<Command> commands_;
+  std::vector<Sensor> sensors_;
   std::vector<std::pair<std::size_t, const EffectChain*>> shown_states_;
   std::vector<std::size_t> run_, held_;  // channels: inputs, commands
   std::vector<Follower> followers_;
-  std::vector<double> true_, shown_, start_, rest_, moved_, before_;
+  std::vector<double> true_, shown_, plain_, start_, rest_, moved_, before_;
   std::vector<double> resumed_;  // per channel: what its sensor shows at a start; NaN: what its effects make of it
 };
 

@@ -133,7 +133,8 @@ void StepModel::advance_all(const double* states, int count, const double* from,
     for (std::size_t m = 1; m < models; ++m) {
       Running& other = p.models[m];
       const auto beside = [&] {
-        other.integrator->step_beside(i * h, taken * h, p.drive(from, to, i, taken, steps), *leader.integrator);
+        other.integrator->step_beside(i * h, taken * h, p.drive(from, to, i, taken, steps), *leader.integrator,
+                                      Look::once);
       };
       if (leads && leader.rig->stiff()) {
         beside();

@@ -8,16 +8,7 @@
 namespace faultline {
 namespace {
 
-// Of the crank from the middle, rad.
-double lever_angle(double opening) { return (opening - 0.5) * (kPi / 2); }
-
-// By opening; within 1e-9.
-const CubicTable<512> lever_sine(
-    -0.02, 1.02, [](double h) { return std::sin(lever_angle(h)); },
-    [](double h) { return kPi / 2 * std::cos(lever_angle(h)); });
-const CubicTable<512> inverse_cosine(
-    -0.02, 1.02, [](double h) { return 1 / std::cos(lever_angle(h)); },
-    [](double h) { return kPi / 2 * std::tan(lever_angle(h)) / std::cos(lever_angle(h)); });
+constexpr double kFast = 1e3;  // m/s, at which friction that falls with speed has fallen
 
 }  // namespace
 
@@ -36,15 +27,18 @@ Actuator::Actuator(const ValveFacts& facts)
       spring_rate_(facts.parameter("spring_rate")),
       spring_pretension_(facts.parameter("spring_pretension")),
       viscous_(facts.parameter("actuator_viscous")),
+      per_viscous_(1 / viscous_),
       plus_factor_(facts.parameter("coulomb_pos_factor")),
       minus_factor_(facts.parameter("coulomb_neg_factor")) {}
 
 // At its stops to the last digit: there it stands.
-double Actuator::travel(double opening) const {
-  const double sine = lever_sine.holds(opening) ? lever_sine(opening) : std::sin(lever_angle(opening));
-  const double travel = stroke_ / 2 + crank_ * sine;
-  return opening >= 1 ? std::max(travel, stroke_) : opening <= 0 ? std::min(travel, 0.0) : travel;
+Actuator::Lever Actuator::lever_at_stop(double opening) const {
+  const double travel = stroke_ / 2 + crank_ * std::sin(lever_angle(opening));
+  const double at_stop = opening >= 1 ? std::max(travel, stroke_) : opening <= 0 ? std::min(travel, 0.0) : travel;
+  return {at_stop, ratio(at_stop)};
 }
+
+double Actuator::applied_force(double travel) const { return force_port_.forces({travel - stroke_ / 2, 0, 0}).applied; }
 
 double Actuator::angle(double travel) const {
   return kPi / 4 + std::asin(std::clamp((travel - stroke_ / 2) / crank_, -1.0, 1.0));
@@ -55,38 +49,20 @@ double Actuator::ratio(double travel) const {
   return 1 / std::sqrt(std::max(crank_ * crank_ - lever * lever, 0.01 * crank_ * crank_));
 }
 
-double Actuator::ratio_at(double opening) const {
-  return inverse_cosine.holds(opening) ? inverse_cosine(opening) * per_crank_ : ratio(travel(opening));
-}
-
-double Actuator::force(double travel, double cylinder_gauge, double load) const {
-  double force = area_ * cylinder_gauge - spring_rate_ * (travel + spring_pretension_) - load;
-  if (!force_port_.empty()) force -= force_port_.forces({travel - stroke_ / 2, 0, 0}).applied;
-  return force;
-}
-
-double Actuator::speed(double travel, double cylinder_gauge, double load) const {
-  return speed_at(travel, force(travel, cylinder_gauge, load));
-}
-
-double Actuator::speed_at(double travel, double force) const {
-  const Curve::Place place = coulomb_plus_.place(travel);
-  const double plus = plus_factor_ * coulomb_plus_.at(place), minus = minus_factor_ * coulomb_minus_.at(place);
-  const double speed =
-      force_port_.empty() ? outside(force, -minus, plus) / viscous_ : slip_speed(travel, force, plus, minus);
-  return within_stops(speed, travel, 0, stroke_);
+Actuator::EndsOfFriction Actuator::ends_of_friction(double travel) const {
+  const double at = travel - stroke_ / 2;
+  return {force_port_.forces({at, 0, 0}), force_port_.forces({at, kFast, 0})};
 }
 
 // Friction may fall with speed: then it has two levels, at rest and when fast.
 double Actuator::slip_speed(double travel, double force, double plus, double minus) const {
-  constexpr double kFast = 1e3;  // m/s, at which friction that falls with speed has fallen
   constexpr int kMostSteps = 40;
   const double at = travel - stroke_ / 2;
-  const BodyForces fast = force_port_.forces({at, kFast, 0}), rest = force_port_.forces({at, 0, 0});
+  const EndsOfFriction ends = ends_of_friction(travel);
+  const BodyForces& fast = ends.fast;
   const double viscous = viscous_ + fast.viscous / kFast;
   const double fast_plus = plus + fast.sliding_plus, fast_minus = minus + fast.sliding_minus;
-  if (rest.breakaway_plus <= fast.sliding_plus && rest.breakaway_minus <= fast.sliding_minus)
-    return outside(force, -fast_minus, fast_plus) / viscous;
+  if (!ends.falls()) return outside(force, -fast_minus, fast_plus) / viscous;
   if (slip_ == 0) return 0;
   // From above, b v + level(v) = |F|: the iteration falls to the highest speed in balance, or to rest where there is
   // none.
@@ -107,11 +83,6 @@ void Actuator::follow_slip(double travel, double cylinder_gauge, double load) {
   const BodyForces extra = force_port_.forces({travel - stroke_ / 2, 0, 0});
   if (slip_ == 0 && now > plus_factor_ * coulomb_plus_(travel) + extra.breakaway_plus) slip_ = 1;
   if (slip_ == 0 && now < -minus_factor_ * coulomb_minus_(travel) - extra.breakaway_minus) slip_ = -1;
-}
-
-double Actuator::cylinder_rate(double travel, double speed, double cylinder, double net_flow, double heat) const {
-  const double rate = gamma_ / (dead_volume_ + area_ * travel) * (net_flow * heat - cylinder * area_ * speed);
-  return cylinder_port_.empty() ? rate : rate * cylinder_port_.bulk_modulus(1, cylinder);
 }
 
 }  // namespace faultline

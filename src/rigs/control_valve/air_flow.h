@@ -18,18 +18,17 @@ namespace faultline {
 inline double subsonic_square(double r) { return 3.5 * (std::pow(r, 10.0 / 7) - std::pow(r, 12.0 / 7)); }
 inline double subsonic_square_slope(double r) { return 5 * std::pow(r, 3.0 / 7) - 6 * std::pow(r, 5.0 / 7); }
 
-// Within 1e-12: the root, and near 1, where that has no bound to its slope, its square.
-inline const CubicTable<1024> subsonic_low(
-    0.5, 0.9, [](double r) { return std::sqrt(subsonic_square(r)); },
+constexpr double kCritical = 0.528282, kChoked = 0.484178, kLaminar = 0.99;  // ratios, Psi between them
+
+// Within 1e-10.
+inline const CubicTable<2048> subsonic(
+    0.528, kLaminar, [](double r) { return std::sqrt(subsonic_square(r)); },
     [](double r) { return 0.5 * subsonic_square_slope(r) / std::sqrt(subsonic_square(r)); });
-inline const CubicTable<256> subsonic_square_high(0.9, 1, subsonic_square, subsonic_square_slope);
+inline const double laminar_slope = std::sqrt(subsonic_square(kLaminar)) / (1 - kLaminar);
 
 inline double flow_function(double ratio) {
-  constexpr double kCritical = 0.528282, kChoked = 0.484178, kLaminar = 0.99;
   if (ratio <= kCritical) return kChoked;
-  if (subsonic_low.holds(ratio)) return subsonic_low(ratio);
-  const double subsonic = std::sqrt(subsonic_square_high(ratio < kLaminar ? ratio : kLaminar));
-  return ratio < kLaminar ? subsonic : subsonic * (1 - ratio) / (1 - kLaminar);
+  return ratio < kLaminar ? subsonic(ratio) : laminar_slope * (1 - ratio);
 }
 
 // `root`: sqrt(2/(R T)), which many orifices share.

@@ -2,32 +2,20 @@
 // effects.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-
-#include "faultline/rig/orifice.h"
-#include "rigs/control_valve/air_flow.h"
 #include "rigs/control_valve/facts.h"
 
 namespace faultline {
 
 class AirLeak {
  public:
-  AirLeak(const ValveFacts& facts, const char* port)
-      : port_(facts.effects.at(port)),
-        ambient_(facts.constant("atmospheric_pressure")),
-        area_(std::sqrt(facts.constant("leakage_density") / 2)) {}
+  AirLeak(const ValveFacts& facts, const char* port);
 
   // kg/s at an absolute pressure; `root` as in air_flow.h.
-  double operator()(double pressure, double root) const {
-    if (port_.empty()) return 0;
-    constexpr double kTransition = 1000;  // Pa, of the leakage effects, so that their coefficient comes out
-    const double drop = std::max(pressure - ambient_, 1.0);
-    const double coefficient = port_.flow({drop, drop, 0}) / signed_root(drop, kTransition);
-    return air_flow(coefficient * area_, pressure, ambient_, root);
-  }
+  double operator()(double pressure, double root) const { return port_.empty() ? 0 : flow(pressure, root); }
 
  private:
+  double flow(double pressure, double root) const;
+
   const EffectChain& port_;
   const double ambient_, area_;
 };

@@ -20,30 +20,16 @@ NozzleFlapper::NozzleFlapper(const ValveFacts& facts)
       ambient_(facts.constant("atmospheric_pressure")),
       limit_(facts.constant("flapper_limit")),
       coil_reference_(facts.constant("coil_reference_temperature")),
-      nozzle_diameter_(facts.parameter("nozzle_inner_diameter")),
       restrictor_area_(facts.parameter("restrictor_cd") * kPi / 4 *
                        std::pow(facts.parameter("restrictor_diameter"), 2)),
-      nozzle_factor_(facts.parameter("nozzle_cd_factor")),
+      nozzle_rim_(facts.parameter("nozzle_cd_factor") * kPi * facts.parameter("nozzle_inner_diameter")),
       spring_(facts.parameter("flapper_spring")),
-      damping_(facts.parameter("flapper_damping")),
+      per_damping_(1 / facts.parameter("flapper_damping")),
       rest_(facts.parameter("flapper_rest")),
       coil_factor_(facts.parameter("coil_force_factor")),
       coil_temperature_(facts.parameter("coil_temp_coef")),
       pressure_0_(facts.parameter("pressure_coef_0")),
       pressure_1_(facts.parameter("pressure_coef_1")),
       pressure_area_(pressure_area(facts)) {}
-
-double NozzleFlapper::speed(double gap, double prestage_gauge, double voltage, double temperature) const {
-  const double coil = voltage * coil_factor_ * ((temperature - coil_reference_) * coil_temperature_ + 1);
-  const double pressed = std::max(0.0, pressure_0_ - pressure_1_ * gap) * prestage_gauge * pressure_area_;
-  return within_stops((pressed - coil - spring_ * (gap - rest_)) / damping_, gap, 0, limit_);
-}
-
-double NozzleFlapper::net_flow(double gap, double prestage, double supply, double root) const {
-  const double open = std::max(gap, 0.0);
-  const double in = restrictor_port_.opening(restrictor_area_);
-  const double out = nozzle_port_.opening(nozzle_factor_ * nozzle_cd_(open) * kPi * nozzle_diameter_ * open);
-  return air_flow(in, supply, prestage, root) - air_flow(out, prestage, ambient_, root);
-}
 
 }  // namespace faultline

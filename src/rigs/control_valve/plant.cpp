@@ -8,7 +8,8 @@ namespace {
 
 enum { kFlapper, kPrestage, kSpool, kCylinder, kPiston, kTorque, kNominalStates, kPlay = kNominalStates, kTwist };
 
-constexpr double kHalfTurn = kPi / 2;        // rad, from closed to open
+constexpr double kHalfTurn = kPi / 2;  // rad, from closed to open
+constexpr double kPerHalfTurn = 1 / kHalfTurn;
 constexpr double kGaugeFloor = -1e5;         // Pa
 constexpr double kSlowestJoint = 1e-3;       // s, of compliance and damping of the joint; faster ones are at rest
 constexpr double kSmallestJointDamping = 2;  // N m s/rad; less is faster than the integration step with the seal
@@ -77,12 +78,17 @@ void ControlValve::set_modes(const double* state) {
   if (state[kTorque] != 0 && std::abs(state[kPlay]) >= half - kNearFlank) contact_ = state[kTorque] > 0 ? 1 : -1;
 }
 
+int ControlValve::motion(const double* state) const {
+  return linked_ || actuator_.may_slip(state[kPiston]) ? kUneven : 0;
+}
+
 double ControlValve::twist(const double* state, double torque) const {
   const Coupling joint = linkage_port_.coupling();
   return damped(joint) ? state[kTwist] : joint.compliance * torque;
 }
 
-ControlValve::MassFlows ControlValve::mass_flows(double time, const double* state, const double* channels) const {
+inline ControlValve::MassFlows ControlValve::mass_flows(double time, const double* state,
+                                                        const double* channels) const {
   if (channels[temperature_] != root_at_) {
     root_at_ = channels[temperature_];
     root_ = std::sqrt(2 / (gas_constant_ * root_at_));
@@ -99,19 +105,21 @@ ControlValve::MassFlows ControlValve::mass_flows(double time, const double* stat
   return flows;
 }
 
-ControlValve::Shaft ControlValve::shaft(const double* state) const {
+void ControlValve::pass_joint(const double* state, Shaft& shaft) const {
+  const double driven = shaft.piston - state[kPlay];
+  if (contact_ == 0) shaft.torque = 0;
+  shaft.opening = (actuator_.angle(driven) - twist(state, shaft.torque)) * kPerHalfTurn;
+  shaft.ratio = actuator_.ratio(driven);
+}
+
+inline ControlValve::Shaft ControlValve::shaft(const double* state) const {
   Shaft shaft;
-  shaft.piston = actuator_.travel(state[kPiston]);
+  const Actuator::Lever lever = actuator_.lever(state[kPiston]);
+  shaft.piston = lever.travel;
   shaft.torque = state[kTorque];
   shaft.opening = state[kPiston];
-  if (linked_) {
-    const double driven = shaft.piston - state[kPlay];
-    if (contact_ == 0) shaft.torque = 0;
-    shaft.opening = (actuator_.angle(driven) - twist(state, shaft.torque)) / kHalfTurn;
-    shaft.ratio = actuator_.ratio(driven);
-  } else {
-    shaft.ratio = actuator_.ratio_at(shaft.opening);
-  }
+  shaft.ratio = lever.ratio;
+  if (linked_) pass_joint(state, shaft);
   shaft.seal = process_valve_.seal(shaft.opening);
   return shaft;
 }
@@ -122,24 +130,23 @@ void ControlValve::derivative(double time, const double* state, const double* ch
   rate[kFlapper] = nozzle_flapper_.speed(state[kFlapper], state[kPrestage], channels[voltage_], channels[temperature_]);
 
   const double spooling = spool_valve_.speed(state[kSpool], state[kPrestage], flows.supply);
-  rate[kSpool] = spooling / spool_valve_.stroke();
+  rate[kSpool] = spooling * spool_valve_.per_stroke();
   rate[kPrestage] = spool_valve_.prestage_rate(state[kSpool], spooling, state[kPrestage] + ambient_,
                                                flows.prestage - flows.prestage_leak, heat);
 
   const Shaft now = shaft(state);
   const double speed = actuator_.speed(now.piston, state[kCylinder], now.load());
-  rate[kPiston] = speed * (linked_ ? actuator_.ratio(now.piston) : now.ratio) / kHalfTurn;
+  rate[kPiston] = speed * (linked_ ? actuator_.ratio(now.piston) : now.ratio) * kPerHalfTurn;
   rate[kCylinder] = actuator_.cylinder_rate(now.piston, speed, state[kCylinder] + ambient_,
                                             flows.cylinder - flows.cylinder_leak, heat);
 
   const double turning = turn(now, speed, rate, state);
-  const double windup = process_valve_.windup();
-  rate[kTorque] =
-      turning > 0 ? turning * (now.seal.plus - now.torque) / windup : turning * (now.seal.minus + now.torque) / windup;
+  const double reach = turning > 0 ? now.seal.plus - now.torque : now.seal.minus + now.torque;
+  rate[kTorque] = turning * reach * process_valve_.per_windup();
 }
 
 // Speed of the shaft behind the linkage, rad/s, and the rates of the linkage's states.
-double ControlValve::turn(const Shaft& now, double speed, double* rate, const double* state) const {
+inline double ControlValve::turn(const Shaft& now, double speed, double* rate, const double* state) const {
   const double turning = now.ratio * speed;  // of the joint's driven side
   if (!linked_) return turning;
   const Coupling joint = linkage_port_.coupling();
@@ -183,7 +190,7 @@ void ControlValve::after_step(double time, double* state, const double* channels
   state[kPrestage] = std::max(state[kPrestage], kGaugeFloor);
   state[kCylinder] = std::max(state[kCylinder], kGaugeFloor);
   if (linked_) follow_play(state);
-  if (actuator_.may_slip()) {
+  if (actuator_.may_slip(state[kPiston])) {
     const Shaft now = shaft(state);
     actuator_.follow_slip(now.piston, state[kCylinder], now.load());
   }

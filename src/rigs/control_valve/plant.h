@@ -25,7 +25,7 @@ class ControlValve : public Rig {
   void start(const double* channels, double* state) override;
   void start_at(const double* nominal_state, const double* channels, double* state) override;
   void set_modes(const double* state) override;
-  int motion(const double*) const override { return linked_ || actuator_.may_slip() ? kUneven : 0; }
+  int motion(const double* state) const override;
   void derivative(double time, const double* state, const double* channels, double* rate) override;
   void after_step(double time, double* state, const double* channels) override;
   void outputs(double time, const double* state, double* channels) const override;
@@ -46,6 +46,7 @@ class ControlValve : public Rig {
 
   MassFlows mass_flows(double time, const double* state, const double* channels) const;
   Shaft shaft(const double* state) const;
+  void pass_joint(const double* state, Shaft& shaft) const;  // to its driven side
   double twist(const double* state, double torque) const;
   double turn(const Shaft& now, double speed, double* rate, const double* state) const;
   void follow_play(double* state);

@@ -12,20 +12,15 @@ ProcessValve::ProcessValve(const ValveFacts& facts)
       seal_torque_(facts.parameter("seal_friction_factor") * facts.parameter("seal_force") *
                    facts.constant("seal_lever")),
       windup_(facts.parameter("windup_angle")),
+      per_windup_(1 / windup_),
       capacity_(facts.parameter("valve_cv")),
       linear_share_(facts.parameter("valve_cv_linear")),
       pump_pressure_(facts.parameter("pump_pressure")),
       open_ratio_(facts.parameter("open_pressure_ratio")) {}
 
-ProcessValve::Seal ProcessValve::seal(double opening) const {
-  Seal seal;
-  seal.plus = seal.minus = seal_torque_ * seal_mu_(opening);
-  if (!force_port_.empty()) {
-    const BodyForces extra = force_port_.forces({opening * kPi / 2, 0, pressure_drop(opening)});
-    seal.plus += extra.sliding_plus;
-    seal.minus += extra.sliding_minus;
-  }
-  return seal;
+ProcessValve::Seal ProcessValve::loaded_seal(double opening, double torque) const {
+  const BodyForces extra = force_port_.forces({opening * kPi / 2, 0, pressure_drop(opening)});
+  return {torque + extra.sliding_plus, torque + extra.sliding_minus};
 }
 
 double ProcessValve::relative_opening(double opening) const {

@@ -21,17 +21,24 @@ class ProcessValve {
   explicit ProcessValve(const ValveFacts& facts);
 
   double windup() const { return windup_; }  // phi_w, rad
+  double per_windup() const { return per_windup_; }
   Seal seal(double opening) const;
   double pressure_drop(double opening) const;  // Pa
   double flow(double opening) const;           // m^3/s
   double opening_of(double flow) const;        // h at which it is so
 
  private:
-  double relative_opening(double opening) const;  // c
+  Seal loaded_seal(double opening, double torque) const;  // with what acts at the port
+  double relative_opening(double opening) const;          // c
 
   const EffectChain &force_port_, &restriction_port_;
   const Curve seal_mu_;
-  const double seal_torque_, windup_, capacity_, linear_share_, pump_pressure_, open_ratio_;
+  const double seal_torque_, windup_, per_windup_, capacity_, linear_share_, pump_pressure_, open_ratio_;
 };
+
+inline ProcessValve::Seal ProcessValve::seal(double opening) const {
+  const double torque = seal_torque_ * seal_mu_(opening);
+  return force_port_.empty() ? Seal{torque, torque} : loaded_seal(opening, torque);
+}
 
 }  // namespace faultline

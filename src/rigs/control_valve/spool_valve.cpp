@@ -21,10 +21,11 @@ SpoolValve::SpoolValve(const ValveFacts& facts)
       prestage_area_(facts.parameter("prestage_area")),
       supply_area_(facts.parameter("supply_area")),
       stroke_(facts.parameter("spool_stroke")),
+      per_stroke_(1 / stroke_),
       spring_(facts.parameter("spool_spring")),
       pretension_(facts.parameter("spool_pretension")),
       diaphragm_(facts.parameter("diaphragm_stiffness")),
-      viscous_(facts.parameter("spool_viscous")),
+      per_viscous_(1 / facts.parameter("spool_viscous")),
       coulomb_(facts.parameter("spool_coulomb")),
       port_area_(facts.parameter("port_area")),
       fill_factor_(facts.parameter("fill_cd_factor")),
@@ -35,38 +36,12 @@ double SpoolValve::balance(double supply_gauge) const {
          prestage_area_;
 }
 
-double SpoolValve::speed(double share, double prestage_gauge, double supply_gauge) const {
-  const double position = share * stroke_;
-  double force = prestage_area_ * prestage_gauge - supply_area_ * supply_gauge - spring_ * (position + pretension_) -
-                 diaphragm_ * position;
-  double plus = coulomb_, minus = coulomb_;
-  if (!force_port_.empty()) {
-    const BodyForces extra = force_port_.forces({position - stroke_ / 2, 0, 0});
-    force -= extra.applied;
-    plus += extra.sliding_plus;
-    minus += extra.sliding_minus;
-  }
-  return within_stops(outside(force, -minus, plus) / viscous_, position, 0, stroke_);
+double SpoolValve::loaded_speed(double position, double force) const {
+  const BodyForces extra = force_port_.forces({position - stroke_ / 2, 0, 0});
+  return outside(force - extra.applied, -coulomb_ - extra.sliding_minus, coulomb_ + extra.sliding_plus) * per_viscous_;
 }
 
-double SpoolValve::flow(double share, double cylinder, double supply, double root) const {
-  double opening = share - 0.5;
-  if (!ports_.empty()) opening = ports_.opening(opening);
-  if (opening > 0) {
-    const Curve::Place ratio = fill_low_.place(cylinder / supply);
-    const double low = fill_low_.at(ratio);
-    const double cd = low + (fill_high_.at(ratio) - low) * std::clamp((share - 0.6) / 0.2, 0.0, 1.0);
-    return air_flow(fill_factor_ * cd * port_area_ * opening / 0.5, supply, cylinder, root);
-  }
-  const Curve::Place gauge = exhaust_2_.place(cylinder - ambient_);
-  const double middle = exhaust_2_.at(gauge);
-  const double cd = share < 0.2 ? middle + (exhaust_0_.at(gauge) - middle) * std::min((0.2 - share) / 0.2, 1.0)
-                                : middle + (exhaust_4_.at(gauge) - middle) * std::min((share - 0.2) / 0.2, 1.0);
-  return -air_flow(exhaust_factor_ * cd * port_area_ * -opening / 0.5, cylinder, ambient_, root);
-}
-
-double SpoolValve::supply(double time, double share, double cylinder, double measured, double root) const {
-  if (supply_port_.empty()) return measured;
+double SpoolValve::lowered_supply(double time, double share, double cylinder, double measured, double root) const {
   // p - boundary(m(p)) rises with p, between what all of the flow at the undisturbed pressure leaves and that pressure.
   constexpr int kMostSteps = 40;
   const auto left = [&](double supply) {
@@ -86,11 +61,6 @@ double SpoolValve::supply(double time, double share, double cylinder, double mea
     }
   }
   return 0.5 * (low + high);
-}
-
-double SpoolValve::prestage_rate(double share, double speed, double prestage, double net_flow, double heat) const {
-  return gamma_ / (prestage_volume_ + prestage_area_ * share * stroke_) *
-         (net_flow * heat - prestage * prestage_area_ * speed);
 }
 
 }  // namespace faultline
