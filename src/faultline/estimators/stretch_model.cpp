@@ -14,6 +14,7 @@ namespace {
 constexpr double kSegmentFraction = 0.4;  // of the rig's segment: effects are looked for while they last
 constexpr double kEveryStretches = 4;     // between the beginnings of stretches: bounds the effort
 constexpr double kLeastNoise = 0.9;       // of its mean square, in the residuals of a segment: chi-squared scatters
+constexpr double kUniform = 0.57735;       // standard deviation of what may be anything up to 1 either way
 constexpr double kPi = 3.14159265358979323846;
 
 // A segment's [r T]'[r T], for residuals r of any model.
@@ -57,6 +58,9 @@ StretchModel::StretchModel(const Datasheet& sheet, const ResponseSettings& setti
   for (std::size_t i = 0; i < sheet_.parameters.size(); ++i)
     if (sheet_.parameters[i].tolerance > 0 && sheet_.parameters[i].nominal != 0) free_.push_back(i);
   for (const std::string& text : sheet_.nuisance) nuisance_.push_back(parse_effect(text));
+  for (const EffectSpec& effect : nuisance_)
+    if (effect.effect == "hysteresis" && port_kind(effect.port) == PortKind::force)
+      memories_.push_back({"load_force", effect.port, {0.5 * effect.parameters.front() * kUniform, 0}});
   const auto rows = static_cast<Eigen::Index>(segment_rows_);
   cosines_.resize(std::min(rows, static_cast<Eigen::Index>(settings_.smooth_terms)), rows);
   for (Eigen::Index k = 0; k < cosines_.rows(); ++k)
@@ -114,7 +118,12 @@ std::unique_ptr<Stretch> StretchModel::prepare(const Recording& recording) const
 double StretchModel::segment_values() const { return static_cast<double>(segment_rows_ * model_.outputs().size()); }
 
 std::shared_ptr<const StartProjection> StretchModel::starts_at(const ModelChange& base, const SegmentedRun& run) const {
-  std::vector<Eigen::MatrixXf> columns = model_.start_columns(base, run, sigma_);
+  std::vector<ModelChange> memories;
+  for (const EffectSpec& memory : memories_) {
+    memories.push_back(base);
+    memories.back().effects.push_back(memory);
+  }
+  std::vector<Eigen::MatrixXf> columns = model_.start_columns(base, run, sigma_, 1, memories);
   runs_ += columns.size() + 1;
   return std::make_shared<const StartProjection>(run, std::move(columns), segment_values());
 }

@@ -12,6 +12,9 @@
 // first segments is never more than that of all, less what is white noise in the others, which no effect explains: a
 // run ends where it is beyond what is asked for.
 //
+// A nuisance effect that is a force loop holds a memory of which a segment's start says nothing: as its start states, a
+// constant force of up to half the loop's width, another one in every segment, is known beforehand and projected out.
+//
 // A stretch costs one run of the model for r, one more for each column of T and for each start state (respond), and one
 // for each column of D (weigh). Whether that is worth its price known_model.h tells.
 // Units: amplitudes as in FaultHypothesis; losses as evidence.
@@ -124,7 +127,7 @@ class StretchModel {
   std::vector<double> sigma_;  // of each output, as the datasheet says
   std::vector<FaultHypothesis> hypotheses_;
   std::vector<std::size_t> free_;  // parameters with a tolerance
-  std::vector<EffectSpec> nuisance_;
+  std::vector<EffectSpec> nuisance_, memories_;  // memories_: a standard deviation of each
   Eigen::MatrixXd cosines_;  // C of one output
   mutable std::atomic<std::uint64_t> runs_{0};
 };

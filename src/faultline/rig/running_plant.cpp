@@ -157,12 +157,24 @@ void RunningPlant::remember(std::size_t command, double value, double time) {
     if (f.command == command && f.drive) f.drive->signal(value, time);
 }
 
+double RunningPlant::within_reading(std::size_t state, const double* channels) const {
+  const double own = integrator_->state()[state];
+  const int channel = sheet_.states[state].channel;
+  const auto shows_it = [channel](const Sensor& sensor) { return static_cast<int>(sensor.channel) == channel; };
+  if (channel < 0 || std::any_of(sensors_.begin(), sensors_.end(), shows_it)) return own;
+  const Channel& shown = sheet_.channels[static_cast<std::size_t>(channel)];
+  const double reading = shown.ground_truth ? std::nan("") : channels[channel];
+  return reading <= shown.minimum   ? std::min(own, shown.minimum)
+         : reading >= shown.maximum ? std::max(own, shown.maximum)
+                                    : own;
+}
+
 void RunningPlant::restart(double time, const double* channels, const double* nominal_state, const CourseOf& around,
                            bool running) {
   std::vector<double>& state = start_;
   if (std::all_of(nominal_state, nominal_state + state.size(), [](double v) { return std::isnan(v); })) return;
   for (std::size_t i = 0; i < state.size(); ++i)
-    state[i] = std::isnan(nominal_state[i]) ? integrator_->state()[i] : nominal_state[i];
+    state[i] = std::isnan(nominal_state[i]) ? within_reading(i, channels) : nominal_state[i];
   for (const auto& [index, chain] : shown_states_) {
     if (std::isnan(nominal_state[index])) continue;
     const auto channel = static_cast<std::size_t>(sheet_.states[index].channel);

@@ -31,6 +31,7 @@ class RunningPlant {
   // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on. A state
   // that a channel shows is what that channel says, back through its sensor's effects, which go on from there; other
   // effects keep their memory. `running`: whether the states until now are worth anything.
+  // But where its channel stands at an end of the range, and no effect at it, it is moved to that end or beyond.
   void restart(double time, const double* channels, const double* nominal_state, const CourseOf& around, bool running);
 
   // What inputs that follow a command do over the period from `time` on: seen() shows their mean, as their sensors do.
@@ -69,6 +70,7 @@ class RunningPlant {
   double period() const { return period_; }
 
  private:
+  double within_reading(std::size_t state, const double* channels) const;  // of one that goes on
   // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
   void move_to(const double* nominal_state, const double* channels);
 

@@ -59,7 +59,8 @@ Eigen::VectorXd StartProjection::residual(const SegmentedRun& run, const Eigen::
                                           std::size_t segment) const {
   Eigen::MatrixXd column(length_ * residuals.cols(), 1);
   stack(residuals, segment, column.col(0));
-  if (starts_[segment].cols() > 0) column.col(0).noalias() -= starts_[segment] * run.start_shift[segment];
+  const Eigen::VectorXd& shift = run.start_shift[segment];  // of memories there is none
+  if (shift.size() > 0) column.col(0).noalias() -= starts_[segment].leftCols(shift.size()) * shift;
   project(segment, column);
   return column.col(0);
 }

@@ -360,7 +360,8 @@ Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const Segment
 }
 
 std::vector<Eigen::MatrixXf> SegmentModel::start_columns(const ModelChange& change, const SegmentedRun& run,
-                                                         const std::vector<double>& sigma, int jobs) const {
+                                                         const std::vector<double>& sigma, int jobs,
+                                                         const std::vector<ModelChange>& memories) const {
   const double step = options_.start_difference_sigma;
   std::vector<Variant> variants{{&change, starts_of(run)}};
   const std::size_t states = shown_by_.size();
@@ -370,8 +371,11 @@ std::vector<Eigen::MatrixXf> SegmentModel::start_columns(const ModelChange& chan
       Eigen::Map<Eigen::VectorXd>(&variants.back().starts[g * states], static_cast<Eigen::Index>(states)) +=
           step * run.start_roots[g].col(i);
   }
+  const std::size_t shifts = variants.size();
+  for (const ModelChange& memory : memories) variants.push_back({&memory, variants.front().starts});
   std::vector<Eigen::MatrixXf> result = residuals(variants, run, sigma, jobs);
-  for (std::size_t i = 1; i < result.size(); ++i) result[i] = (result[i] - result[0]) / static_cast<float>(step);
+  for (std::size_t i = 1; i < result.size(); ++i)
+    result[i] = (result[i] - result[0]) / static_cast<float>(i < shifts ? step : 1);
   result.erase(result.begin());
   return result;
 }

@@ -66,9 +66,11 @@ class SegmentModel {
   };
   std::vector<Eigen::MatrixXf> residuals(const std::vector<Variant>& variants, const SegmentedRun& run,
                                          const std::vector<double>& sigma, int jobs) const;
-  // d residuals / d shift, by differences: one matrix per direction.
+  // d residuals / d shift, by differences: one matrix per direction. After them, of each of `memories`: what the model
+  // changed so does in place of a memory of which a start says nothing, of one standard deviation (stretch_model.h).
   std::vector<Eigen::MatrixXf> start_columns(const ModelChange& change, const SegmentedRun& run,
-                                             const std::vector<double>& sigma, int jobs = 1) const;
+                                             const std::vector<double>& sigma, int jobs = 1,
+                                             const std::vector<ModelChange>& memories = {}) const;
   // Moves the starts to those that fit the model best, where that lowers a segment's loss |r|^2 + |d|^2. One
   // Gauss-Newton step a call. Returns the columns that it used: `known` ones, or its own where that is empty.
   std::vector<Eigen::MatrixXf> settle(const ModelChange& change, SegmentedRun& run, const std::vector<double>& sigma,

@@ -72,6 +72,7 @@ void ControlValve::start_at(const double* nominal_state, const double*, double* 
 }
 
 void ControlValve::set_modes(const double* state) {
+  remember(state);
   if (!linked_) return;
   const double half = linkage_port_.coupling().gap / 2;
   contact_ = 0;
@@ -183,10 +184,38 @@ void ControlValve::follow_play(double* state) {
   }
 }
 
+// Without mass a body reaches its stop at any speed, and a step may end far beyond. What the gas behind it did on the way
+// beyond is undone, without heat: P V^gamma; so is that way in the play. What winds the seal up is the way to the stop,
+// dT_v/dphi of (11).
+void ControlValve::stop_bodies(double* state) const {
+  const double spool = std::clamp(state[kSpool], 0.0, 1.0), piston = std::clamp(state[kPiston], 0.0, 1.0);
+  if (spool != state[kSpool])
+    state[kPrestage] = (state[kPrestage] + ambient_) * spool_valve_.pressure_ratio(state[kSpool], spool) - ambient_;
+  if (piston != state[kPiston]) {
+    const Actuator::Lever stop = actuator_.lever(piston);
+    const double beyond = stop.travel + (state[kPiston] - piston) * kHalfTurn / stop.ratio;
+    state[kCylinder] = (state[kCylinder] + ambient_) * actuator_.pressure_ratio(beyond, stop.travel) - ambient_;
+    if (linked_ && contact_ == 0) {
+      state[kPlay] += stop.travel - beyond;
+    } else {
+      const double way = (piston - opening_before_) * kHalfTurn;
+      const ProcessValve::Seal seal = process_valve_.seal(piston);
+      const double level = piston >= 1 ? seal.plus : -seal.minus;
+      state[kTorque] = level + (torque_before_ - level) * std::exp(-std::abs(way) * process_valve_.per_windup());
+    }
+  }
+  state[kSpool] = spool;
+  state[kPiston] = piston;
+}
+
+void ControlValve::remember(const double* state) {
+  opening_before_ = state[kPiston];
+  torque_before_ = state[kTorque];
+}
+
 void ControlValve::after_step(double time, double* state, const double* channels) {
   state[kFlapper] = std::clamp(state[kFlapper], 0.0, nozzle_flapper_.limit());
-  state[kSpool] = std::clamp(state[kSpool], 0.0, 1.0);
-  state[kPiston] = std::clamp(state[kPiston], 0.0, 1.0);
+  stop_bodies(state);
   state[kPrestage] = std::max(state[kPrestage], kGaugeFloor);
   state[kCylinder] = std::max(state[kCylinder], kGaugeFloor);
   if (linked_) follow_play(state);
@@ -194,6 +223,7 @@ void ControlValve::after_step(double time, double* state, const double* channels
     const Shaft now = shaft(state);
     actuator_.follow_slip(now.piston, state[kCylinder], now.load());
   }
+  remember(state);
   if (out_prestage_flow_ >= 0 || out_cylinder_flow_ >= 0) last_ = mass_flows(time, state, channels);
 }
 

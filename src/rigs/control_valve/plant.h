@@ -50,6 +50,8 @@ class ControlValve : public Rig {
   double twist(const double* state, double torque) const;
   double turn(const Shaft& now, double speed, double* rate, const double* state) const;
   void follow_play(double* state);
+  void stop_bodies(double* state) const;
+  void remember(const double* state);
 
   const NozzleFlapper nozzle_flapper_;
   const SpoolValve spool_valve_;
@@ -65,8 +67,9 @@ class ControlValve : public Rig {
 
   mutable double root_at_ = 0, root_ = 0;  // sqrt(2/(R T_a)) at the last temperature
 
-  int contact_ = 0;  // flank of the play: 1 pushes the valve open, -1 closed, 0 is none
-  MassFlows last_;   // for what is recorded of them
+  double opening_before_ = 0, torque_before_ = 0;  // the last step
+  int contact_ = 0;                                // flank of the play: 1 pushes the valve open, -1 closed, 0 is none
+  MassFlows last_;                                 // for what is recorded of them
 };
 
 }  // namespace faultline

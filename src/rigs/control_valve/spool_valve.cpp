@@ -1,6 +1,7 @@
 #include "rigs/control_valve/spool_valve.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "rigs/control_valve/air_flow.h"
 
@@ -34,6 +35,11 @@ SpoolValve::SpoolValve(const ValveFacts& facts)
 double SpoolValve::balance(double supply_gauge) const {
   return (supply_area_ * supply_gauge + spring_ * (stroke_ / 2 + pretension_) + diaphragm_ * stroke_ / 2) /
          prestage_area_;
+}
+
+double SpoolValve::pressure_ratio(double from, double to) const {
+  const double per_share = prestage_area_ * stroke_;
+  return std::pow((prestage_volume_ + per_share * from) / (prestage_volume_ + per_share * to), gamma_);
 }
 
 double SpoolValve::loaded_speed(double position, double force) const {
