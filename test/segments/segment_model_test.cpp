@@ -181,13 +181,15 @@ TEST(SegmentModel, LongStepsAreAsNear) {
   };
   const auto size = [](const Eigen::MatrixXf& r) { return std::sqrt(r.squaredNorm() / static_cast<float>(r.size())); };
   const Eigen::MatrixXf without = residuals(given.model, nullptr);
-  for (const char* effect : {static_cast<const char*>(nullptr), "lag@sensor.chamber_a_pressure:time_constant=0.005",
-                             "delay@sensor.velocity:time=0.005", "hysteresis@sensor.position:width=0.0005",
+  for (const char* effect : {static_cast<const char*>(nullptr), "lag@sensor.position:time_constant=0.02",
+                             "lag@sensor.velocity:time_constant=0.02", "hysteresis@sensor.load_pressure:width=1e5",
                              "lag@command.valve_command:time_constant=0.01"}) {
     const Eigen::MatrixXf near = residuals(longer, effect), exact = residuals(given.model, effect);
     EXPECT_GT(size(near - exact), 0.0f) << (effect ? effect : "nominal");
     EXPECT_LT(size(near - exact), 0.1f) << (effect ? effect : "nominal");
-    if (effect) EXPECT_GT(size(exact - without), 1.0f) << effect;  // it is there
+    if (effect) {
+      EXPECT_GT(size(exact - without), 1.0f) << effect;  // it is there
+    }
   }
 }
 

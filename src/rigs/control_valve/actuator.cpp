@@ -38,8 +38,8 @@ Actuator::Lever Actuator::lever_at_stop(double opening) const {
   return {at_stop, ratio(at_stop)};
 }
 
-double Actuator::pressure_ratio(double from, double to) const {
-  return std::pow((dead_volume_ + area_ * from) / (dead_volume_ + area_ * to), gamma_);
+double Actuator::pressure_rise(double travel, double cylinder, double way) const {
+  return cylinder_rate(travel, way, cylinder, 0, 0);
 }
 
 double Actuator::applied_force(double travel) const { return force_port_.forces({travel - stroke_ / 2, 0, 0}).applied; }

@@ -48,8 +48,8 @@ class Actuator {
   // Of the piston, at a load in N: torque times ratio. m/s
   double speed(double travel, double cylinder_gauge, double load) const;
   double cylinder_rate(double travel, double speed, double cylinder, double net_flow, double heat) const;  // Pa/s
-  // Of the gas that is moved without heat from one travel to another, after to before.
-  double pressure_ratio(double from, double to) const;
+  // Pa, of the cylinder as the piston moves by so much without any flow, to first order.
+  double pressure_rise(double travel, double cylinder, double way) const;
   double leak(double cylinder, double root) const { return leak_(cylinder, root); }  // kg/s
 
   // Whether it slips, where friction falls with speed: after each step, and never at first.

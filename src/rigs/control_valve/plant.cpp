@@ -6,7 +6,7 @@
 namespace faultline {
 namespace {
 
-enum { kFlapper, kPrestage, kSpool, kCylinder, kPiston, kTorque, kNominalStates, kPlay = kNominalStates, kTwist };
+enum { kFlapper, kPrestage, kSpool, kCylinder, kPiston, kTorque, kPlay, kTwist };
 
 constexpr double kHalfTurn = kPi / 2;  // rad, from closed to open
 constexpr double kPerHalfTurn = 1 / kHalfTurn;
@@ -54,7 +54,7 @@ void ControlValve::start(const double* channels, double* state) {
     opening = process_valve_.opening_of(channels[flow_setpoint_]);
   else if (channels[valve_setpoint_] > 0)
     opening = channels[valve_setpoint_];
-  double nominal[kNominalStates] = {};
+  double nominal[kValveStates] = {};
   nominal[kFlapper] = nozzle_flapper_.rest() / 2;
   nominal[kSpool] = 0.5;
   nominal[kPrestage] = spool_valve_.balance(channels[supply_]);
@@ -67,12 +67,12 @@ void ControlValve::start(const double* channels, double* state) {
 }
 
 void ControlValve::start_at(const double* nominal_state, const double*, double* state) {
-  std::copy_n(nominal_state, kNominalStates, state);
+  std::copy_n(nominal_state, kValveStates, state);
   if (linked_) state[kPlay] = state[kTwist] = 0;
 }
 
 void ControlValve::set_modes(const double* state) {
-  remember(state);
+  std::copy_n(state, kValveStates, before_.begin());
   if (!linked_) return;
   const double half = linkage_port_.coupling().gap / 2;
   contact_ = 0;
@@ -185,32 +185,28 @@ void ControlValve::follow_play(double* state) {
 }
 
 // Without mass a body reaches its stop at any speed, and a step may end far beyond. What the gas behind it did on the way
-// beyond is undone, without heat: P V^gamma; so is that way in the play. What winds the seal up is the way to the stop,
-// dT_v/dphi of (11).
+// beyond is undone, at the rate at which the step began; so is that way in the play. What winds the seal up is the way to
+// the stop, dT_v/dphi of (11).
 void ControlValve::stop_bodies(double* state) const {
   const double spool = std::clamp(state[kSpool], 0.0, 1.0), piston = std::clamp(state[kPiston], 0.0, 1.0);
   if (spool != state[kSpool])
-    state[kPrestage] = (state[kPrestage] + ambient_) * spool_valve_.pressure_ratio(state[kSpool], spool) - ambient_;
+    state[kPrestage] -=
+        spool_valve_.pressure_rise(before_[kSpool], before_[kPrestage] + ambient_, state[kSpool] - spool);
   if (piston != state[kPiston]) {
-    const Actuator::Lever stop = actuator_.lever(piston);
-    const double beyond = stop.travel + (state[kPiston] - piston) * kHalfTurn / stop.ratio;
-    state[kCylinder] = (state[kCylinder] + ambient_) * actuator_.pressure_ratio(beyond, stop.travel) - ambient_;
+    const double beyond = (state[kPiston] - piston) * kHalfTurn / actuator_.lever(piston).ratio;
+    state[kCylinder] -=
+        actuator_.pressure_rise(actuator_.travel(before_[kPiston]), before_[kCylinder] + ambient_, beyond);
     if (linked_ && contact_ == 0) {
-      state[kPlay] += stop.travel - beyond;
+      state[kPlay] -= beyond;
     } else {
-      const double way = (piston - opening_before_) * kHalfTurn;
+      const double way = (piston - before_[kPiston]) * kHalfTurn;
       const ProcessValve::Seal seal = process_valve_.seal(piston);
       const double level = piston >= 1 ? seal.plus : -seal.minus;
-      state[kTorque] = level + (torque_before_ - level) * std::exp(-std::abs(way) * process_valve_.per_windup());
+      state[kTorque] = level + (before_[kTorque] - level) * std::exp(-std::abs(way) * process_valve_.per_windup());
     }
   }
   state[kSpool] = spool;
   state[kPiston] = piston;
-}
-
-void ControlValve::remember(const double* state) {
-  opening_before_ = state[kPiston];
-  torque_before_ = state[kTorque];
 }
 
 void ControlValve::after_step(double time, double* state, const double* channels) {
@@ -223,7 +219,7 @@ void ControlValve::after_step(double time, double* state, const double* channels
     const Shaft now = shaft(state);
     actuator_.follow_slip(now.piston, state[kCylinder], now.load());
   }
-  remember(state);
+  std::copy_n(state, kValveStates, before_.begin());
   if (out_prestage_flow_ >= 0 || out_cylinder_flow_ >= 0) last_ = mass_flows(time, state, channels);
 }
 

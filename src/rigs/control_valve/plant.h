@@ -9,6 +9,8 @@
 // it is slower than the integration step, else the twist is compliance T_v. SI units.
 #pragma once
 
+#include <array>
+
 #include "rigs/control_valve/actuator.h"
 #include "rigs/control_valve/nozzle_flapper.h"
 #include "rigs/control_valve/process_valve.h"
@@ -16,11 +18,13 @@
 
 namespace faultline {
 
+constexpr int kValveStates = 6;  // of the nominal model
+
 class ControlValve : public Rig {
  public:
   ControlValve(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects);
 
-  int states() const override { return linked_ ? 8 : 6; }
+  int states() const override { return linked_ ? kValveStates + 2 : kValveStates; }
   // The spool in the middle in balance, the piston where the flow, or else the valve, is at its set point.
   void start(const double* channels, double* state) override;
   void start_at(const double* nominal_state, const double* channels, double* state) override;
@@ -51,7 +55,6 @@ class ControlValve : public Rig {
   double turn(const Shaft& now, double speed, double* rate, const double* state) const;
   void follow_play(double* state);
   void stop_bodies(double* state) const;
-  void remember(const double* state);
 
   const NozzleFlapper nozzle_flapper_;
   const SpoolValve spool_valve_;
@@ -67,9 +70,9 @@ class ControlValve : public Rig {
 
   mutable double root_at_ = 0, root_ = 0;  // sqrt(2/(R T_a)) at the last temperature
 
-  double opening_before_ = 0, torque_before_ = 0;  // the last step
-  int contact_ = 0;                                // flank of the play: 1 pushes the valve open, -1 closed, 0 is none
-  MassFlows last_;                                 // for what is recorded of them
+  std::array<double, kValveStates> before_{};  // at the last step's end, or where a restart put it
+  int contact_ = 0;                            // flank of the play: 1 pushes the valve open, -1 closed, 0 is none
+  MassFlows last_;                             // for what is recorded of them
 };
 
 }  // namespace faultline

@@ -1,7 +1,6 @@
 #include "rigs/control_valve/spool_valve.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "rigs/control_valve/air_flow.h"
 
@@ -37,9 +36,8 @@ double SpoolValve::balance(double supply_gauge) const {
          prestage_area_;
 }
 
-double SpoolValve::pressure_ratio(double from, double to) const {
-  const double per_share = prestage_area_ * stroke_;
-  return std::pow((prestage_volume_ + per_share * from) / (prestage_volume_ + per_share * to), gamma_);
+double SpoolValve::pressure_rise(double share, double prestage, double way) const {
+  return prestage_rate(share, way * stroke_, prestage, 0, 0);
 }
 
 double SpoolValve::loaded_speed(double position, double force) const {

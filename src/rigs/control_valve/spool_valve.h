@@ -30,8 +30,8 @@ class SpoolValve {
   double supply(double time, double share, double cylinder, double measured, double root) const {
     return supply_port_.empty() ? measured : lowered_supply(time, share, cylinder, measured, root);
   }
-  // Of the prestage's gas that is moved without heat from one share of the stroke to another, after to before.
-  double pressure_ratio(double from, double to) const;
+  // Pa, of the prestage as the spool moves by such a share of its stroke without any flow, to first order.
+  double pressure_rise(double share, double prestage, double way) const;
   double prestage_rate(double share, double speed, double prestage, double net_flow, double heat) const;  // Pa/s
 
  private:

@@ -187,6 +187,43 @@ TEST(ControlValve, AtItsStopThePressureGoesOn) {
   }
 }
 
+// Just off a stop with the full force of the air or the spring towards it: a step of the models ends where tiny ones do.
+TEST(ControlValve, ReachesItsStopsByLongStepsAsByShortOnes) {
+  for (const char* effect : {"", "backlash@transmission.linkage:gap=5e-5"})
+    for (const bool open : {true, false}) {
+      const auto after = [&](int steps) {
+        ValveRig v(*effect ? std::vector<std::string>{effect} : std::vector<std::string>());
+        v.state()[ValveRig::kSpool] = 0.5;
+        v.state()[ValveRig::kCylinder] = open ? 4.8e5 : 0.2e5;
+        v.state()[ValveRig::kPiston] = open ? 0.9995 : 0.0005;
+        v.state()[ValveRig::kTorque] = open ? 5 : -5;
+        v.rig->set_modes(v.state());
+        for (int i = 0; i < steps; ++i) v.integrator->step(0, 2.5e-3 / steps, v.channels.data());
+        return std::vector<double>(v.state(), v.state() + v.rig->states());
+      };
+      const std::vector<double> coarse = after(1), fine = after(5000);
+      EXPECT_EQ(coarse[ValveRig::kPiston], open ? 1 : 0);
+      EXPECT_NEAR(coarse[ValveRig::kCylinder], fine[ValveRig::kCylinder], 0.1 * noise_of("cylinder_pressure"))
+          << effect << open;
+      EXPECT_NEAR(coarse[ValveRig::kTorque], fine[ValveRig::kTorque], 0.5 * noise_of("load_torque")) << effect << open;
+    }
+}
+
+TEST(ControlValve, ItsSpoolReachesItsStopByALongStepAsByShortOnes) {
+  const auto after = [](int steps) {
+    ValveRig v;
+    v.state()[ValveRig::kSpool] = 0.99;
+    v.state()[ValveRig::kPrestage] = 4.5e5;
+    for (int i = 0; i < steps; ++i) v.integrator->step(0, 2.5e-3 / steps, v.channels.data());
+    return std::vector<double>(v.state(), v.state() + v.rig->states());
+  };
+  const std::vector<double> coarse = after(1), fine = after(5000);
+  EXPECT_EQ(fine[ValveRig::kSpool], 1);
+  EXPECT_EQ(coarse[ValveRig::kSpool], 1);
+  // The gas of the prestage follows within a millisecond, which a step does not.
+  EXPECT_NEAR(coarse[ValveRig::kPrestage], fine[ValveRig::kPrestage], 5 * noise_of("prestage_pressure"));
+}
+
 TEST(ControlValve, AQuarterOfTheStepChangesLittle) {
   // Largest difference over runs in sensor noises; nuisance effects on.
   for (const char* profile : {"multisine", "steps", "valve_steps", "open_multisine"}) {
