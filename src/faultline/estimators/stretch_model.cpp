@@ -14,7 +14,7 @@ namespace {
 constexpr double kSegmentFraction = 0.4;  // of the rig's segment: effects are looked for while they last
 constexpr double kEveryStretches = 4;     // between the beginnings of stretches: bounds the effort
 constexpr double kLeastNoise = 0.9;       // of its mean square, in the residuals of a segment: chi-squared scatters
-constexpr double kUniform = 0.57735;       // standard deviation of what may be anything up to 1 either way
+constexpr double kUniform = 0.57735;      // standard deviation of what may be anything up to 1 either way
 constexpr double kPi = 3.14159265358979323846;
 
 // A segment's [r T]'[r T], for residuals r of any model.

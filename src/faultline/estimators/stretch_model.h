@@ -126,9 +126,9 @@ class StretchModel {
   std::size_t segment_rows_;
   std::vector<double> sigma_;  // of each output, as the datasheet says
   std::vector<FaultHypothesis> hypotheses_;
-  std::vector<std::size_t> free_;  // parameters with a tolerance
+  std::vector<std::size_t> free_;                // parameters with a tolerance
   std::vector<EffectSpec> nuisance_, memories_;  // memories_: a standard deviation of each
-  Eigen::MatrixXd cosines_;  // C of one output
+  Eigen::MatrixXd cosines_;                      // C of one output
   mutable std::atomic<std::uint64_t> runs_{0};
 };
 

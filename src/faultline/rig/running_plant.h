@@ -28,10 +28,10 @@ class RunningPlant {
   // `channels`: commands and inputs at this time. Afterwards seen() holds what the sensors show.
   void start(double time, const double* channels, const double* nominal_state, const CourseOf& around);
 
-  // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on. A state
-  // that a channel shows is what that channel says, back through its sensor's effects, which go on from there; other
-  // effects keep their memory. `running`: whether the states until now are worth anything.
-  // But where its channel stands at an end of the range, and no effect at it, it is moved to that end or beyond.
+  // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on; where its
+  // channel stands at an end of the range, and no effect at it, from that end or beyond. A state that a channel shows is
+  // what that channel says, back through its sensor's effects, which go on from there; other effects keep their memory.
+  // `running`: whether the states until now are worth anything.
   void restart(double time, const double* channels, const double* nominal_state, const CourseOf& around, bool running);
 
   // What inputs that follow a command do over the period from `time` on: seen() shows their mean, as their sensors do.
@@ -76,7 +76,7 @@ class RunningPlant {
 
   // What drives the equations in substeps `first` .. `first + count - 1` of the period.
   void drive(const double* now, const double* next, int first, int count);
-  // What commands with effects are in these substeps, before any of them is taken: trying one twice asks no effect twice.
+  // What commands with effects are in these substeps, before any is taken: what is tried twice asks no effect twice.
   void take_commands(double time, const double* now, int first, int last);
   // These as one step.
   void step(double time, const double* now, const double* next, int first, int count);

@@ -184,9 +184,9 @@ void ControlValve::follow_play(double* state) {
   }
 }
 
-// Without mass a body reaches its stop at any speed, and a step may end far beyond. What the gas behind it did on the way
-// beyond is undone, at the rate at which the step began; so is that way in the play. What winds the seal up is the way to
-// the stop, dT_v/dphi of (11).
+// Without mass a body reaches its stop at any speed, and a step may end far beyond. What the gas behind it did on the
+// way beyond is undone, at the rate at which the step began; so is that way in the play. What winds the seal up is the
+// way to the stop, dT_v/dphi of (11).
 void ControlValve::stop_bodies(double* state) const {
   const double spool = std::clamp(state[kSpool], 0.0, 1.0), piston = std::clamp(state[kPiston], 0.0, 1.0);
   if (spool != state[kSpool])

@@ -187,7 +187,7 @@ TEST(ControlValve, AtItsStopThePressureGoesOn) {
   }
 }
 
-// Just off a stop with the full force of the air or the spring towards it: a step of the models ends where tiny ones do.
+// Just off a stop with the full force of the air or the spring towards it: a long step ends where tiny ones do.
 TEST(ControlValve, ReachesItsStopsByLongStepsAsByShortOnes) {
   for (const char* effect : {"", "backlash@transmission.linkage:gap=5e-5"})
     for (const bool open : {true, false}) {
