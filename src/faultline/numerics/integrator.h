@@ -9,8 +9,8 @@
 //
 // y_m: in the middle of the leader's step, d: as at its beginning, J: the leader's Jacobian. An explicit method, whose
 // steps are not short against what dry friction switches on and off, looks once more, in the middle of the step:
-// d_m = d + h/2 phi(h J/2) r(d), and W (r(d_m) - J (d_m - d)) instead of W r(d). Points of a filter, where f* is f and d
-// their spread, need no second look.
+// d_m = d + h/2 phi(h J/2) r(d), and W (r(d_m) - J (d_m - d)) instead of W r(d). A filter's points, where f* is f and
+// d their spread, need no second look.
 //
 // Exact where both are linear and have the same J; second order in h else, for one or two evaluations of f* and some
 // products a step. phi is the one of the leader's method, so that what is stable there is stable here. Where d stays

@@ -29,9 +29,9 @@ class RunningPlant {
   void start(double time, const double* channels, const double* nominal_state, const CourseOf& around);
 
   // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on; where its
-  // channel stands at an end of the range, and no effect at it, from that end or beyond. A state that a channel shows is
-  // what that channel says, back through its sensor's effects, which go on from there; other effects keep their memory.
-  // `running`: whether the states until now are worth anything.
+  // channel stands at an end of the range, and no effect at it, from that end or beyond. A state that a channel shows
+  // is what that channel says, back through its sensor's effects, which go on from there; other effects keep their
+  // memory. `running`: whether the states until now are worth anything.
   void restart(double time, const double* channels, const double* nominal_state, const CourseOf& around, bool running);
 
   // What inputs that follow a command do over the period from `time` on: seen() shows their mean, as their sensors do.
