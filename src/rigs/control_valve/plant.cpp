@@ -14,6 +14,7 @@ constexpr double kGaugeFloor = -1e5;         // Pa
 constexpr double kSlowestJoint = 1e-3;       // s, of compliance and damping of the joint; faster ones are at rest
 constexpr double kSmallestJointDamping = 2;  // N m s/rad; less is faster than the integration step with the seal
 constexpr double kLeastGive = 0.1;           // of the shaft behind the joint, so that a division stays bounded
+constexpr double kSure = 4;                  // noises of a torque that says so wherever the load stood
 constexpr double kNearFlank = 1e-5;          // m, at which a measured torque says that the play is used up
 
 bool damped(const Coupling& joint) {
@@ -42,6 +43,7 @@ ControlValve::ControlValve(const Datasheet& sheet, const std::vector<double>& pa
   out_spool_ = sheet.channel("spool_position");
   out_cylinder_ = sheet.channel("cylinder_pressure");
   out_torque_ = sheet.channel("load_torque");
+  sure_torque_ = kSure * sheet.channels[static_cast<std::size_t>(out_torque_)].noise_std;
   out_position_ = sheet.channel("valve_position");
   out_flow_ = sheet.channel("flow");
   out_prestage_flow_ = find_channel(sheet.channels, "prestage_net_mass_flow");
@@ -76,7 +78,8 @@ void ControlValve::set_modes(const double* state) {
   if (!linked_) return;
   const double half = linkage_port_.coupling().gap / 2;
   contact_ = 0;
-  if (state[kTorque] != 0 && std::abs(state[kPlay]) >= half - kNearFlank) contact_ = state[kTorque] > 0 ? 1 : -1;
+  const bool near_flank = state[kTorque] != 0 && std::abs(state[kPlay]) >= half - kNearFlank;
+  if (near_flank || std::abs(state[kTorque]) > sure_torque_) contact_ = state[kTorque] > 0 ? 1 : -1;
 }
 
 int ControlValve::motion(const double* state) const {

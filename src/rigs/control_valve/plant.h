@@ -71,6 +71,7 @@ class ControlValve : public Rig {
   mutable double root_at_ = 0, root_ = 0;  // sqrt(2/(R T_a)) at the last temperature
 
   std::array<double, kValveStates> before_{};  // at the last step's end, or where a restart put it
+  double sure_torque_;                         // N m
   int contact_ = 0;                            // flank of the play: 1 pushes the valve open, -1 closed, 0 is none
   MassFlows last_;                             // for what is recorded of them
 };

@@ -224,6 +224,18 @@ TEST(ControlValve, ItsSpoolReachesItsStopByALongStepAsByShortOnes) {
   EXPECT_NEAR(coarse[ValveRig::kPrestage], fine[ValveRig::kPrestage], 5 * noise_of("prestage_pressure"));
 }
 
+// Where the load stood in the play nobody knows at a start; a torque beyond its noise does.
+TEST(ControlValve, ATorqueSaysThatThePlayIsUsedUp) {
+  for (const double torque : {-20.0, -0.3}) {
+    ValveRig v({"backlash@transmission.linkage:gap=5e-5"});
+    v.state()[ValveRig::kPiston] = v.state()[ValveRig::kCylinder] = 0;
+    v.state()[ValveRig::kTorque] = torque;
+    v.rig->set_modes(v.state());
+    v.integrator->step(0, ValveRig::kStep, v.channels.data());
+    EXPECT_NEAR(v.shows("load_torque"), torque < -1 ? torque : 0, 0.01);
+  }
+}
+
 TEST(ControlValve, AQuarterOfTheStepChangesLittle) {
   // Largest difference over runs in sensor noises; nuisance effects on.
   for (const char* profile : {"multisine", "steps", "valve_steps", "open_multisine"}) {
