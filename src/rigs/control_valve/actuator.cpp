@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "faultline/numerics/cubic_table.h"
-
 namespace faultline {
 namespace {
 
