@@ -25,6 +25,7 @@ from message_fields import (  # noqa: E402
 LOOK = 0.2  # s of wall time between looks at what is published
 BUFFER = 1 << 22  # bytes of a socket read at once: seconds of small messages
 waiting = queue.SimpleQueue()  # of bytes; None: write what is there and end
+making_a_type = threading.Lock()  # genpy's generator keeps what it has seen of a message in globals of its own
 
 
 class TopicReader:
@@ -41,7 +42,8 @@ class TopicReader:
         if key not in self.types:
             import genpy.dynamic
 
-            made = genpy.dynamic.generate_dynamic(header["type"], header["message_definition"])
+            with making_a_type:
+                made = genpy.dynamic.generate_dynamic(header["type"], header["message_definition"])
             self.types[key] = made[header["type"]]
         return self.types[key]
 

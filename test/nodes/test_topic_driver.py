@@ -1,18 +1,22 @@
 """rig_driver_node with a mapping: a stand's own topics become the samples that `faultline import` makes of a bag of
 them."""
 
+import io
 import json
 import math
 import pathlib
 import re
 import subprocess
 import sys
+import threading
 import time
 import unittest
 
 import rosbag
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "cli"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts"))
+import read_topic_fields  # noqa: E402
 import stand_bag  # noqa: E402
 from graph import Graph, devel_space  # noqa: E402
 
@@ -50,6 +54,36 @@ def with_command(made):
 def plain(sample):
     """With missing values that are equal to each other."""
     return {**sample, "values": ["nan" if math.isnan(value) else value for value in sample["values"]]}
+
+
+class TypesOfTopics(unittest.TestCase):
+    def test_first_messages_that_arrive_at_once_do_not_mix_their_types(self):
+        from geometry_msgs.msg import PointStamped, WrenchStamped
+        from sensor_msgs.msg import FluidPressure, JointState
+        from std_msgs.msg import Float64
+
+        problems = []
+
+        def read(kind):
+            raw = io.BytesIO()
+            kind().serialize(raw)
+            header = {"type": kind._type, "md5sum": kind._md5sum, "message_definition": kind._full_text}
+            try:
+                made = read_topic_fields.TopicReader("/topic", "auto").type_of(header)
+                made().deserialize(raw.getvalue())
+            except Exception as problem:
+                problems.append(f"{kind._type}: {problem}")
+
+        self.addCleanup(sys.setswitchinterval, sys.getswitchinterval())
+        sys.setswitchinterval(1e-6)
+        for _ in range(5):
+            kinds = (PointStamped, WrenchStamped, JointState, FluidPressure, Float64)
+            threads = [threading.Thread(target=read, args=(kind,)) for kind in kinds]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+        self.assertEqual(problems, [])
 
 
 class TopicDriver(unittest.TestCase):
