@@ -172,7 +172,8 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
                       {"excess", evidence.excess},
                       {"calibrated", evidence.calibrated},
                       {"left", evidence.left},
-                      {"quiet", evidence.quiet}};
+                      {"quiet", evidence.quiet},
+                      {"spread", evidence.spread}};
   json["missing"] = missing_json(sheet, result.missing);
   json["shrink"] = {{"heldout", result.shrink_refit},
                     {"against_nominal", result.shrink_nominal},
@@ -368,7 +369,7 @@ std::function<void()> add(CLI::App& app) {
          "--matters", options->matters,
          "gap beyond the noise, as a fraction of what the channels move, from which it must have a cause; below a "
          "tenth of it none is named")
-      ->check(CLI::Range(0.0, 10.0));
+      ->check(number_between(0, 10));
   add_text_output(app, "--json", options->json, "write the answer as JSON to this file; - is standard output");
   add_text_output(app, "--series", options->series,
                   "write the deciding run as CSV, measured and as the three levels have it; - is standard output");

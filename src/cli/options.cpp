@@ -115,12 +115,16 @@ void check_files(const CLI::App& app) {
       throw InputError(fmt::format("{} -: this is written to a file, not to standard output; name one", output.option));
   for (const NamedFile& output : files_of(app, {kTextOutput})) outputs.push_back(output);
 
-  // A run that is learned from cannot judge what was learned.
-  for (const NamedFile& input : inputs)
-    for (const NamedFile& other : inputs)
-      if (input.option != other.option && same_file(input.path, other.path))
-        throw InputError(fmt::format("{}: this file is given as {} and as {}; take another for one of them", input.file,
-                                     input.option, other.option));
+  // A run that is learned from cannot judge what was learned, and one that counts twice is not twice as sure.
+  for (auto input = inputs.begin(); input != inputs.end(); ++input)
+    for (auto other = inputs.begin(); other != input; ++other) {
+      if (!same_file(input->path, other->path)) continue;
+      if (input->option != other->option)
+        throw InputError(fmt::format("{}: this file is given as {} and as {}; take another for one of them",
+                                     input->file, input->option, other->option));
+      throw InputError(fmt::format("{}: this file is given twice as {}{}; give it once", input->file, input->option,
+                                   other->file == input->file ? "" : ", as " + other->file + " too"));
+    }
   for (const NamedFile& input : inputs)
     if (same_file(resolved(kStandardOutput), input.path))
       throw InputError(

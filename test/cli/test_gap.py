@@ -311,7 +311,7 @@ class Diagnosed(unittest.TestCase):
 class BadInput(ProgramTest):
     def test_recordings(self):
         brief = self.simulate("brief.bag", duration=0.2)
-        self.complains(["gap", brief, brief], "gap", "brief.bag", "record longer")
+        self.complains(["gap", brief], "gap", "brief.bag", "record longer")
         alone = self.simulate("alone.bag", duration=0.8)
         self.complains(["gap", alone], "alone.bag", "at least 1 s")
         self.complains(["gap", "none.bag"], "none.bag")
@@ -339,21 +339,44 @@ class BadInput(ProgramTest):
         (self.folder / "other_actuator.yaml").write_text(sheet)
         self.complains(["gap", run, "--config", "other_actuator.yaml"], "servo_actuator")
 
+    def test_the_same_recording_twice(self):
+        """It would judge what was learned from it, and count twice."""
+        run = self.simulate("a.bag")
+        (self.folder / "link.bag").symlink_to(self.folder / "a.bag")
+        self.complains(["gap", run, run], "a.bag", "given twice as RUN", "once")
+        self.complains(["gap", run, "link.bag"], "link.bag", "given twice as RUN, as a.bag too")
+        self.complains(["gap", run, "--holdout", "link.bag"], "RUN and as --holdout")
+        self.complains(["fit", "servo_actuator", run, run], "a.bag", "given twice")
+
+    def test_what_was_not_measured_has_no_gap(self):
+        lines = [line.split(",") for line in self.simulate("a.csv", duration=3).read_text().splitlines()]
+        column = lines[0].index("velocity")
+        for cells in lines[1:]:
+            cells[column] = ""
+        (self.folder / "b.csv").write_text("".join(",".join(cells) + "\n" for cells in lines))
+        self.run_program("gap", "b.csv", "--rig", "servo_actuator", "--json", "answer.json")
+        answer = json.loads((self.folder / "answer.json").read_text())
+        for level in ("nominal", "refit", "explained"):
+            self.assertNotIn("velocity", answer["gap"][level]["channels"])
+            self.assertIn("position", answer["gap"][level]["channels"])
+        self.assertTrue(any("(velocity " in remark for remark in answer["remarks"]), answer["remarks"])
+
     def test_options(self):
         run = self.simulate("a.bag")
-        self.complains(["gap", run, run, "--without", "gremlins"], "--without gremlins", "faultline rigs")
-        self.complains(["gap", run, run, "--without", "scale@sensor.gremlins"], "sensor.gremlins")
+        self.complains(["gap", run, "--matters", "nan"], "--matters", "'nan'")
+        self.complains(["gap", run, "--without", "gremlins"], "--without gremlins", "faultline rigs")
+        self.complains(["gap", run, "--without", "scale@sensor.gremlins"], "sensor.gremlins")
         for option in ("--json", "--series", "--report", "--adopt"):
-            self.complains(["gap", run, run, option, "nowhere/out"], "nowhere/out")
-        self.complains(["gap", run, run, "--json", "-", "--series", "-"], "standard output")
-        self.complains(["gap", run, run, "--jobs", "0"], "--jobs")
+            self.complains(["gap", run, option, "nowhere/out"], "nowhere/out")
+        self.complains(["gap", run, "--json", "-", "--series", "-"], "standard output")
+        self.complains(["gap", run, "--jobs", "0"], "--jobs")
 
     def test_no_python_for_the_report(self):
         """Told before the diagnosis begins."""
         run = self.simulate("a.bag")
         for python, says in (("/none/python3", "cannot be run"), (self.without_matplotlib(), "matplotlib")):
             done = self.run_program(
-                "gap", run, run, "--report", "out.html", check=2, env=dict(os.environ, FAULTLINE_PYTHON=str(python))
+                "gap", run, "--report", "out.html", check=2, env=dict(os.environ, FAULTLINE_PYTHON=str(python))
             )
             self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
             self.assertIn("--report", done.stderr)

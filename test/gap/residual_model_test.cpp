@@ -123,6 +123,11 @@ TEST(GridStep, OfARoundedSignalAndOfOneThatIsNot) {
   EXPECT_NEAR(grid_step(recording, 1, 0), 0.013, 1e-9);
   EXPECT_EQ(grid_step(recording, 1, 0.013), 0);  // what the datasheet knows is no finding
   EXPECT_NEAR(grid_step(recording, 2, 0.001), 0.013, 1e-4);
+  // Readings that are missing are no level.
+  for (std::size_t k = 0; k < recording.rows(); k += 3)
+    for (std::size_t c = 0; c < 2; ++c) recording.values[k * recording.columns() + c] = std::nan("");
+  EXPECT_EQ(grid_step(recording, 0, 0), 0);
+  EXPECT_NEAR(grid_step(recording, 1, 0), 0.013, 1e-9);
 }
 
 TEST(GridStep, NamesTheChannelThatIsRounded) {

@@ -81,6 +81,25 @@ TEST(Verdict, WhatLeavesNothingIsNamed) {
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
 }
 
+// What has another size in each part of the runs makes up for a cause and is none.
+TEST(Verdict, ASizeThatChangesIsNoCause) {
+  GapEvidence evidence;
+  evidence.found = true;
+  evidence.shrink = 0.8;
+  evidence.perfect = 1000;
+  evidence.effects = 700;
+  evidence.readings = 10000;
+  evidence.size = 1;
+  evidence.excess = 2;
+  evidence.left = 0.4;
+  evidence.spread = 0.1;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.spread = 0.4;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+  EXPECT_TRUE(judge_gap(evidence, 0.01, options).names);
+}
+
 // A place is spoken of where its signal wins a tenth of the whole: less is a part that no place explains.
 TEST(Verdict, WhatNoPlaceExplainsWithdrawsNoName) {
   GapEvidence evidence;

@@ -33,7 +33,7 @@ TEST(FittedPeriod, IsTheRunsOwnUnlessTheClocksAreTheSame) {
 }
 
 TEST(EvenRows, TakeJitterOfTheStampsAsJitter) {
-  for (const double size : {0.1e-3, 0.2e-3}) {
+  for (const double size : {0.1e-3, 0.2e-3, 0.3e-3}) {
     Recording run = run_of(4);
     Random random(7);
     for (double& t : run.time) t += size * (2 * random.uniform() - 1);

@@ -217,6 +217,32 @@ TEST(SegmentModel, TakesNothingFromReadingsThatAreMissing) {
   EXPECT_NEAR(square / counted, 1, 0.1);
 }
 
+// At the beginning of a run there is no model yet that could go on.
+TEST(SegmentModel, StartsWhereAReadingIsMissingFromThoseBesideIt) {
+  const Recording recording = simulate(servo(), servo_setup("multisine"), 3);
+  Recording late;  // begins in the middle of a motion
+  late.rig = recording.rig;
+  late.channels = recording.channels;
+  for (std::size_t k = 700; k < recording.rows(); ++k) late.append(recording.sample(k));
+  const Prepared whole(late, 0.5);
+  for (const std::size_t missing : {1u, 5u}) {
+    Recording holes = late;
+    for (std::size_t k = 0; k < missing; ++k)
+      for (const char* name : {"position", "velocity", "chamber_a_pressure"}) {
+        holes.values[k * holes.columns() + column(name)] = std::nan("");
+        holes.values[(500 + k) * holes.columns() + column(name)] = std::nan("");
+      }
+    const Prepared cut(std::move(holes), 0.5);
+    for (const std::size_t segment : {0u, 1u})
+      for (Eigen::Index s = 0; s < 4; ++s) {
+        ASSERT_TRUE(std::isfinite(cut.run.starts[segment][s])) << s;
+        const double root = whole.run.start_roots[segment].row(s).norm();
+        EXPECT_NEAR(cut.run.starts[segment][s], whole.run.starts[segment][s], 3 * root) << s;
+        EXPECT_LT(cut.run.start_roots[segment].row(s).norm(), 10 * root) << s;
+      }
+  }
+}
+
 TEST(SegmentModel, ARunOfAnotherPeriodIsAsGood) {
   const Recording recording = simulate(servo(), servo_setup("multisine"), 4);
   Recording slow;

@@ -124,9 +124,25 @@ TEST(CutRun, LeavesReadingsOutThatAreMissingOrBounds) {
   EXPECT_EQ(cut.counted[2], 2960);
   EXPECT_NE(cut.remark.find("100 readings are missing"), std::string::npos) << cut.remark;
   EXPECT_NE(cut.remark.find("40 readings at an end"), std::string::npos) << cut.remark;
+  EXPECT_NE(cut.remark.find("(velocity 100)"), std::string::npos) << cut.remark;
+  EXPECT_NE(cut.remark.find("(position 40)"), std::string::npos) << cut.remark;
   // Neither is noise.
   const double says = servo().channels[velocity].noise_std;
   EXPECT_NEAR(noise_floor(cut.recording, velocity), says, 0.1 * says);
+}
+
+// A wire that is off for a moment: what no transducer of that range shows is no bound.
+TEST(CutRun, AReadingFarBeyondItsRangeIsMissing) {
+  Recording run = simulate(servo(), servo_setup("multisine"), 2);
+  const std::size_t position = column("position");
+  const double highest = servo().channels[position].maximum;
+  for (const auto& [row, value] : {std::pair(500, 4 * highest), {700, -1e300}, {900, 1.001 * highest}})
+    run.values[static_cast<std::size_t>(row) * run.columns() + position] = value;
+  const SegmentedRun cut = cut_run(servo(), "a.bag", run, kSegment);
+  EXPECT_NE(cut.remark.find("2 readings are missing (position 2)"), std::string::npos) << cut.remark;
+  EXPECT_NE(cut.remark.find("1 readings at an end of their range count as bounds (position 1)"), std::string::npos)
+      << cut.remark;
+  EXPECT_TRUE(std::isnan(cut.recording.at(500, position)));
 }
 
 TEST(CutRun, TakesThePeriodOfTheRun) {

@@ -35,6 +35,7 @@ TODAY = {
     "material_excess_variances": 1.0,
     "silent_matters_ratio": 5.0,
     "silent_excess_variances": 30.0,
+    "size_spread": 0.25,
 }
 FRACTIONS = {"closed_shrink_fraction", "hidden_shrink_fraction"}  # of 1: their distance from it is drawn
 PARTS = ("closed", "open", "none", "two")
@@ -46,7 +47,7 @@ def judged(evidence, options):
     e, o = evidence, options
     perfect, effects = max(e["perfect"], 1e-9), max(e["effects"], 1e-9)
     least = max(o["free_evidence_fraction"] * effects, o["place_evidence_fraction"] * perfect)
-    beside = e["free_after"] / least
+    beside = max(e["free_after"] / least, e.get("spread", 0.0) / o["size_spread"])  # older answers hold none
     shrink = o["material_shrink_fraction"] if e["plain"] else o["hidden_shrink_fraction"]
     names = (
         e["found"]

@@ -179,8 +179,16 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   evidence.calibrated = nominal_excess - refit_excess;
   evidence.left = explained_excess;
   evidence.quiet = quiet;
+  const std::vector<SizeAgreement> sizes = work.sizes_agree(search.base);
+  for (const SizeAgreement& size : sizes) evidence.spread = std::max(evidence.spread, size.spread);
   result.matters = settings.matters;
   const GapVerdict answer = judge_gap(evidence, settings.matters, verdict);
+  for (std::size_t e = 0; e < sizes.size() && answer.names; ++e)
+    if (const EffectSpec& effect = search.base.effects[e].effect; sizes[e].spread > verdict.size_spread)
+      result.remarks.push_back(
+          fmt::format("{}@{}: its size is {:.2g} to {:.2g} of that told from part to part of the runs: it makes up for "
+                      "something else, or changes",
+                      effect.effect, effect.port, sizes[e].least, sizes[e].most));
   result.verdict = answer.verdict;
   result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (answer.doubt - 1)));
   if (evidence.effects > 0) result.closable = evidence.effects / (evidence.effects + evidence.free_after);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "faultline/gap/input_noise.h"
@@ -20,22 +21,32 @@ double loss_of(const GapTrials& work, const std::vector<FreePlace>& noise, const
   return find_discrepancy(residuals, structure.fit.model, work.learned(), work.jobs(), Places::none, noise).loss;
 }
 
-// Among those that close the gap as well over segments, the one that leaves the likeliest recording from sample to
-// sample comes first: the two see different things of a cause.
-void likeliest_first(const GapTrials& work, const EffectSearch& search, std::vector<Structure>& structures) {
+// Among those that close the gap about as well over segments, the one comes first that does best in both: there, and in
+// how likely it leaves the recording from sample to sample. The two see different things of a cause; each counts as a
+// fraction of what the best wins in it.
+void best_of_both_first(const GapTrials& work, const EffectSearch& search, std::vector<Structure>& structures) {
   const Structure& best = structures.front();
   if (!restarts_freely(best.fit.effects.back().effect)) return;
-  const double close = work.options().search.close_rival_gain_fraction * (sum(search.score) - sum(best.score));
-  std::size_t likeliest = 0;
-  double least = loss_of(work, search.noise, best);
-  for (std::size_t i = 1; i < structures.size() && sum(structures[i].score) - sum(best.score) < close; ++i) {
+  const double whole = sum(search.score) - sum(best.score);
+  if (!(whole > 0)) return;
+  std::vector<std::size_t> close;
+  std::vector<double> losses;
+  for (std::size_t i = 0; i < structures.size(); ++i) {
+    if (sum(structures[i].score) - sum(best.score) > work.options().search.close_rival_gain_fraction * whole) break;
     if (!restarts_freely(structures[i].fit.effects.back().effect)) continue;
-    const double loss = loss_of(work, search.noise, structures[i]);
-    if (loss < least) least = loss, likeliest = i;
+    close.push_back(i);
+    losses.push_back(loss_of(work, search.noise, structures[i]));
   }
-  const auto first = structures.begin();
-  std::rotate(first, first + static_cast<std::ptrdiff_t>(likeliest),
-              first + static_cast<std::ptrdiff_t>(likeliest) + 1);
+  const double won = search.after.loss - *std::min_element(losses.begin(), losses.end());
+  if (!(won > 0)) return;
+  std::size_t chosen = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < close.size(); ++k) {
+    const double missed = sum(structures[close[k]].score) / whole + losses[k] / won;
+    if (missed < least) least = missed, chosen = close[k];
+  }
+  const auto first = structures.begin() + static_cast<std::ptrdiff_t>(chosen);
+  std::rotate(structures.begin(), first, first + 1);
 }
 
 // Whether much of what a structure wins is the noise's of measured inputs. What the rig has wins S here and loses it
@@ -64,7 +75,7 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
   rest.insert(rest.begin(), structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
   structures.resize(kept);
   std::stable_sort(structures.begin(), structures.end(), by_score);
-  likeliest_first(work, search, structures);
+  best_of_both_first(work, search, structures);
   // What the noise gives is no rival. Where it comes first, what wins less than it is no cause either.
   structures.erase(std::remove_if(structures.begin() + 1, structures.end(),
                                   [&](const Structure& s) { return from_input_noise(work, base, s); }),

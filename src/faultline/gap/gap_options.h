@@ -181,6 +181,9 @@ struct GapOptions {
     // Of what named effects win, what a free signal at one place may still win beside them (development), if it is no
     // less than place_evidence_fraction.
     double free_evidence_fraction = 0.25;
+    // Standard deviation of an effect's size from part to part of the runs, over its size, from which it is no cause
+    // (size_agreement.h): effects that a rig has differ by 0.05 and less there (29 of a seed, docs/gap.md).
+    double size_spread = 0.25;
     // Of what a perfect model would win, what effects must win to be told as a part of an unknown cause ...
     double partial_evidence_fraction = 0.2;
     // ... and what a free signal at one place must win to speak of one where no effect was found (development) ...
@@ -328,6 +331,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.closed_shrink_fraction);
   FAULTLINE_OPTION(verdict.named_matters_fraction);
   FAULTLINE_OPTION(verdict.free_evidence_fraction);
+  FAULTLINE_OPTION(verdict.size_spread);
   FAULTLINE_OPTION(verdict.partial_evidence_fraction);
   FAULTLINE_OPTION(verdict.place_evidence_fraction);
   FAULTLINE_OPTION(verdict.place_log_likelihood);

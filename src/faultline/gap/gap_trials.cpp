@@ -237,6 +237,10 @@ std::string GapTrials::runs_disagree(const FitResult& fit) const {
   return disagreement(model(), around_.linear->subset(learn_), fit);
 }
 
+std::vector<SizeAgreement> GapTrials::sizes_agree(const FitResult& fit) const {
+  return size_agreement(model(), fit, *around_.linear, settings_.jobs);
+}
+
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   std::function<void(double)> progress;
   if (progress_) progress = [&](double done) { progress_(from + (to - from) * done, "trying effects"); };
@@ -446,10 +450,11 @@ double GapTrials::learned_gain(const Structure& structure) const {
 
 double GapTrials::gain_of_input_noise(const FitResult& standing, const Structure& structure) const {
   const std::vector<Eigen::MatrixXf> plain = around_.linear->subset(learn_).at_model();
+  const std::vector<Eigen::MatrixXf> left = structure.around.linear->subset(learn_).at_model();
   const auto loss = [&](const Surroundings& around, const ModelChange& at) {
     const ResidualModel noisy = with_input_noise(*around.residuals, kInputNoise);
     return sum(robust(around.linear->subset(learn_).segment_losses(
-        placebo_residuals(noisy, at, learn_, plain, kOutputNoise, settings_.jobs))));
+        placebo_residuals(noisy, at, learn_, plain, left, kOutputNoise, settings_.jobs))));
   };
   return loss(around_, standing.model) - loss(structure.around, structure.fit.model);
 }

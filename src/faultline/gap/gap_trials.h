@@ -8,6 +8,7 @@
 
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/gap/fit_gap.h"
+#include "faultline/gap/size_agreement.h"
 #include "faultline/gap/split_runs.h"
 
 namespace faultline {
@@ -77,6 +78,9 @@ class GapTrials {
 
   // disagreement() of the runs to learn from, at what refit() or stand() just returned.
   std::string runs_disagree(const FitResult& fit) const;
+
+  // size_agreement() over all runs, at what refit() or stand() just returned.
+  std::vector<SizeAgreement> sizes_agree(const FitResult& fit) const;
 
   // Every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best
   // starting point or wherever on the way to it from no effect it should be better.

@@ -9,7 +9,8 @@ namespace faultline {
 
 double grid_step(const Recording& recording, std::size_t column, double resolution, const GapOptions::Grid& options) {
   std::vector<double> levels;
-  for (std::size_t k = 0; k < recording.rows(); ++k) levels.push_back(recording.at(k, column));
+  for (std::size_t k = 0; k < recording.rows(); ++k)
+    if (const double value = recording.at(k, column); std::isfinite(value)) levels.push_back(value);
   if (levels.empty()) return 0;
   std::sort(levels.begin(), levels.end());
   // A little more than the resolution, for the rounding of a quotient.

@@ -1,6 +1,7 @@
 #include "faultline/gap/input_noise.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "faultline/gap/linearisation.h"
 #include "faultline/numerics/random.h"
@@ -34,13 +35,20 @@ ResidualModel with_input_noise(const ResidualModel& residuals, std::uint64_t see
 
 std::vector<Eigen::MatrixXf> placebo_residuals(const ResidualModel& noisy, const ModelChange& model,
                                                const std::vector<std::size_t>& runs,
-                                               const std::vector<Eigen::MatrixXf>& plain, std::uint64_t seed,
-                                               int jobs) {
+                                               const std::vector<Eigen::MatrixXf>& plain,
+                                               const std::vector<Eigen::MatrixXf>& left, std::uint64_t seed, int jobs) {
   std::vector<Eigen::MatrixXf> result = residuals_of(noisy, model, runs, jobs);
   Random random(seed);
   for (std::size_t i = 0; i < result.size(); ++i) {
     result[i] -= plain[i];
-    for (float& value : result[i].reshaped()) value += static_cast<float>(random.normal());
+    const SegmentedRun& run = noisy.runs()[runs[i]];
+    const auto rows = static_cast<Eigen::Index>(run.segment);
+    for (const std::size_t restart : run.restarts)
+      for (Eigen::Index c = 0; c < result[i].cols(); ++c) {
+        const auto first = static_cast<Eigen::Index>(restart);
+        const float rms = left[i].col(c).segment(first, rows).norm() / std::sqrt(static_cast<float>(rows));
+        for (float& value : result[i].col(c).segment(first, rows)) value += rms * static_cast<float>(random.normal());
+      }
   }
   return result;
 }

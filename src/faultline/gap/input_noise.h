@@ -6,8 +6,10 @@
 //
 //   r(m) = y(m, u + n) - y(plain, u) + e        win = loss(r(plain)) - loss(r(with the effect))
 //
-// n: white, of the readings' own noise, smoothed as they were; e: of the outputs' noise. What an effect does by itself
-// counts against it here, so one that the rig does have wins nothing (the win is negative).
+// n: white, of the readings' own noise, smoothed as they were; e: white, in each segment as large as what the model with
+// the effect leaves of each output there. Losses are logarithms: with another e an effect that the rig has would not
+// lose here what it wins there. What an effect does by itself counts against it, so that it wins nothing (the win is
+// negative).
 #pragma once
 
 #include <cstdint>
@@ -26,9 +28,10 @@ bool has_noisy_inputs(const std::vector<SegmentedRun>& runs);
 ResidualModel with_input_noise(const ResidualModel& residuals, std::uint64_t seed);
 
 // r(m) of `noisy`, which is with_input_noise() of m's residuals; `plain`: normalised residuals of the model without the
-// effect over the same runs as they are.
+// effect over the same runs as they are; `left`: those of the model with it.
 std::vector<Eigen::MatrixXf> placebo_residuals(const ResidualModel& noisy, const ModelChange& model,
                                                const std::vector<std::size_t>& runs,
-                                               const std::vector<Eigen::MatrixXf>& plain, std::uint64_t seed, int jobs);
+                                               const std::vector<Eigen::MatrixXf>& plain,
+                                               const std::vector<Eigen::MatrixXf>& left, std::uint64_t seed, int jobs);
 
 }  // namespace faultline

@@ -26,7 +26,11 @@ ChannelGap channel_gap(const ResidualModel& model, std::size_t output) {
   return gap;
 }
 
-double deviation(const ResidualModel& model, std::size_t output) {
+struct Moments {
+  double readings = 0, deviation = 0;
+};
+
+Moments moments(const ResidualModel& model, std::size_t output) {
   double s = 0, s2 = 0, n = 0;
   for (const SegmentedRun& run : model.runs())
     for (std::size_t k = 0; k < run.recording.rows(); ++k) {
@@ -36,7 +40,7 @@ double deviation(const ResidualModel& model, std::size_t output) {
       s2 += v * v;
       n += 1;
     }
-  return n > 0 ? std::sqrt(std::max(s2 / n - s / n * s / n, 0.0)) : 0;
+  return {n, n > 0 ? std::sqrt(std::max(s2 / n - s / n * s / n, 0.0)) : 0};
 }
 
 Eigen::VectorXd column_squares(const Eigen::MatrixXf& residuals) {
@@ -60,18 +64,18 @@ GapLevel level(const ResidualModel& model, const std::string& name, const ModelC
     const std::size_t horizon = horizons[i / runs].second, r = i % runs;
     squares[i] = column_squares(horizon == 0 ? settled[r] : model.residuals(at, r, horizon));
   });
-  double rows = 0;
-  for (const Eigen::MatrixXf& residuals : settled) rows += static_cast<double>(residuals.rows());
+  std::vector<Moments> measured;
+  for (std::size_t o = 0; o < outputs; ++o) measured.push_back(moments(model, o));
   for (std::size_t h = 0; h < std::size(horizons); ++h) {
     const std::string key = horizons[h].first;
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(outputs));
     for (std::size_t r = 0; r < runs; ++r) sum += squares[h * runs + r];
     for (std::size_t o = 0; o < outputs; ++o) {
       ChannelGap& gap = result.channels[o];
-      const double square = sum[static_cast<Eigen::Index>(o)] / rows;
+      const double square = sum[static_cast<Eigen::Index>(o)] / std::max(measured[o].readings, 1.0);
       const double rms = gap.noise_std * std::sqrt(square);
       gap.rms[key] = rms;
-      gap.nrmse[key] = rms / std::max(deviation(model, o), 1e-300);
+      gap.nrmse[key] = rms / std::max(measured[o].deviation, 1e-300);
       gap.fit[key] = 100 * (1 - gap.nrmse[key]);
       if (key == "segment") {
         gap.excess = std::max(0.0, square - 1);
@@ -79,6 +83,9 @@ GapLevel level(const ResidualModel& model, const std::string& name, const ModelC
       }
     }
   }
+  // Of what nobody measured there is no gap.
+  for (std::size_t o = outputs; o-- > 0;)
+    if (measured[o].readings == 0) result.channels.erase(result.channels.begin() + static_cast<std::ptrdiff_t>(o));
   const Datasheet& sheet = model.sheet();
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
     if (at.parameters[i] != sheet.parameters[i].nominal)

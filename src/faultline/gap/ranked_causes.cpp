@@ -53,15 +53,23 @@ std::vector<RankedCause> rank_causes(const GapTrials& work, const EffectSearch& 
   const GapOptions::Verdict& options = work.options().verdict;
   std::vector<RankedCause> result;
   if (search.ranked.empty()) return result;
-  const Structure& best = search.ranked.front();
+  // The one that was taken stands first, though another may be ahead over segments (effect_search.cpp): that is level.
+  std::vector<const Structure*> structures;
+  for (const Structure& s : search.ranked) structures.push_back(&s);
+  if (const std::size_t first = position_of(search, 0); first < search.base.effects.size())
+    std::stable_partition(structures.begin(), structures.end(), [&](const Structure* s) {
+      return !s->score.empty() && same_effect(s->fit.effects.back(), search.base.effects[first]);
+    });
+  const Structure& best = *structures.front();
   const double whole = sum(search.plain.score) - sum(best.score);
   double weights = 0, last = 0;
-  for (const Structure& s : search.ranked) {
+  for (const Structure* structure : structures) {
+    const Structure& s = *structure;
     RankedCause cause;
     cause.effect = named(s.fit, s.fit.effects.size() - 1, s.apart, work.ninety_percent(), options);
     if (!s.score.empty()) {
       const std::vector<double> behind = minus(s.score, best.score);
-      cause.behind = sum(behind);
+      cause.behind = std::max(0.0, sum(behind));
       cause.standard_error = work.standard_error(behind);
       last = cause.behind;
     } else {

@@ -20,8 +20,10 @@ GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bo
 GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptions::Verdict& options) {
   GapVerdict result;
   const double perfect = std::max(evidence.perfect, 1e-9), effects = std::max(evidence.effects, 1e-9);
-  const double beside = evidence.free_after /
-                        std::max(options.free_evidence_fraction * effects, options.place_evidence_fraction * perfect);
+  // What stands against a name: a free signal that wins much beside it, or a size that is not the same everywhere.
+  const double beside = std::max(evidence.free_after / std::max(options.free_evidence_fraction * effects,
+                                                                options.place_evidence_fraction * perfect),
+                                 evidence.spread / options.size_spread);
   const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
   result.names = evidence.found && evidence.size > options.named_matters_fraction * matters &&
                  evidence.shrink > shrink && evidence.effects > options.material_evidence_fraction * perfect;

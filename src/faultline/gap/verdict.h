@@ -24,6 +24,7 @@ struct GapEvidence {
   double calibrated = 0;   // excess that the refit removed
   double left = 0;         // excess beside the effects on held-out data ...
   double quiet = 0;        // ... and that of a healthy rig
+  double spread = 0;       // of an effect's size from part to part of the runs, the largest: SizeAgreement
 };
 
 struct GapVerdict {

@@ -14,7 +14,23 @@ namespace {
 constexpr double kFewPeriods = 4;        // a longer step says nothing of the period: it need not be a multiple of it
 constexpr double kMostMissing = 3;       // rows over which commands and inputs are known well enough from both sides
 constexpr double kClockFraction = 2e-3;  // of a period, that is no other period: crystals are off by far less
+constexpr std::size_t kApart = 8;        // rows, over which jitter hardly moves a mean step and rows are seldom missing
+constexpr std::size_t kPhaseRows = 25;   // that tell where a grid lies: to a tenth of what the stamps jitter
 constexpr double kFollow = 0.1;          // of a deviation: averages jitter over ten rows, follows any clock's drift
+
+// Where the grid lies at a row at which it begins, from the stamps that follow as if none were missing: the row's own
+// stamp may be as late as any. Its own where they do not fit.
+double grid_at(const Recording& recording, std::size_t row, double period) {
+  const std::size_t rows = std::min(kPhaseRows, recording.rows() - row);
+  const auto phase = [&](std::size_t i) {
+    return recording.time[row + i] - recording.time[row] - static_cast<double>(i) * period;
+  };
+  double mean = 0;
+  for (std::size_t i = 0; i < rows; ++i) mean += phase(i) / static_cast<double>(rows);
+  for (std::size_t i = 0; i < rows; ++i)
+    if (std::abs(phase(i) - mean) > 0.5 * period) return recording.time[row];
+  return recording.time[row] + mean;
+}
 
 // Rows between the last of `to` and the first of `next`, which comes in `missing` + 1 periods.
 void fill(const Datasheet& sheet, const Sample& next, std::size_t missing, Recording& to) {
@@ -37,20 +53,28 @@ void fill(const Datasheet& sheet, const Sample& next, std::size_t missing, Recor
 }  // namespace
 
 double fitted_period(const Datasheet& sheet, const Recording& recording) {
+  const std::size_t rows = recording.rows(), apart = std::min(kApart, std::max<std::size_t>(rows, 1) - 1);
   std::vector<double> steps;
-  for (std::size_t k = 1; k < recording.rows(); ++k)
-    if (recording.time[k] > recording.time[k - 1]) steps.push_back(recording.time[k] - recording.time[k - 1]);
+  for (std::size_t k = apart; apart > 0 && k < rows; ++k)
+    if (recording.time[k] > recording.time[k - apart])
+      steps.push_back((recording.time[k] - recording.time[k - apart]) / static_cast<double>(apart));
   if (steps.empty()) return sheet.sample_period;
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
   const double typical = *middle;
-  double sum = 0, periods = 0;
-  for (const double step : steps) {
-    if (step > (kFewPeriods + 0.5) * typical) continue;
-    sum += step;
-    periods += std::round(step / typical);
+  // The grid is followed row by row: a single step may be nearly none or nearly two, and rows may be missing.
+  double sum = 0, periods = 0, expected = grid_at(recording, 0, typical);
+  for (std::size_t k = 1; k < rows; ++k) {
+    const double count = std::round((recording.time[k] - expected) / typical);
+    if (count < 1 || count > kFewPeriods) {
+      expected = grid_at(recording, k, typical);
+      continue;
+    }
+    sum += recording.time[k] - recording.time[k - 1];
+    periods += count;
+    expected += count * typical + kFollow * (recording.time[k] - expected - count * typical);
   }
-  const double period = sum / periods;
+  const double period = periods > 0 ? sum / periods : typical;
   return std::abs(period - sheet.sample_period) <= kClockFraction * sheet.sample_period ? sheet.sample_period : period;
 }
 
@@ -73,7 +97,7 @@ EvenRows even_rows(const Datasheet& sheet, Recording recording, double period, c
   Recording& to = result.recording;
   to.rig = recording.rig;
   to.channels = recording.channels;
-  double expected = recording.rows() > 0 ? recording.time.front() : 0;
+  double expected = recording.rows() > 0 ? grid_at(recording, 0, period) : 0;
   for (std::size_t k = 0; k < recording.rows(); ++k) {
     const Sample row = recording.sample(k);
     if (k > 0) {
@@ -89,7 +113,7 @@ EvenRows even_rows(const Datasheet& sheet, Recording recording, double period, c
           result.first_break = fmt::format("{:g} s between the samples at {:.3f} s", row.time - recording.time[k - 1],
                                            row.time - recording.time.front());
         result.breaks.push_back(to.rows());
-        expected = row.time;
+        expected = grid_at(recording, k, period);
       }
     }
     to.append(row);

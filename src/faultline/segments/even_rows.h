@@ -1,8 +1,8 @@
 // A recording's rows on the even grid that a model is driven over.
 //
-//   T       sum of steps / sum of round(step/T~), of steps up to 4 T~    T~: the median step
+//   T       sum of steps / sum of n, of rows with n up to 4 at T~    T~: the median over eight steps, each
 //   e_k     time of the grid at row k: e_(k-1) + n T + 0.1 d_k,  n = round((t_k - e_(k-1)) / T),
-//           d_k = t_k - e_(k-1) - n T
+//           d_k = t_k - e_(k-1) - n T; where the grid begins: the mean of 25 stamps there
 //
 // Stamps that jitter about the grid by less than `period_error_fraction` of a period are taken as lying on it: the time
 // at which a stamp was written is less even than that at which its sample was taken. Up to 3 rows that are missing are

@@ -35,8 +35,9 @@ struct SegmentOptions {
   double smoothing_segment_fraction = 0.1;
   // Residuals are cut at this many sigmas: finite where a model diverges, beyond anything a sensor shows.
   double largest_residual_sigma = 1e4;
-  // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit.
-  double least_noise_fraction = 0.3;
+  // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit,
+  // and a transducer that is five times better than its datasheet must.
+  double least_noise_fraction = 0.1;
   // Deviation of a stamp from the grid of the run's period, as a fraction of it, up to which it is jitter: beyond a
   // half it would be nearer to the next place.
   double period_error_fraction = 0.45;

@@ -15,11 +15,39 @@ namespace {
 
 constexpr double kSmallestNoise = 1e-12;  // of a channel's range: a guard where the noise is 0
 constexpr std::size_t kFewestRows = 4;    // of a segment: a start and what it leads to
+constexpr double kBeyond = 0.01;          // of a channel's range, from which a reading outside is none and no bound
+constexpr double kFast = 0.5;             // of the rig's fastest time scale, that lies between two samples
 constexpr double kSlower = 1.01;          // than the datasheet's period: a slower one there is its author's word
 
 double smallest_noise(const Channel& channel, const SegmentOptions& options) {
   return std::max({options.least_noise_fraction * channel.noise_std, channel.resolution / std::sqrt(12.0),
                    kSmallestNoise * (channel.maximum - channel.minimum)});
+}
+
+// What no transducer of that range shows - a wire that is off for a moment, a digit that is lost - is missing.
+void drop_strays(const Datasheet& sheet, Recording& recording) {
+  for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
+    const Channel& channel = sheet.channels[c];
+    const double beyond = kBeyond * (channel.maximum - channel.minimum);
+    if (channel.role != Role::output || channel.ground_truth || !std::isfinite(beyond)) continue;
+    for (std::size_t k = 0; k < recording.rows(); ++k)
+      if (double& value = recording.values[k * recording.columns() + c];
+          value < channel.minimum - beyond || value > channel.maximum + beyond)
+        value = std::nan("");
+  }
+}
+
+// "; 12 readings are missing (position 10, velocity 2)"; empty where there are none. `counts`: per output.
+std::string told(const Datasheet& sheet, const std::vector<int>& outputs, const std::vector<std::size_t>& counts,
+                 const std::string& what) {
+  std::size_t all = 0;
+  std::vector<std::string> names;
+  for (std::size_t o = 0; o < counts.size(); ++o) {
+    if (counts[o] == 0) continue;
+    all += counts[o];
+    names.push_back(fmt::format("{} {}", sheet.channels[static_cast<std::size_t>(outputs[o])].name, counts[o]));
+  }
+  return all == 0 ? "" : fmt::format("; {} {} ({})", all, what, fmt::join(names, ", "));
 }
 
 // Why the model cannot be driven over a row; null where it can.
@@ -109,6 +137,7 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
   run.segment = std::max(kFewestRows, static_cast<std::size_t>(std::lround(segment / run.period)));
   EvenRows even = even_rows(sheet, std::move(recording), run.period, options);
   run.recording = std::move(even.recording);
+  drop_strays(sheet, run.recording);
   const Breaks breaks = find_breaks(sheet, run, even);
   run.stretches = breaks.stretches;
 
@@ -128,19 +157,21 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
     smooth_inputs(sheet, run.recording, stretch.first, stretch.last, widest_window(run, options), noise, options);
 
   const std::vector<int> outputs = compared_outputs(sheet);
-  std::size_t used = 0, missing = 0, bounds = 0;
+  std::size_t used = 0;
+  std::vector<std::size_t> missing(outputs.size(), 0), bounds = missing;
   for (const Stretched& stretch : run.stretches)
     for (std::size_t k = stretch.first; k + run.segment <= stretch.last; k += run.segment) {
-      std::size_t counted = 0, lost = 0;
-      for (const int output : outputs)
+      std::size_t counted = 0;
+      for (std::size_t o = 0; o < outputs.size(); ++o)
         for (std::size_t i = k; i < k + run.segment; ++i) {
-          const double value = run.recording.at(i, static_cast<std::size_t>(output));
-          counted += measures(sheet.channels[static_cast<std::size_t>(output)], value);
-          lost += !std::isfinite(value);
+          const auto c = static_cast<std::size_t>(outputs[o]);
+          const double value = run.recording.at(i, c);
+          const bool good = measures(sheet.channels[c], value), there = std::isfinite(value);
+          counted += good;
+          missing[o] += !there;
+          bounds[o] += there && !good;
         }
       const std::size_t all = run.segment * outputs.size();
-      missing += lost;
-      bounds += all - counted - lost;
       run.restarts.push_back(k);
       run.counted.push_back(
           std::max(static_cast<double>(counted), options.least_counted_fraction * static_cast<double>(all)));
@@ -153,18 +184,19 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
                     "datasheet a shorter segment, or bring the samples to an even rate (import --resample)",
                     name, static_cast<double>(run.segment) * run.period, run.recording.rows(), why));
   std::string slow;
-  if (run.period > kSlower * sheet.sample_period && run.period > time_scales(sheet).fastest_s)
+  if (run.period > kSlower * sheet.sample_period && run.period > kFast * time_scales(sheet).fastest_s)
     slow = fmt::format(
-        "{}: samples every {:g} s are slower than the rig's fastest motion: what lies between them is "
+        "{}: samples every {:g} s are slow against the rig's fastest motion: what lies between them is "
         "taken as straight, and answers may be off by more than their intervals",
         name, run.period);
-  if (breaks.count > 0 || even.filled > 0 || missing > 0 || bounds > 0) {
+  const std::string lost = told(sheet, outputs, missing, "readings are missing"),
+                    at_ends = told(sheet, outputs, bounds, "readings at an end of their range count as bounds");
+  if (breaks.count > 0 || even.filled > 0 || !lost.empty() || !at_ends.empty()) {
     run.remark = fmt::format("{}: {} of {} samples lie in {} segments that are used", name, used, run.recording.rows(),
                              run.restarts.size());
     if (breaks.count > 0) run.remark += fmt::format("; {} breaks, the first: {}", breaks.count, breaks.first);
     if (even.filled > 0) run.remark += fmt::format("; {} rows were put in where single ones are missing", even.filled);
-    if (missing > 0) run.remark += fmt::format("; {} readings are missing", missing);
-    if (bounds > 0) run.remark += fmt::format("; {} readings at an end of their range count as bounds", bounds);
+    run.remark += lost + at_ends;
   }
   if (!slow.empty()) run.remark += (run.remark.empty() ? "" : "; ") + slow;
   return run;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace faultline {
 namespace {
@@ -60,6 +61,27 @@ Quadratic quadratic(const Recording& recording, std::size_t row, std::size_t cen
   return result;
 }
 
+// What a reading that is missing would have been: the quadratic over the nearest window that describes the signal and
+// ends beside what is missing.
+std::optional<Smoothed> from_beside(const Recording& recording, std::size_t row, std::size_t column, std::size_t first,
+                                    std::size_t last, double noise, std::size_t widest, const SegmentOptions& options) {
+  std::optional<Smoothed> best;
+  for (const std::size_t w : options.start_half_width_samples) {
+    if (w > widest || last - first < 2 * w + 1) continue;
+    const Window window(w);
+    for (std::size_t missing = 1; missing <= w; ++missing)
+      for (const bool after : {true, false}) {
+        const std::size_t away = w + missing;
+        if (after ? row + away + w >= last : row < first + away + w) continue;
+        const Quadratic q = quadratic(recording, row, after ? row + away : row - away, window, column, noise);
+        if (q.misfit < options.start_misfit_variances * noise * noise * (window.s0 - 3) &&
+            (!best || q.at.std < best->std))
+          best = q.at;
+      }
+  }
+  return best;
+}
+
 }  // namespace
 
 bool measures(const Channel& channel, double value) { return value > channel.minimum && value < channel.maximum; }
@@ -95,6 +117,10 @@ Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t colum
     result.slope = best.at.slope;
     result.slope_std = best.at.slope_std;
     break;
+  }
+  if (!std::isfinite(value)) {
+    if (const std::optional<Smoothed> beside = from_beside(recording, row, column, first, last, noise, widest, options))
+      return *beside;
   }
   return result;
 }
