@@ -344,7 +344,7 @@ class BadInput(ProgramTest):
         run = self.simulate("a.bag")
         (self.folder / "link.bag").symlink_to(self.folder / "a.bag")
         self.complains(["gap", run, run], "a.bag", "given twice as RUN", "once")
-        self.complains(["gap", run, "link.bag"], "link.bag", "given twice as RUN, as a.bag too")
+        self.complains(["gap", run, "link.bag"], "link.bag", "given twice as RUN, as ", "a.bag too")
         self.complains(["gap", run, "--holdout", "link.bag"], "RUN and as --holdout")
         self.complains(["fit", "servo_actuator", run, run], "a.bag", "given twice")
 

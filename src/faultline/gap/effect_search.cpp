@@ -301,8 +301,17 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     } else {
       break;
     }
-    followed.push_back(structures);
+    const EffectSearch before = search;
+    const GapTrials::Standing standing = work.standing();
     search.base = work.refit(best);
+    // What makes up for what is left in each part by another size is no further cause.
+    if (!before.base.effects.empty() &&
+        work.sizes_agree(search.base).back().spread > work.options().verdict.size_spread) {
+      search = before;
+      work.come_back(standing);
+      break;
+    }
+    followed.push_back(structures);
     search.base.covariance = best.fit.covariance;
     search.round_of.push_back(static_cast<std::size_t>(round));
     search.apart.push_back(best.apart);
