@@ -121,6 +121,39 @@ TEST(EffectSearch, NothingWhereNothingIsMissing) {
   EXPECT_EQ(search.apart.size(), 0u);
 }
 
+// On a rig whose transducers are far better than their datasheet nothing is taken for the noise of its measured inputs.
+TEST(EffectSearch, FindsBothOfTwoBesideQuietTransducers) {
+  Datasheet quiet = servo();
+  for (Channel& channel : quiet.channels) channel.noise_std *= 0.02, channel.resolution *= 0.02;
+  std::vector<SegmentedRun> runs;
+  for (const char* profile : {"multisine", "steps"}) {
+    SimulationSetup setup = servo_setup(profile, 11 + runs.size());
+    setup.parameters = draw_parameters(servo(), 11);
+    setup.effects = {parse_effect("deadband@restriction.valve:width=0.05"),
+                     parse_effect("offset@sensor.chamber_b_pressure:value=6000")};
+    runs.push_back(cut_run(servo(), profile, simulate(quiet, setup, 6), kSegment));
+  }
+  const GapSettings settings = among({"restriction.valve", "sensor.chamber_b_pressure"});
+  GapTrials work(servo(), std::move(runs), kFolds, {0, 1}, settings, kSilent);
+  const EffectSearch search = search_effects(work, 3, 0.05);
+  EXPECT_NE(found(search).find("deadband@restriction.valve"), std::string::npos) << found(search);
+  EXPECT_NE(found(search).find("offset@sensor.chamber_b_pressure"), std::string::npos) << found(search);
+}
+
+// Two laws at one place: what a hair's breadth from sample to sample says does not count against much over segments.
+TEST(EffectSearch, OfTwoLawsTheOneIsTakenThatDoesBestInBoth) {
+  std::vector<SegmentedRun> runs;
+  for (const char* profile : {"multisine", "random"}) {
+    SimulationSetup setup = servo_setup(profile, 5 + runs.size());
+    setup.parameters = servo().nominal();
+    setup.effects = {parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=3e-9")};
+    runs.push_back(cut_run(servo(), profile, simulate(servo(), setup, 12), kSegment));
+  }
+  const GapSettings settings = among({"flow.chamber_a_chamber_b"});
+  GapTrials work(servo(), std::move(runs), kFolds, {0, 1}, settings, kSilent);
+  EXPECT_EQ(found(search_effects(work, 1, 0.05)), "orifice_leakage@flow.chamber_a_chamber_b ");
+}
+
 // From a starting point far off, the play has a valley that a Gauss-Newton step does not find.
 TEST(EffectSearch, FindsAPlay) {
   const EffectSearch search =
