@@ -109,6 +109,18 @@ TEST(CutRun, EndsSegmentsAtGapsAndAtMissingCommands) {
   ASSERT_EQ(cut.stretches.size(), 2u);
   EXPECT_EQ(cut.stretches[1].first, 1201u);
   EXPECT_NE(cut.remark.find("valve_command"), std::string::npos) << cut.remark;
+
+  lost.values[1200 * lost.columns() + column("valve_command")] = 50;  // no such command is possible
+  EXPECT_EQ(cut_run(servo(), "a.bag", lost, kSegment).stretches.size(), 2u);
+  for (std::size_t k = 0; k < lost.rows(); ++k)
+    lost.values[k * lost.columns() + column("supply_pressure")] = std::nan("");
+  try {
+    cut_run(servo(), "a.bag", lost, kSegment);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("supply_pressure is missing"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("record it"), std::string::npos) << error.what();
+  }
 }
 
 TEST(CutRun, LeavesReadingsOutThatAreMissingOrBounds) {

@@ -24,12 +24,13 @@ double smallest_noise(const Channel& channel, const SegmentOptions& options) {
                    kSmallestNoise * (channel.maximum - channel.minimum)});
 }
 
-// What no transducer of that range shows - a wire that is off for a moment, a digit that is lost - is missing.
+// What no transducer of that range shows and no command can be - a wire that is off for a moment, a digit that is lost -
+// is missing.
 void drop_strays(const Datasheet& sheet, Recording& recording) {
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     const Channel& channel = sheet.channels[c];
     const double beyond = kBeyond * (channel.maximum - channel.minimum);
-    if (channel.role != Role::output || channel.ground_truth || !std::isfinite(beyond)) continue;
+    if (channel.role == Role::setpoint || channel.ground_truth || !std::isfinite(beyond)) continue;
     for (std::size_t k = 0; k < recording.rows(); ++k)
       if (double& value = recording.values[k * recording.columns() + c];
           value < channel.minimum - beyond || value > channel.maximum + beyond)
@@ -63,7 +64,8 @@ const Channel* missing_drive(const Datasheet& sheet, const Recording& recording,
 struct Breaks {
   std::vector<Stretched> stretches;
   std::size_t count = 0;
-  std::string first;  // the first one, in words
+  std::size_t drives_missing = 0;  // of them, where a command or input is
+  std::string first;               // the first one, in words
 };
 
 Breaks find_breaks(const Datasheet& sheet, const SegmentedRun& run, const EvenRows& even) {
@@ -85,7 +87,9 @@ Breaks find_breaks(const Datasheet& sheet, const SegmentedRun& run, const EvenRo
       first = k;
     }
     if (const Channel* missing = missing_drive(sheet, r, k)) {
-      note(fmt::format("channel {} is not a number at {:.3f} s", missing->name, r.time[k] - r.time.front()));
+      note(fmt::format("channel {} is missing or outside its range {:g}..{:g} {} at {:.3f} s", missing->name,
+                       missing->minimum, missing->maximum, missing->unit, r.time[k] - r.time.front()));
+      found.drives_missing += 1;
       end(k);
       first = k + 1;
     }
@@ -179,10 +183,13 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
     }
   const std::string why = breaks.count > 0 ? "; " + breaks.first : "";
   if (run.restarts.empty())
-    throw InputError(
-        fmt::format("{}: no {:g} s without a break are in it ({} samples){}; record longer, give the "
-                    "datasheet a shorter segment, or bring the samples to an even rate (import --resample)",
-                    name, static_cast<double>(run.segment) * run.period, run.recording.rows(), why));
+    throw InputError(fmt::format(
+        "{}: no {:g} s without a break are in it ({} samples){}; {}", name,
+        static_cast<double>(run.segment) * run.period, run.recording.rows(), why,
+        2 * breaks.drives_missing > breaks.count
+            ? "the model is driven by that channel: record it, or set its range right in the datasheet"
+            : "record longer, give the datasheet a shorter segment, or bring the samples to an even rate (import "
+              "--resample)"));
   std::string slow;
   if (run.period > kSlower * sheet.sample_period && run.period > kFast * time_scales(sheet).fastest_s)
     slow = fmt::format(
