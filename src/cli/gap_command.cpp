@@ -162,6 +162,7 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
   json["evidence"] = {{"found", evidence.found},
                       {"plain", evidence.plain},
                       {"shrink", evidence.shrink},
+                      {"shrink_low", evidence.shrink_low},
                       {"perfect", evidence.perfect},
                       {"effects", evidence.effects},
                       {"free_before", evidence.free_before},

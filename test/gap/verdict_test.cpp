@@ -95,6 +95,9 @@ TEST(Verdict, ASizeThatChangesIsNoCause) {
   evidence.spread = 0.1;
   const GapOptions::Verdict options;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.shrink_low = -0.1;  // it rests on a single segment
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "none");
+  evidence.shrink_low = 0.5;
   evidence.spread = 0.4;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
   EXPECT_TRUE(judge_gap(evidence, 0.01, options).names);

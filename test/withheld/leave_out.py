@@ -53,6 +53,7 @@ def judged(evidence, options):
         e["found"]
         and e["size"] > o["named_matters_fraction"] * e["matters"]
         and e["shrink"] > shrink
+        and e.get("shrink_low", 1.0) > 0
         and e["effects"] > o["material_evidence_fraction"] * perfect
     )
     large = e["size"] > e["matters"] and e["excess"] > o["material_excess_variances"]

@@ -174,6 +174,7 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   evidence.plain = std::all_of(search.base.effects.begin(), search.base.effects.end(),
                                [](const Candidate& candidate) { return restarts_freely(candidate.effect); });
   evidence.shrink = result.shrink_refit;
+  evidence.shrink_low = result.shrink_interval.low;
   evidence.size = gap_size(result.gap[1]);
   evidence.excess = result.gap[1].excess;
   evidence.calibrated = nominal_excess - refit_excess;

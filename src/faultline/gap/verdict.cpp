@@ -26,7 +26,8 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
                                  evidence.spread / options.size_spread);
   const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
   result.names = evidence.found && evidence.size > options.named_matters_fraction * matters &&
-                 evidence.shrink > shrink && evidence.effects > options.material_evidence_fraction * perfect;
+                 evidence.shrink > shrink && evidence.shrink_low > 0 &&
+                 evidence.effects > options.material_evidence_fraction * perfect;
   // Without a name that holds: a signal at one place that wins much of a gap that matters tells a cause, or a gap that
   // is too large for a model whose structure fits.
   const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
