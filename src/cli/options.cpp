@@ -121,7 +121,7 @@ void check_files(const CLI::App& app) {
       if (!same_file(input->path, other->path)) continue;
       if (input->option != other->option)
         throw InputError(fmt::format("{}: this file is given as {} and as {}; take another for one of them",
-                                     input->file, input->option, other->option));
+                                     input->file, other->option, input->option));
       throw InputError(fmt::format("{}: this file is given twice as {}{}; give it once", input->file, input->option,
                                    other->file == input->file ? "" : ", as " + other->file + " too"));
     }

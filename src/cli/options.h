@@ -20,9 +20,9 @@ CLI::Option* add_output(CLI::App& app, const std::string& name, std::string& fil
 // Text, for which - is standard output.
 CLI::Option* add_text_output(CLI::App& app, const std::string& name, std::string& file, const std::string& meaning);
 
-// InputError where an option's value is empty, a file is read as two things or twice, an output is an input (also by a link, or
-// one of the program's own datasheets), two outputs are one file, or an output cannot be written. To be called when all
-// options are read; nothing is written.
+// InputError where an option's value is empty, a file is read as two things or twice, an output is an input (also by a
+// link, or one of the program's own datasheets), two outputs are one file, or an output cannot be written. To be called
+// when all options are read; nothing is written.
 void check_files(const CLI::App& app);
 
 CLI::Validator number_between(double low, double high);

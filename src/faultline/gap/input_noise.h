@@ -6,10 +6,10 @@
 //
 //   r(m) = y(m, u + n) - y(plain, u) + e        win = loss(r(plain)) - loss(r(with the effect))
 //
-// n: white, of the readings' own noise, smoothed as they were; e: white, in each segment as large as what the model with
-// the effect leaves of each output there. Losses are logarithms: with another e an effect that the rig has would not
-// lose here what it wins there. What an effect does by itself counts against it, so that it wins nothing (the win is
-// negative).
+// n: white, of the readings' own noise, smoothed as they were; e: white, in each segment as large as what the model
+// with the effect leaves of each output there. Losses are logarithms: with another e an effect that the rig has would
+// not lose here what it wins there. What an effect does by itself counts against it, so that it wins nothing (the win
+// is negative).
 #pragma once
 
 #include <cstdint>

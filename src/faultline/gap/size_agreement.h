@@ -5,8 +5,8 @@
 //   a_p = 1 - D' W r / D' W D over the segments of part p, variance s_p^2 = k / D' W D
 //
 // with the parameters and all other effects as they were fitted, W of linearisation.h, and k samples of a misfit that
-// say the same. Parts are runs, long ones in pieces. Those count that hold a tenth of what the part that shows the effect
-// best does.
+// say the same. Parts are runs, long ones in pieces. Those count that hold a tenth of what the part that shows the
+// effect best does.
 #pragma once
 
 #include "faultline/gap/fit_gap.h"

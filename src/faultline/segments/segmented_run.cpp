@@ -24,8 +24,8 @@ double smallest_noise(const Channel& channel, const SegmentOptions& options) {
                    kSmallestNoise * (channel.maximum - channel.minimum)});
 }
 
-// What no transducer of that range shows and no command can be - a wire that is off for a moment, a digit that is lost -
-// is missing.
+// What no transducer of that range shows and no command can be - a wire that is off for a moment, a digit that is
+// lost - is missing.
 void drop_strays(const Datasheet& sheet, Recording& recording) {
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     const Channel& channel = sheet.channels[c];

@@ -25,7 +25,8 @@ struct Smoothed {
 
 // At a row, from rows first .. last - 1 only. Where no window around it describes the signal (a spool that jumps, an
 // end of the rows), the sample itself, with the slope at the end of a window on one side that does. A sample that is
-// missing is what the quadratic beside it says it was. Not a number where there is none, and at an end of the range. `widest`: samples on each side, at most. `noise`: of a sample.
+// missing is what the quadratic beside it says it was. Not a number where there is none, and at an end of the range.
+// `widest`: samples on each side, at most. `noise`: of a sample.
 Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t column, std::size_t first, std::size_t last,
                   double noise, std::size_t widest, const SegmentOptions& options);
 
