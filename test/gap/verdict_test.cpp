@@ -101,6 +101,9 @@ TEST(Verdict, ASizeThatChangesIsNoCause) {
   evidence.spread = 0.4;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
   EXPECT_TRUE(judge_gap(evidence, 0.01, options).names);
+  // Nor is it a part of something unknown where the gap is too small to have a cause.
+  evidence.effects = 900;
+  EXPECT_EQ(judge_gap(evidence, 2, options).verdict, "none");
 }
 
 // A place is spoken of where its signal wins a tenth of the whole: less is a part that no place explains.

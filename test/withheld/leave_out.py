@@ -66,7 +66,8 @@ def judged(evidence, options):
     closed = e["left"] < e["quiet"] and e["shrink"] > o["closed_shrink_fraction"]
     if names and (beside <= 1 or closed):
         return "named"
-    part = names and (large or e["effects"] > o["partial_evidence_fraction"] * perfect)
+    part = names and e["size"] > e["matters"]
+    part = part and (large or e["effects"] > o["partial_evidence_fraction"] * perfect)
     return "unknown" if (max(beside, silent) if part else silent) > 1 else "silent"
 
 

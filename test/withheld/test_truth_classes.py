@@ -240,6 +240,7 @@ class Tables(unittest.TestCase):
         self.assertEqual(judged(free_after=21.0), "unknown")
         self.assertEqual(judged(free_after=21.0, left=0.04, shrink=0.95), "named")
         self.assertEqual(judged(spread=0.3), "unknown")
+        self.assertEqual(judged(spread=0.3, size=0.009), "silent")
         self.assertEqual(judged(shrink_low=-0.1, free_before=0.0), "silent")
         self.assertEqual(judged(found=False, effects=0.0), "unknown")
         self.assertEqual(judged(found=False, effects=0.0, size=0.009, excess=40.0), "silent")

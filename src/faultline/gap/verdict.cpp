@@ -43,8 +43,9 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
     result.doubt = std::min(beside, 1.0);
     return result;
   }
-  // Effects that win much and leave much are a part of the cause.
-  const bool part = result.names && (large || evidence.effects > options.partial_evidence_fraction * perfect);
+  // Effects that win much and leave much are a part of the cause, in a gap that must have one.
+  const bool part = result.names && evidence.size > matters &&
+                    (large || evidence.effects > options.partial_evidence_fraction * perfect);
   result.doubt = part ? std::max(beside, silent) : silent;
   result.names = part || (result.names && silent > 1);
   result.placed = result.names || place > 1;
