@@ -77,15 +77,14 @@ GapLevel level(const ResidualModel& model, const std::string& name, const ModelC
       gap.rms[key] = rms;
       gap.nrmse[key] = rms / std::max(measured[o].deviation, 1e-300);
       gap.fit[key] = 100 * (1 - gap.nrmse[key]);
-      if (key == "segment") {
-        gap.excess = std::max(0.0, square - 1);
-        result.excess += gap.excess / static_cast<double>(outputs);
-      }
+      if (key == "segment") gap.excess = std::max(0.0, square - 1);
     }
   }
   // Of what nobody measured there is no gap.
   for (std::size_t o = outputs; o-- > 0;)
     if (measured[o].readings == 0) result.channels.erase(result.channels.begin() + static_cast<std::ptrdiff_t>(o));
+  for (const ChannelGap& gap : result.channels)
+    result.excess += gap.excess / static_cast<double>(result.channels.size());
   const Datasheet& sheet = model.sheet();
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
     if (at.parameters[i] != sheet.parameters[i].nominal)

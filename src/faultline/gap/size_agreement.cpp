@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "faultline/attribution/fault_hypothesis.h"
-#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {
