@@ -18,9 +18,10 @@
 namespace faultline {
 namespace {
 
+constexpr std::size_t kRows = 2000;  // of a scalar model
+
 // One state x' = 0.9 x + 0.1 u + w, y = x + v, with a slow u.
 StochasticModel scalar_model(double level, std::uint64_t seed, std::vector<double>* signal = nullptr) {
-  constexpr std::size_t kRows = 2000;
   Random random(seed);
   StochasticModel model;
   model.step = 0.01;
@@ -42,6 +43,7 @@ StochasticModel scalar_model(double level, std::uint64_t seed, std::vector<doubl
     if (i + 1 == kRows) break;
     stretch.f.push_back(Eigen::MatrixXd::Constant(1, 1, 0.9));
     stretch.defect.push_back(Eigen::VectorXd::Zero(1));
+    stretch.bend.push_back(Eigen::VectorXd::Zero(1));
     stretch.lost.push_back(0);
     x = 0.9 * x + 0.1 * u + 0.01 * random.normal();
     u = keep * u + level * std::sqrt(1 - keep * keep) * random.normal();
@@ -101,6 +103,7 @@ TEST(FreeSignalFilter, HasTheLikelihoodOfAllReadingsTogether) {
     if (i + 1 == kSteps) break;
     stretch.f.push_back(0.5 * drawn(kStates, kStates));
     stretch.defect.push_back(drawn(kStates, 1));
+    stretch.bend.push_back(drawn(kStates, 1).cwiseAbs2());
     stretch.lost.push_back(0);
   }
   stretch.misfit[2][1] = stretch.misfit[4][0] = std::nan("");
@@ -142,6 +145,7 @@ TEST(FreeSignalFilter, HasTheLikelihoodOfAllReadingsTogether) {
       for (Eigen::MatrixXd& c : cross) c = (map * c).eval();
       here = (map * here * map.transpose()).eval();
       here.diagonal() += Eigen::Vector3d(q[0], q[1], 0.49 * (1 - keep * keep));
+      here.diagonal().head(2) += stretch.bend[i];
     }
     std::vector<Eigen::Index> counts;
     for (Eigen::Index i = 0; i < off.size(); ++i)
@@ -192,6 +196,28 @@ TEST(FreeSignalFilter, SmoothingGivesTheSignalAndItsSpread) {
   EXPECT_NEAR(std::sqrt(found.q[0]), 0.01, 0.004);
 }
 
+// Steps of which the linear model says less than of the others are no process noise, though they miss much more.
+TEST(FreeSignalFilter, WhatALinearModelLeavesOutIsNoProcessNoise) {
+  StochasticModel model = scalar_model(0, 7);
+  StochasticStretch& stretch = model.stretches[0];
+  Random random(11);
+  for (std::size_t i = 0; i + 1 < kRows; ++i) {
+    if (i % 5 != 0) continue;
+    const double jump = 0.1 * random.normal();
+    stretch.bend[i][0] = 0.01;
+    double left = jump;
+    for (std::size_t k = i + 1; k < kRows; ++k, left *= 0.9) stretch.misfit[k][0] += 10 * left;
+  }
+  const auto settled = [](const StochasticModel& m) {
+    Eigen::VectorXd q = Eigen::VectorXd::Constant(1, 1e-3);
+    for (int i = 0; i < 300; ++i) q = smooth(m, q, {}).q;
+    return std::sqrt(q[0]);
+  };
+  EXPECT_NEAR(settled(model), 0.01, 0.004);
+  for (Eigen::VectorXd& bend : stretch.bend) bend.setZero();
+  EXPECT_GT(settled(model), 0.02);
+}
+
 // A step that the model did not survive hides nothing of the others.
 TEST(FreeSignalFilter, BeginsAnewAfterALostStep) {
   StochasticModel model = scalar_model(0, 6);
@@ -240,6 +266,20 @@ TEST(SignalScan, LeavesOutReadingsThatDoNotCount) {
     const double exact = loss(model, 1e-4, {}) - likeliest(model, 1e-4, found.signal);
     EXPECT_NEAR(found.gain, exact, 0.35 * exact) << found.signal.port;
   }
+}
+
+// With transducers far better than a rig's own, where the piston turns is what a linear model knows least of.
+TEST(Discrepancy, IsSmallWhereDryFrictionTurnsToo) {
+  Datasheet quiet = servo();
+  for (Channel& channel : quiet.channels) channel.noise_std /= 5, channel.resolution /= 5;
+  std::vector<SegmentedRun> runs;
+  for (const std::uint64_t seed : {3u, 4u}) {
+    runs.push_back(cut_run(quiet, "multisine", simulate(quiet, servo_setup("multisine", seed), 6), 0.25));
+  }
+  const ResidualModel residuals(quiet, std::move(runs));
+  const Discrepancy found = find_discrepancy(residuals, {quiet.nominal(), {}}, {0, 1}, 2, Places::free);
+  EXPECT_LT(found.places.front().gain, 0.01 * found.readings);
+  EXPECT_LT(found.loss, 0.15 * found.readings);
 }
 
 ResidualModel driven_by(const std::string& effect) {

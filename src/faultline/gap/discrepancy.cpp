@@ -76,6 +76,10 @@ void let_in(const ResidualModel& residuals, const FreePlace& noise, StochasticMo
       defect.conservativeResize(n + 1);
       defect[n] = 0;
     }
+    for (Eigen::VectorXd& bend : stretch.bend) {
+      bend.conservativeResize(n + 1);
+      bend[n] = 0;
+    }
     for (Eigen::MatrixXd& drive : stretch.port_drives) {
       if (drive.size() == 0) continue;
       drive.conservativeResize(n + 1, Eigen::NoChange);
@@ -144,7 +148,7 @@ FittedProcess fit_process(const ResidualModel& residuals, const ModelChange& cha
     // What a linear model says of a course far away may be nonsense there: a flow sensor that is stuck asks for an
     // opening that no valve has.
     StochasticModel moved = model;
-    move_reference(residuals, change, course.states, jobs, moved);
+    move_reference(residuals, change, course.states, course.known, jobs, moved);
     if (!(loss(moved) < loss(model))) break;
     model = std::move(moved);
   }

@@ -135,7 +135,7 @@ class Filter {
     x_.head(states_) += stretch_.defect[i];
     product_.noalias() = map_.lazyProduct(p_);
     p_.noalias() = product_.lazyProduct(map_.transpose());
-    p_.diagonal().head(states_) += q_;
+    p_.diagonal().head(states_) += q_ + stretch_.bend[i];
     if (stretch_.lost[i]) p_.diagonal().head(states_).array() += 1;
     if (with_) p_(states_, states_) += signal_.level * signal_.level * (1 - keep_ * keep_);
     p_ = 0.5 * (p_ + p_.transpose().eval());
@@ -255,6 +255,7 @@ struct SmoothedStretch {
   Eigen::MatrixXd course;  // states and signal x rows
   Eigen::VectorXd spread;
   std::vector<Eigen::VectorXd> squares;  // per block: mean squared process noise
+  Eigen::VectorXd known;                 // mean variance of the states after a row's readings
 };
 
 template <int Most>
@@ -274,7 +275,9 @@ SmoothedStretch smooth_stretch(const StochasticModel& model, const StochasticStr
              });
   const auto rows = static_cast<Eigen::Index>(stretch.rows.size());
   const Eigen::Index n = passed.front().after.size();
-  SmoothedStretch result{Eigen::MatrixXd(n, rows), Eigen::VectorXd::Zero(rows), {}};
+  SmoothedStretch result{Eigen::MatrixXd(n, rows), Eigen::VectorXd::Zero(rows), {}, Eigen::VectorXd::Zero(states)};
+  for (const FilteredRow& row : passed) result.known += row.after_covariance.diagonal().head(states);
+  result.known /= static_cast<double>(rows);
   std::vector<Eigen::VectorXd> sums(blocks_of(model, stretch), Eigen::VectorXd::Zero(n));
   std::vector<double> counts(sums.size(), 0);
   Vector x = passed.back().after;
@@ -295,7 +298,13 @@ SmoothedStretch smooth_stretch(const StochasticModel& model, const StochasticStr
     missed.head(states) -= stretch.defect[i];
     const Square spread_of = p + map * earlier * map.transpose() - cross * map.transpose() - map * cross.transpose();
     const std::size_t b = i / model.block;
-    if (!stretch.lost[i]) sums[b] += missed.cwiseAbs2() + spread_of.diagonal();
+    if (!stretch.lost[i]) {
+      // Of what a step misses, the part that is process noise and not what the linear model leaves out.
+      Vector square = missed.cwiseAbs2() + spread_of.diagonal();
+      const Vector share = q.cwiseQuotient(q + stretch.bend[i]);
+      square.head(states) = share.cwiseAbs2().cwiseProduct(square.head(states)) + share.cwiseProduct(stretch.bend[i]);
+      sums[b] += square;
+    }
     if (!stretch.lost[i]) counts[b] += 1;
     x = own;
     p = earlier;
@@ -354,7 +363,11 @@ Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const F
   Smoothing result;
   const Eigen::Index states = model.size.size();
   std::vector<std::vector<double>> squares(static_cast<std::size_t>(states) + 1);  // per block
+  result.known = Eigen::VectorXd::Zero(states);
+  double rows = 0;
   for (SmoothedStretch& part : parts) {
+    result.known += part.known * static_cast<double>(part.course.cols());
+    rows += static_cast<double>(part.course.cols());
     const Eigen::Index n = part.course.rows();
     for (const Eigen::VectorXd& mean : part.squares)
       for (Eigen::Index s = 0; s < n; ++s)
@@ -363,6 +376,7 @@ Smoothing smooth(const StochasticModel& model, const Eigen::VectorXd& q, const F
     result.signal.push_back(n > states ? Eigen::VectorXd(part.course.row(states).transpose()) : Eigen::VectorXd());
     result.spread.push_back(std::move(part.spread));
   }
+  result.known = (result.known / rows).cwiseSqrt();
   result.q.resize(states);
   for (Eigen::Index s = 0; s < states; ++s) result.q[s] = trimmed_mean(squares[static_cast<std::size_t>(s)]);
   if (signal.port >= 0) {

@@ -53,6 +53,7 @@ struct Smoothing {
   std::vector<Eigen::MatrixXd> states;  // per stretch, e: states x rows
   std::vector<Eigen::VectorXd> signal;  // u, per row
   std::vector<Eigen::VectorXd> spread;  // its standard deviation
+  Eigen::VectorXd known;                // per state: typical standard deviation after a row's readings
   Eigen::VectorXd q;                    // mean squared process noise of a typical block: one step of EM
   double level = 0;                     // likewise of the free signal
 };

@@ -47,7 +47,7 @@ Reconstruction reconstruct(const ResidualModel& residuals, const ModelChange& ch
   at.signal.level = place.level / at.unit();
   settle_process(at, jobs);
   const double unit = at.unit();
-  move_reference(residuals, change, at.course.states, jobs, at.model);
+  move_reference(residuals, change, at.course.states, at.course.known, jobs, at.model);
   open_only(residuals, change, place.port, jobs, at.model);
   at.signal.level *= unit / at.unit();
   settle_process(at, jobs);

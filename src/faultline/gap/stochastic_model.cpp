@@ -17,6 +17,7 @@ constexpr std::size_t kMostSegments = 160;    // of all runs: levels and places 
 constexpr std::size_t kMostStates = 12, kLeastSegments = 48;
 constexpr std::size_t kPieceSegments = 8;  // of neighbours, so that memories fill
 constexpr double kPortFraction = 1e-4;     // of a port's range: a free signal's size for differences
+constexpr double kWidest = 0.1;            // of a state's size: farther off a rig may be another one
 constexpr double kNothing = 1e-300;        // a size that changes nothing; an effect of size 0 is not there
 constexpr double kLeastResponse = 1e-9;    // of a state's size, below which a port moves nothing
 constexpr int kUnitAttempts = 6;           // to find a port's unit, each four decades up at most
@@ -139,22 +140,29 @@ void place_reference(const ResidualModel& residuals, const ModelChange& change, 
   }
 }
 
-void linearise(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model) {
+// `known`: sigma, in sizes; without it F is taken over steps too small for C.
+void linearise(const ResidualModel& residuals, const ModelChange& change, const Eigen::VectorXd& known, int jobs,
+               StochasticModel& model) {
   const SegmentModel& segments = residuals.model();
   const Datasheet& sheet = segments.sheet();
   const auto states = model.size.size();
   const auto outputs = static_cast<Eigen::Index>(segments.outputs().size());
   const Passes passes(residuals, change);
   const auto count = static_cast<std::size_t>(states);
-  const std::size_t all = 1 + count;
+  const bool wide = known.size() > 0;
+  const std::size_t all = 1 + (wide ? 2 : 1) * count;
   std::vector<Pass> done(all * model.stretches.size());
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(states);
-  const Eigen::VectorXd moves = difference_steps(sheet, model.size);
+  Eigen::VectorXd moves = difference_steps(sheet, model.size);
+  if (wide) moves = moves.cwiseMax(known.cwiseMin(kWidest).cwiseProduct(model.size));
   in_parallel(done.size(), jobs, [&](std::size_t i) {
     const StochasticStretch& stretch = model.stretches[i / all];
     const std::size_t which = i % all;
     Eigen::VectorXd offset = none;
-    if (which > 0) offset[static_cast<Eigen::Index>(which - 1)] = moves[static_cast<Eigen::Index>(which - 1)];
+    if (which > 0) {
+      const auto s = static_cast<Eigen::Index>((which - 1) % count);
+      offset[s] = which > count ? -moves[s] : moves[s];
+    }
     done[i] = passes.run(stretch, offset, nullptr);
   });
   for (std::size_t n = 0; n < model.stretches.size(); ++n) {
@@ -165,20 +173,30 @@ void linearise(const ResidualModel& residuals, const ModelChange& change, int jo
     stretch.f.assign(rows - 1, Eigen::MatrixXd::Zero(states, states));
     stretch.h.assign(rows, Eigen::MatrixXd::Zero(outputs, states));
     stretch.defect.assign(rows - 1, Eigen::VectorXd::Zero(states));
+    stretch.bend.assign(rows - 1, Eigen::VectorXd::Zero(states));
     stretch.misfit.assign(rows, Eigen::VectorXd::Constant(outputs, std::nan("")));
     stretch.lost.assign(rows - 1, 0);
     for (std::size_t i = 0; i + 1 < rows; ++i) {
       const auto next = static_cast<Eigen::Index>(i + 1);
       stretch.defect[i] = (base.ended.row(next).transpose() - stretch.reference[i + 1]).cwiseQuotient(model.size);
-      for (Eigen::Index s = 0; s < states; ++s)
-        stretch.f[i].col(s) = (done[n * all + 1 + static_cast<std::size_t>(s)].ended.row(next) - base.ended.row(next))
-                                  .transpose()
-                                  .cwiseQuotient(model.size) *
-                              (model.size[s] / moves[s]);
+      for (Eigen::Index s = 0; s < states; ++s) {
+        const std::size_t pass = n * all + 1 + static_cast<std::size_t>(s);
+        const Eigen::VectorXd up =
+            (done[pass].ended.row(next) - base.ended.row(next)).transpose().cwiseQuotient(model.size);
+        if (!wide) {
+          stretch.f[i].col(s) = up * (model.size[s] / moves[s]);
+          continue;
+        }
+        const Eigen::VectorXd down =
+            (done[pass + count].ended.row(next) - base.ended.row(next)).transpose().cwiseQuotient(model.size);
+        stretch.f[i].col(s) = (up - down) * (0.5 * model.size[s] / moves[s]);
+        stretch.bend[i] += (0.5 * (up + down)).cwiseAbs2();
+      }
       if (stretch.f[i].allFinite() && stretch.defect[i].allFinite()) continue;
       stretch.lost[i] = 1;
       stretch.f[i].setZero();
       stretch.defect[i].setZero();
+      stretch.bend[i].setZero();
     }
     std::vector<SegmentModel::Held> held(segments.outputs().size(), {0, run.recording.rows(), 0});
     for (const SegmentModel::Held& one : segments.held_readings(change, run)) held[one.output] = one;
@@ -350,16 +368,17 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
     for (const Eigen::VectorXd& x : stretch.reference)
       if (x.allFinite()) model.size = model.size.cwiseMax(x.cwiseAbs());
   model.size = model.size.cwiseMax(difference_steps(segments.sheet(), model.size));
-  linearise(residuals, change, jobs, model);
+  linearise(residuals, change, {}, jobs, model);
   return model;
 }
 
 void move_reference(const ResidualModel& residuals, const ModelChange& change,
-                    const std::vector<Eigen::MatrixXd>& shifts, int jobs, StochasticModel& model) {
+                    const std::vector<Eigen::MatrixXd>& shifts, const Eigen::VectorXd& known, int jobs,
+                    StochasticModel& model) {
   for (std::size_t n = 0; n < model.stretches.size(); ++n)
     for (std::size_t i = 0; i < model.stretches[n].rows.size(); ++i)
       model.stretches[n].reference[i] += model.size.cwiseProduct(shifts[n].col(static_cast<Eigen::Index>(i)));
-  linearise(residuals, change, jobs, model);
+  linearise(residuals, change, known, jobs, model);
 }
 
 void open_ports(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model,

@@ -4,11 +4,17 @@
 // Lawrence, IEEE Trans. Pattern Anal. 35, 2013).
 //
 //   x_i = X_i + S e_i                     X: reference course, S: sizes of the states (diagonal)
-//   e_i+1 = F_i e_i + d_i + B_i u_i + w   d_i = S^-1 (f(X_i) - X_i+1), w ~ N(0, Q), Q diagonal
+//   e_i+1 = F_i e_i + d_i + B_i u_i + w   d_i = S^-1 (f(X_i) - X_i+1), w ~ N(0, Q + C_i), both diagonal
 //   y_i = m_i + H_i e_i + D u_i + v       in units of the noise of each output, v ~ N(0, 1)
 //
 // i counts steps of `stride` samples. f is the model over such a step with all its effects, whose memories go on; F, B
 // and H are differences. B: of a free signal (effects/free_signal.cpp) at the port, D: at the sensor of an output.
+//
+// C_i is what no linear model says of a step: dry friction that turns, a valve that opens or not within what is known of
+// the states. With the states known to sigma_s it is the second term of a divided difference filter (Norgaard, Poulsen,
+// Ravn, Automatica 36, 2000), squared; F is then taken over the same distance:
+//
+//   C_i = sum over s of [(f(X_i + sigma_s) + f(X_i - sigma_s) - 2 f(X_i)) / 2 S]^2
 #pragma once
 
 #include <string>
@@ -27,6 +33,7 @@ struct StochasticStretch {
   std::vector<Eigen::VectorXd> reference;    // X, per row
   std::vector<Eigen::MatrixXd> f, h;         // per step; per row
   std::vector<Eigen::VectorXd> defect;       // d, per step
+  std::vector<Eigen::VectorXd> bend;         // C, per step
   std::vector<char> lost;                    // per step: the model said nothing there; what follows begins anew
   std::vector<Eigen::VectorXd> misfit;       // y - m, per row; NaN: the reading does not count
   std::vector<Eigen::MatrixXd> port_drives;  // per port: states x steps, B; empty where the port moves no state
@@ -47,9 +54,11 @@ struct StochasticModel {
 // here do.
 StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChange& change,
                                  const std::vector<std::size_t>& runs, int jobs);
-// The same model around another course, given as shifts e of the reference, per stretch: states x rows.
+// The same model around another course, given as shifts e of the reference, per stretch: states x rows. `known`: sigma,
+// in sizes.
 void move_reference(const ResidualModel& residuals, const ModelChange& change,
-                    const std::vector<Eigen::MatrixXd>& shifts, int jobs, StochasticModel& model);
+                    const std::vector<Eigen::MatrixXd>& shifts, const Eigen::VectorXd& known, int jobs,
+                    StochasticModel& model);
 // Adds the ports; with a name, that one only.
 void open_ports(const ResidualModel& residuals, const ModelChange& change, int jobs, StochasticModel& model,
                 const std::string& only = "");
