@@ -128,6 +128,10 @@ TEST(CsvTable, WhatCannotBeReadIsToldWithItsPlace) {
       {"a,b\n1,2\n\"1,2\n", "stand.csv:3: a quote is opened and not closed"},
       {"a,b\n1,2\n\"1\"x,2\n", "stand.csv:3: text follows a closing quote"},
       {"a,b\n1,0x10\n", "'0x10' is not a number"},
+      {"a,b\r1,2\r3,4\r", "stand.csv: its lines end with a carriage return alone"},
+      {"\xFF\xFE"
+       "a",
+       "stand.csv: the file is not text in UTF-8"},
   };
   for (const Case& c : cases) {
     try {
@@ -139,6 +143,18 @@ TEST(CsvTable, WhatCannotBeReadIsToldWithItsPlace) {
       EXPECT_EQ(text.find("stand.csv:"), 0u) << text;
       EXPECT_EQ(text.find('\n'), std::string::npos) << text;
     }
+  }
+}
+
+TEST(CsvTable, NamesBelowTheLastLineAreToldWithBothLines) {
+  CsvDialect dialect;
+  dialect.names_line = 5;
+  try {
+    read("a,b\n1,2\n", dialect);
+    ADD_FAILURE();
+  } catch (const InputError& error) {
+    EXPECT_STREQ(error.what(),
+                 "stand.csv: no names in line 5 (names_line of the mapping) or below; the file has 2 lines");
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <limits>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -16,7 +17,8 @@ namespace {
 
 constexpr std::size_t kLooked = 1000;  // rows that tell the separator and the decimal sign
 constexpr std::size_t kShownText = 40;
-constexpr std::size_t kLongestNumber = 64;  // characters
+constexpr std::size_t kEncodingLooked = 4096;  // bytes
+constexpr std::size_t kLongestNumber = 64;     // characters
 
 bool blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
@@ -43,6 +45,7 @@ void CsvTable::fail(const std::string& message) const {
 
 CsvTable::CsvTable(const std::string& text, const std::string& file, const CsvDialect& dialect)
     : file_(file), dialect_(dialect), at_(text.c_str()), end_(at_ + text.size()) {
+  check_encoding();
   if (end_ - at_ >= 3 && std::memcmp(at_, "\xEF\xBB\xBF", 3) == 0) at_ += 3;
   const char* begin = nullptr;
   const char* end = nullptr;
@@ -55,7 +58,12 @@ CsvTable::CsvTable(const std::string& text, const std::string& file, const CsvDi
   };
   if (dialect_.names_line > 0) skip_to(dialect_.names_line);
   if (dialect_.names_line != 0) {
-    if (!next_line(begin, end))
+    const bool named = next_line(begin, end);
+    if (!named && dialect_.names_line > 0 && line_ > 0)
+      throw InputError(
+          fmt::format("{}: no names in line {} (names_line of the mapping) or below; the file has {} lines", file_,
+                      dialect_.names_line, line_));
+    if (!named)
       throw InputError(
           fmt::format("{}: the file is empty; the first line must name the columns, as in t,channel,...", file_));
     const std::size_t names_line = line_;
@@ -76,6 +84,17 @@ CsvTable::CsvTable(const std::string& text, const std::string& file, const CsvDi
     for (std::size_t i = 0; i < cells_.size(); ++i) names_.push_back(std::to_string(i + 1));
   }
   if (names_.size() > 1 && names_.back().empty()) names_.pop_back();
+}
+
+// Encodings of text of which a byte is not a character, and lines that nothing here ends.
+void CsvTable::check_encoding() const {
+  const std::string_view text(at_, static_cast<std::size_t>(end_ - at_));
+  const std::string_view head = text.substr(0, kEncodingLooked);
+  if (head.substr(0, 2) == "\xFF\xFE" || head.substr(0, 2) == "\xFE\xFF" || head.find('\0') != head.npos)
+    throw InputError(fmt::format("{}: the file is not text in UTF-8 (UTF-16, or no text); save it as UTF-8", file_));
+  if (text.find('\r') != text.npos && text.find('\n') == text.npos)
+    throw InputError(
+        fmt::format("{}: its lines end with a carriage return alone; save it with line feeds (tr '\\r' '\\n')", file_));
 }
 
 // The next line that is neither empty nor a comment, trimmed.

@@ -47,6 +47,7 @@ class CsvTable {
     const char* end;
     bool quoted;
   };
+  void check_encoding() const;
   bool next_line(const char*& begin, const char*& end);
   static const char* split(const char* begin, const char* end, char separator, std::vector<Cell>& cells);
   void take(const char* begin, const char* end);
