@@ -31,7 +31,7 @@ TODAY = {
     "free_evidence_fraction": 0.25,
     "partial_evidence_fraction": 0.2,
     "place_evidence_fraction": 0.1,
-    "place_log_likelihood": 0.05,
+    "place_log_likelihood": 0.02,
     "material_excess_variances": 1.0,
     "silent_matters_ratio": 5.0,
     "silent_excess_variances": 30.0,

@@ -133,7 +133,7 @@ struct GapOptions {
     // What a free signal must win for a search, of what a perfect model would win ...
     double least_free_fraction = 0.02;
     // ... and of what the effects found have won or of what is left, whichever is less, for another.
-    double further_free_fraction = 0.05;
+    double further_free_fraction = 0.08;
     double close_rival_gain_fraction =
         0.03;  // of an effect's gain that a rival may be behind to be tried again beside the others
   } search;
@@ -188,8 +188,9 @@ struct GapOptions {
     double partial_evidence_fraction = 0.2;
     // ... and what a free signal at one place must win to speak of one where no effect was found (development) ...
     double place_evidence_fraction = 0.1;
-    // ... and per reading: a tenth off the squared error from sample to sample ...
-    double place_log_likelihood = 0.05;
+    // ... and per reading: 4 % off the squared error from sample to sample, where a rig that is its datasheet's model has
+    // 0.2 % (development) ...
+    double place_log_likelihood = 0.02;
     // ... in a gap as large as the noise.
     double material_excess_variances = 1;
     // What no place explains is no silence either where it is as large as this, over what a gap must have to matter,
