@@ -188,8 +188,8 @@ struct GapOptions {
     double partial_evidence_fraction = 0.2;
     // ... and what a free signal at one place must win to speak of one where no effect was found (development) ...
     double place_evidence_fraction = 0.1;
-    // ... and per reading: 4 % off the squared error from sample to sample, where a rig that is its datasheet's model has
-    // 0.2 % (development) ...
+    // ... and per reading: 4 % off the squared error from sample to sample, where a rig that is its datasheet's model
+    // has 0.2 % (development) ...
     double place_log_likelihood = 0.02;
     // ... in a gap as large as the noise.
     double material_excess_variances = 1;

@@ -10,9 +10,9 @@
 // i counts steps of `stride` samples. f is the model over such a step with all its effects, whose memories go on; F, B
 // and H are differences. B: of a free signal (effects/free_signal.cpp) at the port, D: at the sensor of an output.
 //
-// C_i is what no linear model says of a step: dry friction that turns, a valve that opens or not within what is known of
-// the states. With the states known to sigma_s it is the second term of a divided difference filter (Norgaard, Poulsen,
-// Ravn, Automatica 36, 2000), squared; F is then taken over the same distance:
+// C_i is what no linear model says of a step: dry friction that turns, a valve that opens or not within what is known
+// of the states. With the states known to sigma_s it is the second term of a divided difference filter (Norgaard,
+// Poulsen, Ravn, Automatica 36, 2000), squared; F is then taken over the same distance:
 //
 //   C_i = sum over s of [(f(X_i + sigma_s) + f(X_i - sigma_s) - 2 f(X_i)) / 2 S]^2
 #pragma once
