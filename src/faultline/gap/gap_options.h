@@ -133,7 +133,7 @@ struct GapOptions {
     // What a free signal must win for a search, of what a perfect model would win ...
     double least_free_fraction = 0.02;
     // ... and of what the effects found have won or of what is left, whichever is less, for another.
-    double further_free_fraction = 0.08;
+    double further_free_fraction = 0.1;
     double close_rival_gain_fraction =
         0.03;  // of an effect's gain that a rival may be behind to be tried again beside the others
   } search;
