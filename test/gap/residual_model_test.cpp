@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "faultline/gap/gap_series.h"
-#include "faultline/gap/grid_step.h"
+#include "faultline/gap/rounded_channels.h"
 #include "faultline/numerics/random.h"
 #include "rigs/servo_actuator/runs.h"
 
@@ -106,31 +106,7 @@ TEST(ResidualModel, StartStatesSettleWhereTheyFitBest) {
   EXPECT_GT(shifted(), 1);
 }
 
-TEST(GridStep, OfARoundedSignalAndOfOneThatIsNot) {
-  Recording recording;
-  recording.channels.resize(3);
-  Random random(6);
-  for (int k = 0; k < 5000; ++k) {
-    Sample sample;
-    const double value = std::sin(0.01 * k) + 0.05 * random.normal();
-    const double coarse = 0.013 * std::round(value / 0.013) + 0.004;
-    sample.time = 1e-3 * k;
-    sample.values = {value, coarse,
-                     0.001 * std::round(coarse / 0.001)};  // the last as a logger of coarse digits has it
-    recording.append(sample);
-  }
-  EXPECT_EQ(grid_step(recording, 0, 0), 0);
-  EXPECT_NEAR(grid_step(recording, 1, 0), 0.013, 1e-9);
-  EXPECT_EQ(grid_step(recording, 1, 0.013), 0);  // what the datasheet knows is no finding
-  EXPECT_NEAR(grid_step(recording, 2, 0.001), 0.013, 1e-4);
-  // Readings that are missing are no level.
-  for (std::size_t k = 0; k < recording.rows(); k += 3)
-    for (std::size_t c = 0; c < 2; ++c) recording.values[k * recording.columns() + c] = std::nan("");
-  EXPECT_EQ(grid_step(recording, 0, 0), 0);
-  EXPECT_NEAR(grid_step(recording, 1, 0), 0.013, 1e-9);
-}
-
-TEST(GridStep, NamesTheChannelThatIsRounded) {
+TEST(RoundedChannels, AreThoseOnACoarseGrid) {
   const auto position = static_cast<std::size_t>(servo().channel("position"));
   std::vector<SegmentedRun> runs;
   for (const std::uint64_t seed : {1, 2}) {
@@ -161,7 +137,6 @@ TEST(GridStep, NamesTheChannelThatIsRounded) {
       double& value = run.recording.values[k * run.recording.columns() + position];
       value += 5e-4 * std::round(random.normal());
     }
-  EXPECT_GT(grid_step(noisy[0].recording, position, 0), 4.9e-4);
   EXPECT_TRUE(rounded_channels(ResidualModel(servo(), noisy), {}).empty());
   Datasheet adopted = servo();
   adopted.nominal_effects.push_back("quantisation@sensor.position:step=5e-4");

@@ -8,11 +8,11 @@
 #include <fmt/format.h>
 
 #include "faultline/gap/effect_search.h"
-#include "faultline/gap/grid_step.h"
 #include "faultline/gap/measure.h"
 #include "faultline/gap/next_run.h"
 #include "faultline/gap/onset.h"
 #include "faultline/gap/ranked_causes.h"
+#include "faultline/gap/rounded_channels.h"
 #include "faultline/gap/split_runs.h"
 #include "faultline/gap/unknown_shape.h"
 #include "faultline/gap/verdict.h"

@@ -219,10 +219,9 @@ struct GapOptions {
     std::size_t quantile_stride = 7;    // samples from one to the next that quantiles of a channel rest on: saves time
   } regions;
 
-  // grid_step.h.
+  // rounded_channels.h.
   struct Grid {
-    std::size_t least_levels = 8;  // fewer distinct values say nothing of a grid
-    double same_fraction = 1e-9;   // of the largest value: equal but for the digits of a file
+    std::size_t least_levels = 8;  // fewer distinct values name no grid
     // Of the noise's variance, what rounding must make up: it then lifts the noise by a fifth.
     double least_noise_fraction = 0.3;
     double half_width_fraction = 1e-3;  // of a step: half width of its interval, and how far it may differ between runs
@@ -354,7 +353,6 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(regions.most);
   FAULTLINE_OPTION(regions.quantile_stride);
   FAULTLINE_OPTION(grid.least_levels);
-  FAULTLINE_OPTION(grid.same_fraction);
   FAULTLINE_OPTION(grid.least_noise_fraction);
   FAULTLINE_OPTION(grid.half_width_fraction);
   FAULTLINE_OPTION(next_runs.segments);

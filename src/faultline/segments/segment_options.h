@@ -38,6 +38,10 @@ struct SegmentOptions {
   // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit,
   // and a transducer that is five times better than its datasheet must.
   double least_noise_fraction = 0.1;
+  // Distinct values from which those of a signal tell the grid it was rounded to.
+  std::size_t grid_least_levels = 3;
+  // Of the largest value, up to which two are the same but for the digits of a file.
+  double grid_same_fraction = 1e-9;
   // Deviation of a stamp from the grid of the run's period, as a fraction of it, up to which it is jitter: beyond a
   // half it would be nearer to the next place.
   double period_error_fraction = 0.45;
@@ -64,6 +68,8 @@ void for_each_option(SegmentOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(smoothing_segment_fraction);
   FAULTLINE_OPTION(largest_residual_sigma);
   FAULTLINE_OPTION(least_noise_fraction);
+  FAULTLINE_OPTION(grid_least_levels);
+  FAULTLINE_OPTION(grid_same_fraction);
   FAULTLINE_OPTION(period_error_fraction);
   FAULTLINE_OPTION(least_counted_fraction);
 #undef FAULTLINE_OPTION

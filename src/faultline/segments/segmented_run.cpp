@@ -7,6 +7,7 @@
 
 #include "faultline/rig/time_scales.h"
 #include "faultline/segments/even_rows.h"
+#include "faultline/segments/grid_step.h"
 #include "faultline/segments/smoothing.h"
 #include "faultline/signal/error.h"
 
@@ -20,7 +21,7 @@ constexpr double kFast = 0.5;             // of the rig's fastest time scale, th
 constexpr double kSlower = 1.01;          // than the datasheet's period: a slower one there is its author's word
 
 double smallest_noise(const Channel& channel, const SegmentOptions& options) {
-  return std::max({options.least_noise_fraction * channel.noise_std, channel.resolution / std::sqrt(12.0),
+  return std::max({options.least_noise_fraction * channel.noise_std, rounding_noise(channel.resolution),
                    kSmallestNoise * (channel.maximum - channel.minimum)});
 }
 
@@ -98,7 +99,16 @@ Breaks find_breaks(const Datasheet& sheet, const SegmentedRun& run, const EvenRo
   return found;
 }
 
-// Of such an input, the noise about its command: what the command itself carries is no noise of the transducer.
+// Third differences of a signal that rests between two levels are 0: what a grid takes away is noise all the same.
+double noise_of_grid(const Datasheet& sheet, const SegmentedRun& run, std::size_t channel,
+                     const SegmentOptions& options) {
+  std::vector<double> readings(run.recording.rows());
+  for (std::size_t k = 0; k < readings.size(); ++k) readings[k] = run.reading(k, channel);
+  return rounding_noise(
+      grid_step(std::move(readings), sheet.channels[channel].resolution, options.grid_least_levels, options));
+}
+
+// Of an input that its command predicts, the noise about its command: what the command itself carries is no noise of the transducer.
 double noise_about_command(const Datasheet& sheet, const SegmentedRun& run, std::size_t channel) {
   Recording difference;
   difference.time = run.recording.time;
@@ -154,8 +164,9 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
   run.input_noise.assign(sheet.channels.size(), 0);
   for (std::size_t c = 0; c < sheet.channels.size(); ++c) {
     if (inputs != Inputs::smoothed || sheet.channels[c].role != Role::input) continue;
-    noise[c] = noise_floor(run.recording, c);
-    run.input_noise[c] = run.unsmoothed[c].empty() ? noise[c] : noise_about_command(sheet, run, c);
+    const double rounding = noise_of_grid(sheet, run, c, options);
+    noise[c] = std::max(noise_floor(run.recording, c), rounding);
+    run.input_noise[c] = run.unsmoothed[c].empty() ? noise[c] : std::max(noise_about_command(sheet, run, c), rounding);
   }
   for (const Stretched& stretch : run.stretches)
     smooth_inputs(sheet, run.recording, stretch.first, stretch.last, widest_window(run, options), noise, options);
@@ -255,8 +266,9 @@ std::vector<double> noise_of(const Datasheet& sheet, const std::vector<Segmented
     const auto c = static_cast<std::size_t>(output);
     double floor = 0;
     for (const SegmentedRun& run : runs)
-      floor += (sheet.channels[c].predicted_by.empty() ? noise_floor(run.recording, c)
-                                                       : noise_about_command(sheet, run, c)) /
+      floor += std::max(noise_of_grid(sheet, run, c, options), sheet.channels[c].predicted_by.empty()
+                                                                   ? noise_floor(run.recording, c)
+                                                                   : noise_about_command(sheet, run, c)) /
                static_cast<double>(runs.size());
     result.push_back(std::max(floor, smallest_noise(sheet.channels[c], options)));
   }

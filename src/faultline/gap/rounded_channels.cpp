@@ -1,35 +1,12 @@
-#include "faultline/gap/grid_step.h"
+#include "faultline/gap/rounded_channels.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "faultline/attribution/candidates.h"
+#include "faultline/segments/grid_step.h"
 
 namespace faultline {
-
-double grid_step(const Recording& recording, std::size_t column, double resolution, const GapOptions::Grid& options) {
-  std::vector<double> levels;
-  for (std::size_t k = 0; k < recording.rows(); ++k)
-    if (const double value = recording.at(k, column); std::isfinite(value)) levels.push_back(value);
-  if (levels.empty()) return 0;
-  std::sort(levels.begin(), levels.end());
-  // A little more than the resolution, for the rounding of a quotient.
-  const double close =
-      std::max(1.01 * resolution, options.same_fraction * std::max(std::abs(levels.front()), std::abs(levels.back())));
-  levels.erase(std::unique(levels.begin(), levels.end(), [&](double a, double b) { return b - a <= close; }),
-               levels.end());
-  if (levels.size() < options.least_levels || 2 * levels.size() > recording.rows()) return 0;
-  double smallest = levels[1] - levels[0];
-  for (std::size_t i = 2; i < levels.size(); ++i) smallest = std::min(smallest, levels[i] - levels[i - 1]);
-  if (smallest <= 2 * close) return 0;
-  std::vector<double> counts = {0};
-  for (std::size_t i = 1; i < levels.size(); ++i)
-    counts.push_back(counts.back() + std::round((levels[i] - levels[i - 1]) / smallest));
-  const double step = (levels.back() - levels.front()) / counts.back();
-  for (std::size_t i = 0; i < levels.size(); ++i)
-    if (std::abs(levels[i] - levels.front() - counts[i] * step) > close) return 0;
-  return step;
-}
 
 std::vector<NamedEffect> rounded_channels(const ResidualModel& model, const std::vector<std::string>& without) {
   const Datasheet& sheet = model.sheet();
@@ -48,7 +25,10 @@ std::vector<NamedEffect> rounded_channels(const ResidualModel& model, const std:
     if (adopted || channel.role != Role::output || channel.ground_truth) continue;
     double least = 0, most = 0;
     for (const SegmentedRun& run : runs) {
-      const double step = grid_step(run.recording, column, channel.resolution, options);
+      std::vector<double> readings(run.recording.rows());
+      for (std::size_t k = 0; k < readings.size(); ++k) readings[k] = run.recording.at(k, column);
+      const double step =
+          grid_step(std::move(readings), channel.resolution, options.least_levels, model.options().segments);
       least = &run == &runs.front() ? step : std::min(least, step);
       most = std::max(most, step);
     }
