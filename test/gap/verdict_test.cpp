@@ -106,6 +106,25 @@ TEST(Verdict, ASizeThatChangesIsNoCause) {
   EXPECT_EQ(judge_gap(evidence, 2, options).verdict, "none");
 }
 
+// A transducer's lag that is worth much from sample to sample and closes nothing over segments: no place is left.
+TEST(Verdict, WhatImmaterialEffectsTakeIsNoPlace) {
+  GapEvidence evidence;
+  evidence.found = true;
+  evidence.shrink = 0.02;
+  evidence.perfect = evidence.effects = 4200;
+  evidence.free_before = 1240;
+  evidence.free_after = 4;
+  evidence.readings = 8000;
+  evidence.size = 0.022;
+  evidence.excess = 9;
+  evidence.calibrated = 100;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "miscalibrated");
+  evidence.free_after = 1200;  // it takes none of it
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+  EXPECT_TRUE(judge_gap(evidence, 0.01, options).placed);
+}
+
 // A place is spoken of where its signal wins a tenth of the whole: less is a part that no place explains.
 TEST(Verdict, WhatNoPlaceExplainsWithdrawsNoName) {
   GapEvidence evidence;

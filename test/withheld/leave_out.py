@@ -58,7 +58,7 @@ def judged(evidence, options):
     )
     large = e["size"] > e["matters"] and e["excess"] > o["material_excess_variances"]
     seen = max(o["place_evidence_fraction"] * perfect, o["place_log_likelihood"] * max(e["readings"], 1.0))
-    place = e["free_before"] / seen
+    place = (min(e["free_before"], e["free_after"]) if e["found"] else e["free_before"]) / seen
     misfit = min(
         e["size"] / (o["silent_matters_ratio"] * max(e["matters"], 1e-9)), e["excess"] / o["silent_excess_variances"]
     )

@@ -51,26 +51,43 @@ FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, co
   return {model.ports[port], at.level * model.unit[port], at.memory, before - least};
 }
 
-// A state more: noise of the output's transducer that has a memory, in units of its level.
-void let_in(const ResidualModel& residuals, const FreePlace& noise, StochasticModel& model, Eigen::VectorXd& q) {
-  const std::size_t output = *output_of(residuals, noise.port);
+// What a signal of one unit at a port does to the states in each step: states x steps per stretch.
+std::vector<Eigen::MatrixXd> drives_of(const StochasticModel& model, const std::string& name) {
+  const auto found = std::find(model.ports.begin(), model.ports.end(), name);
+  if (found == model.ports.end()) return {};
+  const auto port = static_cast<std::size_t>(found - model.ports.begin());
+  std::vector<Eigen::MatrixXd> drives;
+  for (const StochasticStretch& stretch : model.stretches)
+    drives.push_back(stretch.port_drives[port] / model.unit[port]);
+  return drives;
+}
+
+// A state more: noise of a transducer that has a memory, in units of its level. An output's is read with it, an input's
+// drives the model; `drives`: drives_of() its port, empty where it moves nothing.
+void let_in(const ResidualModel& residuals, const FreePlace& noise, const std::vector<Eigen::MatrixXd>& drives,
+            StochasticModel& model, Eigen::VectorXd& q) {
+  const std::optional<std::size_t> output = output_of(residuals, noise.port);
   const Eigen::Index n = q.size();
   const double keep = std::exp(-model.step / noise.memory);
   q.conservativeResize(n + 1);
   q[n] = 1 - keep * keep;
   model.size.conservativeResize(n + 1);
   model.size[n] = 1;
-  for (StochasticStretch& stretch : model.stretches) {
-    for (Eigen::MatrixXd& f : stretch.f) {
+  for (std::size_t s = 0; s < model.stretches.size(); ++s) {
+    StochasticStretch& stretch = model.stretches[s];
+    for (std::size_t i = 0; i < stretch.f.size(); ++i) {
+      Eigen::MatrixXd& f = stretch.f[i];
       f.conservativeResize(n + 1, n + 1);
       f.row(n).setZero();
       f.col(n).setZero();
+      if (!drives.empty() && drives[s].size() > 0)
+        f.col(n).head(drives[s].rows()) = noise.level * drives[s].col(static_cast<Eigen::Index>(i));
       f(n, n) = keep;
     }
     for (Eigen::MatrixXd& h : stretch.h) {
       h.conservativeResize(Eigen::NoChange, n + 1);
       h.col(n).setZero();
-      h(static_cast<Eigen::Index>(output), n) = noise.level / residuals.noise()[output];
+      if (output) h(static_cast<Eigen::Index>(*output), n) = noise.level / residuals.noise()[*output];
     }
     for (Eigen::VectorXd& defect : stretch.defect) {
       defect.conservativeResize(n + 1);
@@ -163,7 +180,13 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   Eigen::VectorXd& q = process.q;
   const Eigen::Index states = q.size();
   if (places == Places::free) open_ports(residuals, change, jobs, model);
-  for (const FreePlace& known : noise) let_in(residuals, known, model, q);
+  std::vector<std::vector<Eigen::MatrixXd>> drives(noise.size());
+  for (std::size_t i = 0; i < noise.size(); ++i) {
+    if (output_of(residuals, noise[i].port)) continue;
+    if (places == Places::none) open_ports(residuals, change, jobs, model, noise[i].port);
+    drives[i] = drives_of(model, noise[i].port);
+  }
+  for (std::size_t i = 0; i < noise.size(); ++i) let_in(residuals, noise[i], drives[i], model, q);
   for (int i = 0; !noise.empty() && i < kExpectations; ++i)
     q.head(states) = smooth(model, q, {}, jobs).q.head(states).cwiseMax(kLeastVariance);
   Discrepancy result;

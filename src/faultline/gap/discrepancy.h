@@ -35,7 +35,8 @@ FittedProcess fit_process(const ResidualModel& residuals, const ModelChange& cha
                           const std::vector<std::size_t>& runs, int jobs);
 
 enum class Places { none, free };  // whether free signals are tried
-// `noise`: signals at sensors of outputs that belong to the model as it is, for a transducer's noise may have a memory.
+// `noise`: signals at sensors that belong to the model as it is, for a transducer's noise may have a memory. An input's
+// drives the model.
 Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& change,
                              const std::vector<std::size_t>& runs, int jobs, Places places,
                              const std::vector<FreePlace>& noise = {});

@@ -152,20 +152,35 @@ Discrepancy discrepancy(const GapTrials& work, const EffectSearch& search) {
   return find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free, search.noise);
 }
 
-// Whether the likeliest place of a cause is a transducer whose signal is as small as noise, forgets itself within a few
-// segments and depends on nothing that the model knows: noise that is not white, which is no cause and hides what is.
-bool is_noise(const GapTrials& work, const EffectSearch& search) {
-  if (search.before.places.empty()) return false;
+// White noise of the transducer at a port, in the channel's unit; nothing where the port is none of one that is compared
+// or drives the model.
+std::optional<double> transducer_noise(const ResidualModel& model, const std::string& port) {
+  if (const std::optional<std::size_t> output = output_of(model, port)) return model.noise()[*output];
+  if (port_kind(port) != PortKind::sensor) return {};
+  const auto channel = static_cast<std::size_t>(model.sheet().channel(model.sheet().port(port).channel));
+  if (model.sheet().channels[channel].role != Role::input) return {};
+  double noise = 0;
+  for (const SegmentedRun& run : model.runs()) noise += run.input_noise[channel];
+  return noise / static_cast<double>(model.runs().size());
+}
+
+// The likeliest place of a cause, where it is a transducer whose signal is as small as noise, forgets itself within a
+// few segments and depends on nothing that the model knows: noise that is not white, which is no cause and hides what
+// is. What else could be at a place that is as likely needs more than noise.
+std::optional<FreePlace> noise_with_memory(const GapTrials& work, const EffectSearch& search) {
   const GapOptions::Search& options = work.options().search;
-  const FreePlace& place = search.before.places.front();
-  const std::optional<std::size_t> output = output_of(work.model(), place.port);
-  if (!output || place.memory > options.noise_memory_segments * work.segment_s() ||
-      place.level > options.noise_level_ratio * work.model().noise()[*output])
-    return false;
-  if (place.gain < work.options().verdict.place_evidence_fraction * search.before.loss) return false;
-  const MissingSignal signal =
-      find_missing_signal(work.model(), search.base.model, place, work.folds(), work.jobs(), Sought::all);
-  return signal.formula.empty() && !signal.curve;
+  for (const FreePlace& place : search.before.places) {
+    if (place.gain < search.before.places.front().gain - options.same_place_log_likelihood) break;
+    const std::optional<double> noise = transducer_noise(work.model(), place.port);
+    if (!noise || place.memory > options.noise_memory_segments * work.segment_s() ||
+        place.level > options.noise_level_ratio * *noise)
+      continue;
+    if (place.gain < work.options().verdict.place_evidence_fraction * search.before.loss) break;
+    const MissingSignal signal =
+        find_missing_signal(work.model(), search.base.model, place, work.folds(), work.jobs(), Sought::all);
+    if (signal.formula.empty() && !signal.curve) return place;
+  }
+  return {};
 }
 
 // The refit that was found last, scored like every structure, and what a free signal beside it would win.
@@ -175,8 +190,10 @@ void stand_plain(const GapTrials& work, EffectSearch& search) {
   search.losses = search.plain.held_out;
   search.score = search.plain.score;
   search.before = discrepancy(work, search);
-  for (std::size_t i = 0; i < work.model().outputs().size() && is_noise(work, search); ++i) {
-    search.noise.push_back(search.before.places.front());
+  while (search.noise.size() < work.model().sheet().channels.size()) {
+    const std::optional<FreePlace> noise = noise_with_memory(work, search);
+    if (!noise) break;
+    search.noise.push_back(*noise);
     search.before = discrepancy(work, search);
   }
   search.after = search.before;

@@ -31,8 +31,10 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   // Without a name that holds: a signal at one place that wins much of a gap that matters tells a cause, or a gap that
   // is too large for a model whose structure fits.
   const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
-  const double place = evidence.free_before / std::max(options.place_evidence_fraction * perfect,
-                                                       options.place_log_likelihood * std::max(evidence.readings, 1.0));
+  // What effects take of a free signal is no sign of another place, though they may close too little to be told.
+  const double free = evidence.found ? std::min(evidence.free_before, evidence.free_after) : evidence.free_before;
+  const double place = free / std::max(options.place_evidence_fraction * perfect,
+                                       options.place_log_likelihood * std::max(evidence.readings, 1.0));
   const double misfit = std::min(evidence.size / (options.silent_matters_ratio * std::max(matters, 1e-9)),
                                  evidence.excess / options.silent_excess_variances);
   const double silent = std::max(large ? place : std::min(place, 0.5), misfit);
