@@ -163,6 +163,8 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
                       {"plain", evidence.plain},
                       {"shrink", evidence.shrink},
                       {"shrink_low", evidence.shrink_low},
+                      {"typical_shrink", evidence.typical_shrink},
+                      {"typical_shrink_low", evidence.typical_shrink_low},
                       {"perfect", evidence.perfect},
                       {"effects", evidence.effects},
                       {"free_before", evidence.free_before},

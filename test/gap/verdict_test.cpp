@@ -48,7 +48,7 @@ TEST(Verdict, AStructureThatLeavesMuchDoesNotFit) {
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
   EXPECT_FALSE(judge_gap(evidence, 0.01, options).placed);
   // Both are needed: noise hides much, and transducers that are much better than the model show little things.
-  evidence.excess = 20;
+  evidence.excess = 9;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "miscalibrated");
   evidence.excess = 1200;
   evidence.size = 0.04;
@@ -104,6 +104,26 @@ TEST(Verdict, ASizeThatChangesIsNoCause) {
   // Nor is it a part of something unknown where the gap is too small to have a cause.
   evidence.effects = 900;
   EXPECT_EQ(judge_gap(evidence, 2, options).verdict, "none");
+}
+
+// A few segments in which the model goes astray hold the mean: a typical one decides.
+TEST(Verdict, WhatClosesATypicalSegmentIsNamed) {
+  GapEvidence evidence;
+  evidence.found = true;
+  evidence.shrink = -0.01;
+  evidence.shrink_low = -0.03;
+  evidence.typical_shrink = 0.79;
+  evidence.typical_shrink_low = 0.6;
+  evidence.perfect = evidence.effects = 1045;
+  evidence.free_before = 508;
+  evidence.free_after = 133;
+  evidence.readings = 8000;
+  evidence.size = 0.034;
+  evidence.excess = 416;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.typical_shrink_low = -0.1;  // it rests on a few segments itself
+  EXPECT_NE(judge_gap(evidence, 0.01, options).verdict, "named");
 }
 
 // A transducer's lag that is worth much from sample to sample and closes nothing over segments: no place is left.

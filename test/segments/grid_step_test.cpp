@@ -43,7 +43,7 @@ TEST(GridStep, AsksForSomeLevelsEachOftenRead) {
   EXPECT_EQ(grid_step({1, 2, 3, 4}, 0, 3), 0);  // whole numbers that do not come again: counted, not rounded
 }
 
-// A signal that moves less than a step between samples has third differences of 0, and no level is nearer to it for that.
+// A signal that moves less than a step between samples has third differences of 0, and no level is nearer for that.
 TEST(NoiseOf, ACoarseGridIsWhatItTakesAway) {
   const std::size_t position = column("position");
   std::vector<SegmentedRun> runs = {cut_run(servo(), "a", simulate(servo(), servo_setup("multisine"), 6), 0.5)};

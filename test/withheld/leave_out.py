@@ -34,7 +34,7 @@ TODAY = {
     "place_log_likelihood": 0.02,
     "material_excess_variances": 1.0,
     "silent_matters_ratio": 5.0,
-    "silent_excess_variances": 30.0,
+    "silent_excess_variances": 10.0,
     "size_spread": 0.25,
 }
 FRACTIONS = {"closed_shrink_fraction", "hidden_shrink_fraction"}  # of 1: their distance from it is drawn
@@ -52,8 +52,10 @@ def judged(evidence, options):
     names = (
         e["found"]
         and e["size"] > o["named_matters_fraction"] * e["matters"]
-        and e["shrink"] > shrink
-        and e.get("shrink_low", 1.0) > 0
+        and (
+            (e["shrink"] > shrink and e.get("shrink_low", 1.0) > 0)
+            or (e.get("typical_shrink", 0.0) > shrink and e["typical_shrink_low"] > 0)  # older answers hold none
+        )
         and e["effects"] > o["material_evidence_fraction"] * perfect
     )
     large = e["size"] > e["matters"] and e["excess"] > o["material_excess_variances"]

@@ -61,20 +61,27 @@ std::vector<std::string> told_at_bounds(const Datasheet& sheet, const ModelChang
   return remarks;
 }
 
-// 90 % interval of 1 - excess(after)/excess(before), by bootstrap over the segments.
-Interval shrink_interval(const std::vector<double>& before, const std::vector<double>& after, double values,
-                         std::uint64_t seed, std::size_t bootstraps) {
+using Excess = double (*)(const std::vector<double>& segments, double values);
+
+// 1 - excess(after)/excess(before)
+double shrink_of(Excess excess, const std::vector<double>& before, const std::vector<double>& after, double values) {
+  const double first = excess(before, values);
+  return first > 0 ? 1 - excess(after, values) / first : 0;
+}
+
+// Its 90 % interval, by bootstrap over the segments.
+Interval shrink_interval(Excess excess, const std::vector<double>& before, const std::vector<double>& after,
+                         double values, std::uint64_t seed, std::size_t bootstraps) {
   Random random(seed);
   std::vector<double> shrinks;
   for (std::size_t b = 0; b < bootstraps; ++b) {
-    double first = 0, second = 0;
+    std::vector<double> first, second;
     for (std::size_t i = 0; i < before.size(); ++i) {
       const auto k = static_cast<std::size_t>(random.uniform() * static_cast<double>(before.size()));
-      first += before[k];
-      second += after[k];
+      first.push_back(before[k]);
+      second.push_back(after[k]);
     }
-    const double e1 = 2 * first / values - 1, e2 = std::max(0.0, 2 * second / values - 1);
-    if (e1 > 0) shrinks.push_back(1 - e2 / e1);
+    if (excess(first, values) > 0) shrinks.push_back(shrink_of(excess, first, second, values));
   }
   if (shrinks.empty()) return {};
   std::sort(shrinks.begin(), shrinks.end());
@@ -159,11 +166,11 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   work.tell(0.93, "measuring the gap");
   result.discrepancies.push_back({"refit", search.before});
   if (found) result.discrepancies.push_back({"explained", search.after});
-  if (found && refit_excess > 0) result.shrink_refit = 1 - explained_excess / refit_excess;
+  if (found) result.shrink_refit = shrink_of(mean_excess, search.plain.held_out, search.losses, values);
   result.shrink_nominal = nominal_excess > 0 ? 1 - explained_excess / nominal_excess : 0;
   if (refit_excess > 0)
     result.shrink_interval =
-        shrink_interval(search.plain.held_out, search.losses, values, settings.seed, verdict.bootstraps);
+        shrink_interval(mean_excess, search.plain.held_out, search.losses, values, settings.seed, verdict.bootstraps);
   result.ranked = rank_causes(work, search);
   result.places = rank_places(sheet, search.screened, result.ranked, verdict.place_probability);
   if (found) name_effects(search, work.ninety_percent(), verdict, result);
@@ -175,6 +182,12 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
                                [](const Candidate& candidate) { return restarts_freely(candidate.effect); });
   evidence.shrink = result.shrink_refit;
   evidence.shrink_low = result.shrink_interval.low;
+  if (found) {
+    evidence.typical_shrink = shrink_of(typical_excess, search.plain.score, search.score, values);
+    evidence.typical_shrink_low =
+        shrink_interval(typical_excess, search.plain.score, search.score, values, settings.seed, verdict.bootstraps)
+            .low;
+  }
   evidence.size = gap_size(result.gap[1]);
   evidence.excess = result.gap[1].excess;
   evidence.calibrated = nominal_excess - refit_excess;

@@ -152,8 +152,8 @@ Discrepancy discrepancy(const GapTrials& work, const EffectSearch& search) {
   return find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::free, search.noise);
 }
 
-// White noise of the transducer at a port, in the channel's unit; nothing where the port is none of one that is compared
-// or drives the model.
+// White noise of the transducer at a port, in the channel's unit; nothing where it is none that is compared or drives
+// the model.
 std::optional<double> transducer_noise(const ResidualModel& model, const std::string& port) {
   if (const std::optional<std::size_t> output = output_of(model, port)) return model.noise()[*output];
   if (port_kind(port) != PortKind::sensor) return {};

@@ -198,7 +198,7 @@ struct GapOptions {
     // What no place explains is no silence either where it is as large as this, over what a gap must have to matter,
     // and this large against the noise: a structure that fits leaves less (development).
     double silent_matters_ratio = 5;
-    double silent_excess_variances = 30;
+    double silent_excess_variances = 10;
     double miscalibrated_excess_variances =
         0.05;                           // that the refit must remove to speak of miscalibration: the quiet excess
     double doubt_steepness = 4;         // of the logistic curve from doubt to probability

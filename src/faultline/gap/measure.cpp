@@ -15,6 +15,7 @@ namespace {
 
 constexpr const char* kLevels[] = {"nominal", "refit", "explained"};
 constexpr double kSamePeriod = 0.01;
+constexpr double kHeldByFew = 0.5;  // of a typical segment's shrink: less of the mean is held by a few segments
 constexpr std::size_t kWhole = std::numeric_limits<std::size_t>::max() / 2;  // rows: no restart but at breaks
 
 ChannelGap channel_gap(const ResidualModel& model, std::size_t output) {
@@ -240,7 +241,13 @@ void describe(const Datasheet& sheet, GapResult& result, const std::string& left
       part += fmt::format("{}{} at {}", part.empty() ? "" : " and ", e.effect, e.port);
     }
     if (!result.sentence.empty())
-      result.sentence += fmt::format(" closes {:.0f} % of what the refit leaves.", 100 * result.shrink_refit);
+      result.sentence +=
+          result.evidence.typical_shrink > 0 && result.shrink_refit < kHeldByFew * result.evidence.typical_shrink
+              ? fmt::format(
+                    " closes {:.0f} % of what the refit leaves in a typical segment; a few "
+                    "segments, in which something else is missing, hold most of the gap.",
+                    100 * result.evidence.typical_shrink)
+              : fmt::format(" closes {:.0f} % of what the refit leaves.", 100 * result.shrink_refit);
     if (!rounded.empty())
       result.sentence +=
           (result.sentence.empty() ? "" : " ") + rounded + ": it is in the noise, which no model closes.";

@@ -25,8 +25,10 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
                                                                 options.place_evidence_fraction * perfect),
                                  evidence.spread / options.size_spread);
   const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
-  result.names = evidence.found && evidence.size > options.named_matters_fraction * matters &&
-                 evidence.shrink > shrink && evidence.shrink_low > 0 &&
+  // Of all that is left, or of what is left in most segments, where a few in which the model goes astray hold it all.
+  const bool closes = (evidence.shrink > shrink && evidence.shrink_low > 0) ||
+                      (evidence.typical_shrink > shrink && evidence.typical_shrink_low > 0);
+  result.names = evidence.found && evidence.size > options.named_matters_fraction * matters && closes &&
                  evidence.effects > options.material_evidence_fraction * perfect;
   // Without a name that holds: a signal at one place that wins much of a gap that matters tells a cause, or a gap that
   // is too large for a model whose structure fits.

@@ -11,21 +11,23 @@
 namespace faultline {
 
 struct GapEvidence {
-  bool found = false;      // whether the search took effects
-  bool plain = true;       // whether restarts leave the effects as they are: restarts_freely()
-  double shrink = 0;       // fraction of the refit's excess that they close on held-out data
-  double shrink_low = 1;   // low end of its 90 % interval: what rests on one segment alone may be nothing
-  double perfect = 0;      // log likelihood that a perfect model would win over the refit ...
-  double effects = 0;      // ... the effects do win ...
-  double free_before = 0;  // ... and a free signal at one place would, without ...
-  double free_after = 0;   // ... and beside them
-  double readings = 0;     // over which these are summed
-  double size = 0;         // gap of the refit beyond the noise, over what the channels move: rms over the channels
-  double excess = 0;       // ... and squared over the noise: mean over the channels
-  double calibrated = 0;   // excess that the refit removed
-  double left = 0;         // excess beside the effects on held-out data ...
-  double quiet = 0;        // ... and that of a healthy rig
-  double spread = 0;       // of an effect's size from part to part of the runs, the largest: SizeAgreement
+  bool found = false;             // whether the search took effects
+  bool plain = true;              // whether restarts leave the effects as they are: restarts_freely()
+  double shrink = 0;              // fraction of the refit's excess that they close on held-out data
+  double shrink_low = 1;          // low end of its 90 % interval: what rests on one segment alone may be nothing
+  double typical_shrink = 0;      // the same of a typical segment (typical_excess): a few that go astray do not decide
+  double typical_shrink_low = 1;  // ... and the low end of its interval
+  double perfect = 0;             // log likelihood that a perfect model would win over the refit ...
+  double effects = 0;             // ... the effects do win ...
+  double free_before = 0;         // ... and a free signal at one place would, without ...
+  double free_after = 0;          // ... and beside them
+  double readings = 0;            // over which these are summed
+  double size = 0;        // gap of the refit beyond the noise, over what the channels move: rms over the channels
+  double excess = 0;      // ... and squared over the noise: mean over the channels
+  double calibrated = 0;  // excess that the refit removed
+  double left = 0;        // excess beside the effects on held-out data ...
+  double quiet = 0;       // ... and that of a healthy rig
+  double spread = 0;      // of an effect's size from part to part of the runs, the largest: SizeAgreement
 };
 
 struct GapVerdict {

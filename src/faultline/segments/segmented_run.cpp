@@ -108,7 +108,8 @@ double noise_of_grid(const Datasheet& sheet, const SegmentedRun& run, std::size_
       grid_step(std::move(readings), sheet.channels[channel].resolution, options.grid_least_levels, options));
 }
 
-// Of an input that its command predicts, the noise about its command: what the command itself carries is no noise of the transducer.
+// Of an input that its command predicts, the noise about its command: what that itself carries is no noise of the
+// transducer.
 double noise_about_command(const Datasheet& sheet, const SegmentedRun& run, std::size_t channel) {
   Recording difference;
   difference.time = run.recording.time;
