@@ -14,13 +14,14 @@ namespace {
 constexpr double kSegment = 0.25;  // s
 
 // Adds to a channel noise that forgets itself in `memory` s.
-void add_noise(Recording& recording, const std::string& channel, double size, double memory, std::uint64_t seed) {
+void add_noise(const Datasheet& sheet, Recording& recording, const std::string& channel, double size, double memory,
+               std::uint64_t seed) {
   Random random(seed);
-  const auto column = static_cast<std::size_t>(servo().channel(channel));
-  const double keep = std::exp(-servo().sample_period / memory);
+  const auto column = static_cast<std::size_t>(sheet.channel(channel));
+  const double keep = std::exp(-sheet.sample_period / memory);
   double noise = size * random.normal();
   for (std::size_t k = 0; k < recording.rows(); ++k) {
-    recording.values[k * servo().channels.size() + column] += noise;
+    recording.values[k * recording.columns() + column] += noise;
     noise = keep * noise + size * std::sqrt(1 - keep * keep) * random.normal();
   }
 }
@@ -34,7 +35,7 @@ std::vector<SegmentedRun> runs_with(const std::vector<std::string>& effects, dou
     setup.parameters = draw_parameters(servo(), 11);
     for (const std::string& effect : effects) setup.effects.push_back(parse_effect(effect));
     Recording recording = simulate(servo(), setup, 6);
-    if (noisy > 0) add_noise(recording, "chamber_a_pressure", noisy, 0.02, seed);
+    if (noisy > 0) add_noise(servo(), recording, "chamber_a_pressure", noisy, 0.02, seed);
     runs.push_back(cut_run(servo(), profile, std::move(recording), kSegment));
   }
   return runs;
@@ -239,6 +240,33 @@ TEST(EffectSearch, NoiseWithAMemoryIsNoCause) {
   EXPECT_LT(healthy.before.places.front().gain, 0.1 * healthy.before.loss);
   const EffectSearch leaking = search_among(ports, {"laminar_leakage@flow.chamber_a_chamber_b:coefficient=2e-11"}, 4e4);
   EXPECT_NE(found(leaking).find("leakage@flow.chamber_a_chamber_b"), std::string::npos) << found(leaking);
+}
+
+// So is that of an input that drives the model, though a load would enter at the same place.
+TEST(EffectSearch, NoiseWithAMemoryOfAnInputIsNoCause) {
+  const Datasheet drive = find_datasheet(config_folder(), "hydraulic_drive");
+  GapSettings settings;
+  settings.jobs = 2;
+  for (const Port& port : drive.ports)
+    for (const FittingEffect& fitting : port.effects)
+      if (port.name != "force.shaft") settings.without.push_back(fitting.effect + "@" + port.name);
+  std::vector<SegmentedRun> runs;
+  std::uint64_t seed = 5;
+  for (const char* profile : {"multisine", "triangle"}) {
+    SimulationSetup setup;
+    setup.profile = profile;
+    setup.seed = seed++;
+    Recording recording = simulate(drive, setup, 20);
+    add_noise(drive, recording, "pump_pressure", 2e4, 0.1, seed);
+    runs.push_back(cut_run(drive, profile, std::move(recording), 1));
+  }
+  GapTrials work(drive, std::move(runs), kFolds, {0, 1}, settings, kSilent);
+  const EffectSearch search = search_effects(work, 3, 0.05);
+  EXPECT_EQ(found(search), "");
+  ASSERT_FALSE(search.noise.empty());
+  EXPECT_EQ(search.noise.front().port, "sensor.pump_pressure");
+  EXPECT_NEAR(search.noise.front().level, 2e4, 1e4);
+  EXPECT_LT(search.before.places.front().gain, 0.1 * search.noise.front().gain);
 }
 
 // What a slow transducer adds depends on what it shows.

@@ -45,20 +45,24 @@ double quiet_excess(const ResidualModel& model) {
   return options.quiet_excess_variances * (noisy + (1 - noisy) / std::max(1.0, count > 0 ? ratio / count : 1.0));
 }
 
-std::vector<std::string> told_at_bounds(const Datasheet& sheet, const ModelChange& model, const GapOptions& options) {
-  std::vector<std::string> remarks;
+// Parameters that lie as far from the datasheet as they may, in one sentence; empty: none.
+std::string told_at_bounds(const Datasheet& sheet, const ModelChange& model, const GapOptions& options) {
+  std::string names;
+  int count = 0;
+  const double highest = options.linearisation.parameter_bound_tolerances;
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
     const Parameter& p = sheet.parameters[i];
     if (p.tolerance <= 0) continue;
-    const double highest = options.linearisation.parameter_bound_tolerances;
     const double z = (model.parameters[i] - p.nominal) / (p.nominal * p.tolerance);
-    if (z > 0.999 * highest || z < 0.999 * lowest_deviation(p, highest))
-      remarks.push_back(
-          fmt::format("{} is as far from the datasheet as it may go, {:.2g} tolerances: correct the datasheet, or give "
-                      "the parameter the tolerance that it has",
-                      p.name, std::abs(z)));
+    if (z < 0.999 * highest && z > 0.999 * lowest_deviation(p, highest)) continue;
+    names += (count++ > 0 ? ", " : "") + p.name;
   }
-  return remarks;
+  if (names.empty()) return {};
+  return fmt::format(
+      "{} {} as far from the datasheet as {} may go, at most {:.2g} tolerances: correct the datasheet or its "
+      "tolerance, "
+      "unless what the model lacks bends {}",
+      names, count > 1 ? "lie" : "lies", count > 1 ? "they" : "it", highest, count > 1 ? "them" : "it");
 }
 
 using Excess = double (*)(const std::vector<double>& segments, double values);
@@ -154,8 +158,8 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   for (const FreePlace& noise : search.noise)
     result.remarks.push_back(fmt::format("{}: its noise has a memory of {:.2g} s; what depends on nothing is no cause",
                                          sheet.port(noise.port).channel, noise.memory));
-  for (std::string& remark : told_at_bounds(stated, search.base.model, options))
-    result.remarks.push_back(std::move(remark));
+  if (std::string text = told_at_bounds(stated, search.base.model, options); !text.empty())
+    result.remarks.push_back(std::move(text));
   ModelChange nominal;
   nominal.parameters = sheet.nominal();
   const double nominal_excess = mean_excess(search.nominal, values);

@@ -15,6 +15,7 @@ constexpr int kReferences = 2;            // times that the model is made linear
 constexpr int kExpectations = 4;          // steps of EM around each
 constexpr double kLeastVariance = 1e-18;  // of the process noise, in sizes squared
 constexpr double kAlike = 2;              // log likelihood, up to which two places are not told apart
+constexpr double kNear = 0.95;            // of the likeliest place's gain, from which another may be the same
 constexpr std::size_t kPolished = 6;      // places whose free signal is fitted by the filter itself
 
 double total(const std::vector<double>& losses) { return std::accumulate(losses.begin(), losses.end(), 0.0); }
@@ -124,12 +125,15 @@ std::vector<FreePlace> free_places(const StochasticModel& model, const GatheredR
   const auto driven = std::find_if_not(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), is_command);
   if (driven != places.begin() + static_cast<std::ptrdiff_t>(few) && driven->gain > places.front().gain - kAlike)
     std::rotate(places.begin(), driven, driven + 1);
-  if (few > 0 && places.front().gain > 0) {
-    FreePlace& first = places.front();
+  // The first, and transducers that are nearly as likely: whether one of these is the same place is asked of them.
+  const double near = few > 0 ? kNear * places.front().gain : 0;
+  for (std::size_t i = 0; i < few; ++i) {
+    FreePlace& place = places[i];
+    if (!(place.gain > 0) || (i > 0 && (port_kind(place.port) != PortKind::sensor || place.gain < near))) continue;
     const auto port =
-        static_cast<std::size_t>(std::find(model.ports.begin(), model.ports.end(), first.port) - model.ports.begin());
-    first =
-        best_signal(model, rows, q, loss, {static_cast<int>(port), first.level / model.unit[port], first.memory}, true);
+        static_cast<std::size_t>(std::find(model.ports.begin(), model.ports.end(), place.port) - model.ports.begin());
+    place =
+        best_signal(model, rows, q, loss, {static_cast<int>(port), place.level / model.unit[port], place.memory}, true);
   }
   for (std::size_t i = few; i < places.size(); ++i) {
     const ScannedSignal& s = scanned[i];

@@ -170,7 +170,7 @@ std::optional<double> transducer_noise(const ResidualModel& model, const std::st
 std::optional<FreePlace> noise_with_memory(const GapTrials& work, const EffectSearch& search) {
   const GapOptions::Search& options = work.options().search;
   for (const FreePlace& place : search.before.places) {
-    if (place.gain < search.before.places.front().gain - options.same_place_log_likelihood) break;
+    if (place.gain < (1 - options.same_place_gain_fraction) * search.before.places.front().gain) break;
     const std::optional<double> noise = transducer_noise(work.model(), place.port);
     if (!noise || place.memory > options.noise_memory_segments * work.segment_s() ||
         place.level > options.noise_level_ratio * *noise)

@@ -130,8 +130,9 @@ struct GapOptions {
     double noise_memory_segments = 4;
     // ... and how large it may be, over the white part (development: what is larger was no noise).
     double noise_level_ratio = 5;
-    // By which two places that win may differ and be as likely: odds of 7 to 1.
-    double same_place_log_likelihood = 2;
+    // Of what the likeliest place wins, by which another may be behind and be the same: what a search for level and
+    // memory leaves.
+    double same_place_gain_fraction = 0.01;
     // What a free signal must win for a search, of what a perfect model would win ...
     double least_free_fraction = 0.02;
     // ... and of what the effects found have won or of what is left, whichever is less, for another.
@@ -308,7 +309,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.input_noise_fraction);
   FAULTLINE_OPTION(search.noise_memory_segments);
   FAULTLINE_OPTION(search.noise_level_ratio);
-  FAULTLINE_OPTION(search.same_place_log_likelihood);
+  FAULTLINE_OPTION(search.same_place_gain_fraction);
   FAULTLINE_OPTION(search.least_free_fraction);
   FAULTLINE_OPTION(search.further_free_fraction);
   FAULTLINE_OPTION(search.close_rival_gain_fraction);
