@@ -22,6 +22,22 @@ std::string said(const std::string& verdict, const std::string& left) {
   return result.sentence;
 }
 
+struct Won {
+  double effects, perfect;  // log likelihood
+};
+
+// Effects that were found and what they won, in a gap of that size and excess.
+GapEvidence of_effects(const Won& won, double readings, double size, double excess) {
+  GapEvidence evidence;
+  evidence.found = true;
+  evidence.effects = won.effects;
+  evidence.perfect = won.perfect;
+  evidence.readings = readings;
+  evidence.size = size;
+  evidence.excess = excess;
+  return evidence;
+}
+
 TEST(Verdict, NothingIsSaidToFitWhereMuchIsLeft) {
   EXPECT_EQ(said("none", ""), "No gap beyond the noise and the tolerances of the datasheet.");
   EXPECT_EQ(said("none", "flow 440 times its noise"),
@@ -60,15 +76,9 @@ TEST(Verdict, AStructureThatLeavesMuchDoesNotFit) {
 
 // What closes the gap down to what every rig has is its cause, whatever a free signal would make of the rest.
 TEST(Verdict, WhatLeavesNothingIsNamed) {
-  GapEvidence evidence;
-  evidence.found = true;
+  GapEvidence evidence = of_effects({400, 1000}, 10000, 1, 2);
   evidence.shrink = 0.95;
-  evidence.perfect = 1000;
-  evidence.effects = 400;
   evidence.free_after = 400;
-  evidence.readings = 10000;
-  evidence.size = 1;
-  evidence.excess = 2;
   evidence.left = 0.04;
   evidence.quiet = 0.05;
   const GapOptions::Verdict options;
@@ -83,14 +93,8 @@ TEST(Verdict, WhatLeavesNothingIsNamed) {
 
 // What has another size in each part of the runs makes up for a cause and is none.
 TEST(Verdict, ASizeThatChangesIsNoCause) {
-  GapEvidence evidence;
-  evidence.found = true;
+  GapEvidence evidence = of_effects({700, 1000}, 10000, 1, 2);
   evidence.shrink = 0.8;
-  evidence.perfect = 1000;
-  evidence.effects = 700;
-  evidence.readings = 10000;
-  evidence.size = 1;
-  evidence.excess = 2;
   evidence.left = 0.4;
   evidence.spread = 0.1;
   const GapOptions::Verdict options;
@@ -106,20 +110,35 @@ TEST(Verdict, ASizeThatChangesIsNoCause) {
   EXPECT_EQ(judge_gap(evidence, 2, options).verdict, "none");
 }
 
+TEST(Verdict, SaysWhereAFewSegmentsHoldTheGap) {
+  GapResult result;
+  result.verdict = "named";
+  result.gap.resize(2);
+  result.effects.resize(1);
+  result.effects[0].effect = "offset";
+  result.effects[0].port = "command.valve";
+  result.shrink_refit = 0.78;
+  result.evidence.typical_shrink = 0.79;
+  describe({}, result, "");
+  EXPECT_EQ(result.sentence, "offset at command.valve closes 78 % of what the refit leaves.");
+  result.sentence.clear();
+  result.shrink_refit = -0.01;
+  describe({}, result, "");
+  EXPECT_EQ(
+      result.sentence,
+      "offset at command.valve closes 79 % of what the refit leaves in a typical segment; most of the gap is in a "
+      "few segments, in which something else is missing.");
+}
+
 // A few segments in which the model goes astray hold the mean: a typical one decides.
 TEST(Verdict, WhatClosesATypicalSegmentIsNamed) {
-  GapEvidence evidence;
-  evidence.found = true;
+  GapEvidence evidence = of_effects({1045, 1045}, 8000, 0.034, 416);
   evidence.shrink = -0.01;
   evidence.shrink_low = -0.03;
   evidence.typical_shrink = 0.79;
   evidence.typical_shrink_low = 0.6;
-  evidence.perfect = evidence.effects = 1045;
   evidence.free_before = 508;
   evidence.free_after = 133;
-  evidence.readings = 8000;
-  evidence.size = 0.034;
-  evidence.excess = 416;
   const GapOptions::Verdict options;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
   evidence.typical_shrink_low = -0.1;  // it rests on a few segments itself
@@ -128,15 +147,10 @@ TEST(Verdict, WhatClosesATypicalSegmentIsNamed) {
 
 // A transducer's lag that is worth much from sample to sample and closes nothing over segments: no place is left.
 TEST(Verdict, WhatImmaterialEffectsTakeIsNoPlace) {
-  GapEvidence evidence;
-  evidence.found = true;
+  GapEvidence evidence = of_effects({4200, 4200}, 8000, 0.022, 9);
   evidence.shrink = 0.02;
-  evidence.perfect = evidence.effects = 4200;
   evidence.free_before = 1240;
   evidence.free_after = 4;
-  evidence.readings = 8000;
-  evidence.size = 0.022;
-  evidence.excess = 9;
   evidence.calibrated = 100;
   const GapOptions::Verdict options;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "miscalibrated");
@@ -147,15 +161,9 @@ TEST(Verdict, WhatImmaterialEffectsTakeIsNoPlace) {
 
 // A place is spoken of where its signal wins a tenth of the whole: less is a part that no place explains.
 TEST(Verdict, WhatNoPlaceExplainsWithdrawsNoName) {
-  GapEvidence evidence;
-  evidence.found = true;
+  GapEvidence evidence = of_effects({135, 700}, 2048, 0.3, 1500);
   evidence.shrink = 0.4;
-  evidence.perfect = 700;
-  evidence.effects = 135;
   evidence.free_before = 18;
-  evidence.readings = 2048;
-  evidence.size = 0.3;
-  evidence.excess = 1500;
   evidence.left = 900;
   const GapOptions::Verdict options;
   evidence.free_after = 60;

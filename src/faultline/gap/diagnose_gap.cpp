@@ -60,8 +60,7 @@ std::string told_at_bounds(const Datasheet& sheet, const ModelChange& model, con
   if (names.empty()) return {};
   return fmt::format(
       "{} {} as far from the datasheet as {} may go, at most {:.2g} tolerances: correct the datasheet or its "
-      "tolerance, "
-      "unless what the model lacks bends {}",
+      "tolerance, unless what the model lacks bends {}",
       names, count > 1 ? "lie" : "lies", count > 1 ? "they" : "it", highest, count > 1 ? "them" : "it");
 }
 

@@ -240,14 +240,15 @@ void describe(const Datasheet& sheet, GapResult& result, const std::string& left
       std::string& part = e.effect == "quantisation" ? rounded : result.sentence;
       part += fmt::format("{}{} at {}", part.empty() ? "" : " and ", e.effect, e.port);
     }
-    if (!result.sentence.empty())
-      result.sentence +=
-          result.evidence.typical_shrink > 0 && result.shrink_refit < kHeldByFew * result.evidence.typical_shrink
-              ? fmt::format(
-                    " closes {:.0f} % of what the refit leaves in a typical segment; a few "
-                    "segments, in which something else is missing, hold most of the gap.",
-                    100 * result.evidence.typical_shrink)
-              : fmt::format(" closes {:.0f} % of what the refit leaves.", 100 * result.shrink_refit);
+    const double typical = result.evidence.typical_shrink;
+    if (!result.sentence.empty() && typical > 0 && result.shrink_refit < kHeldByFew * typical)
+      result.sentence += fmt::format(
+          " closes {:.0f} % of what the refit leaves in a typical segment; most of the gap is in a few segments, in "
+          "which "
+          "something else is missing.",
+          100 * typical);
+    else if (!result.sentence.empty())
+      result.sentence += fmt::format(" closes {:.0f} % of what the refit leaves.", 100 * result.shrink_refit);
     if (!rounded.empty())
       result.sentence +=
           (result.sentence.empty() ? "" : " ") + rounded + ": it is in the noise, which no model closes.";
