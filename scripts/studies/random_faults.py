@@ -2,12 +2,13 @@
 """Faults drawn at random over all rigs, and what `faultline diagnose` makes of them.
 
     scripts/studies/random_faults.py [--rigs RIG ...] [--faults 20] [--first 1001] [--work FOLDER] [--print] [--list]
-        [--oracle]
+        [--oracle] [--from-start | --lost S]
 
 A seed fixes rig parameters (off nominal, with the small effects of every recording), the profile, the effect (any that
 the datasheet lists at any of its ports), its size (over the datasheet's whole range, evenly in the logarithm where that
 is wide) and when it comes, at once, between 30 and 60 % of the run. Seeds below 1000 are for tuning, those from 1001 on
-for reporting. What is done stays in FOLDER: stopped, it goes on where it was.
+for reporting. --from-start: the fault is there from
+the first sample. --lost: so many seconds of samples are lost, from 1 s after the fault came. What is done stays in FOLDER: stopped, it goes on where it was.
 
 right: the alarm to read first has the effect and its port. alike: it says that it cannot tell another from that. place:
 another effect at that port. wrong: another port. unnamed: it names none. missed: no alarm. before: there was an alarm
@@ -58,12 +59,14 @@ def share_of_range(parameter, size):
     return (size - none) / (end - none) if math.isfinite(end) and math.isfinite(none) else None
 
 
-def draw(ports, profiles, seed):
+def draw(ports, profiles, seed, from_start=False):
     """(profile, seconds, onset, effect@port, as simulate takes it, size as a share of its range or None)"""
     generator = random.Random(seed)
     profile = generator.choice(profiles)
     seconds = profile["duration"] if profile.get("shape") == "table" else min(profile["duration"], RUN)
     onset = round(generator.uniform(0.3, 0.6) * seconds, 1)
+    if from_start:
+        onset = 0
     port = generator.choice([p for p in ports if p["effects"]])
     effect = generator.choice(port["effects"])
     name = f"{effect['effect']}@{port['name']}"
@@ -76,12 +79,20 @@ def draw(ports, profiles, seed):
     return profile["name"], seconds, onset, name, f"{name}:{words},from={onset}", share
 
 
-def run(rig, ports, profiles, seed):
-    profile, seconds, onset, name, effect, share = draw(ports, profiles, seed)
+def without(table, begin, end):
+    """The lines of a recording (CSV) without those of its samples from `begin` to `end`, s."""
+    names, *rows = table.splitlines(keepends=True)
+    return names + "".join(row for row in rows if not begin <= float(row.split(",", 1)[0]) < end)
+
+
+def run(rig, ports, profiles, seed, from_start=False, lost=0):
+    profile, seconds, onset, name, effect, share = draw(ports, profiles, seed, from_start)
     with tempfile.TemporaryDirectory() as folder:
         more = ["--profile", profile, "--duration", seconds, "--off-nominal", "--nuisance", "--seed", seed]
-        bag = record(rig, pathlib.Path(folder) / "run.bag", *more, "--effect", effect)
-        report = diagnose(bag)
+        file = record(rig, pathlib.Path(folder) / ("run.csv" if lost else "run.bag"), *more, "--effect", effect)
+        if lost:
+            file.write_text(without(file.read_text(), onset + 1, onset + 1 + lost))
+        report = diagnose(file, *(["--rig", rig] if lost else []))
     entry = {"profile": profile, "onset": onset, "effect": effect, "share": share, **named_alarms(report)}
     return {**entry, "grade": grade(name, onset, entry)}
 
@@ -109,7 +120,7 @@ def oracle(described, profiles, seed):
 
 
 def grade(name, onset, entry):
-    alarms = entry["alarms"]
+    alarms = [a for a in entry["alarms"] if not a["text"].startswith("no sample for more than")]
     if any(a["raised"] < onset for a in alarms):
         return "before"
     if not alarms:
@@ -136,6 +147,8 @@ def main():
     parser.add_argument("--print", action="store_true", help="run nothing")
     parser.add_argument("--list", action="store_true", help="every fault, too")
     parser.add_argument("--oracle", action="store_true", help="which faults cannot be seen at all")
+    parser.add_argument("--from-start", action="store_true", help="the fault is there from the first sample")
+    parser.add_argument("--lost", type=float, default=0, help="s of samples that are lost after the fault came")
     options = parser.parse_args()
     grades_told = (*GRADES, "hidden") if options.oracle else GRADES
     print("| rig | faults | " + " | ".join(grades_told) + " |\n|" + "---|" * (len(grades_told) + 2))
@@ -150,7 +163,8 @@ def main():
             seeds = [seed for seed in seeds if str(seed) in results.all]
 
         def once(seed):
-            return results.once(str(seed), lambda: run(rig, described["ports"], profiles, seed))
+            more = options.from_start, options.lost
+            return results.once(str(seed), lambda: run(rig, described["ports"], profiles, seed, *more))
 
         known = Results(pathlib.Path(options.work) / f"{rig}_oracle.jsonl") if options.oracle else None
 

@@ -144,6 +144,33 @@ TEST_F(Naming, TheDetectorGoesOnWithTheAlarmThatTheIsolatorLeaves) {
   EXPECT_DOUBLE_EQ(keeper_.report().alarms[0].raised, 1e-3);
 }
 
+TEST_F(Naming, TheIsolatorGoesOnWithTheAlarmThatTheDetectorLeaves) {
+  const Finding meaning = meaning_of(servo().detectors[0]);
+  const auto raised_once_left_to = [&](const std::string& effect) {
+    keeper_.reset();
+    assessment_ = silent();
+    assessment_.detectors[0].reason = Reason::told;
+    assessment_.detectors[0].detection.confidence = 0.9;
+    keeper_.process(assessment_);
+    assessment_.detectors[0] = DetectorResult();
+    IsolatorResult& found = assessment_.isolators[0];
+    found.reason = Reason::told;
+    found.finding.confidence = 0.9;
+    found.finding.effect = effect;
+    found.finding.port = meaning.port;
+    assessment_.time += 1e-3;
+    keeper_.process(assessment_);
+    return keeper_.report().alarms;
+  };
+  const std::vector<Alarm> same = raised_once_left_to(meaning.effect);
+  ASSERT_EQ(same.size(), 1u);
+  EXPECT_TRUE(same[0].active);
+  EXPECT_EQ(same[0].effect, meaning.effect);
+  const std::vector<Alarm> another = raised_once_left_to("deadband");
+  ASSERT_EQ(another.size(), 2u);
+  EXPECT_FALSE(another[0].active);
+}
+
 // Samples come all the time and the diagnosis pauses, or the other way round.
 class Silence : public ::testing::Test {
  protected:

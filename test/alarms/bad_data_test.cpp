@@ -127,6 +127,68 @@ TEST(BadData, AnotherBuildIsTheParameterAndAFaultFromTheBeginningIsNot) {
   EXPECT_EQ(fault.verdict.kind, VerdictKind::fault) << fault.verdict.sentence;
 }
 
+// Without the samples from `lost` on, for `gap` s.
+AlarmReport diagnosed_without(const Datasheet& sheet, const Recording& r, double lost, double gap) {
+  Diagnosis diagnosis(sheet);
+  for (std::size_t k = 0; k < r.rows(); ++k)
+    if (r.time[k] < lost || r.time[k] >= lost + gap) diagnosis.process(r.sample(k));
+  return diagnosis.report();
+}
+
+// One alarm of that name, that goes on to the end.
+void expect_one(const AlarmReport& report, const std::string& effect, const std::string& port, double since) {
+  std::size_t count = 0;
+  for (const Alarm& alarm : report.alarms) {
+    EXPECT_TRUE(alarm.kind == AlarmKind::fault || alarm.level == AlarmLevel::stale) << alarm.text;
+    if (alarm.kind != AlarmKind::fault) continue;
+    ++count;
+    EXPECT_EQ(alarm.effect + "@" + alarm.port, effect + "@" + port) << alarm.text;
+    EXPECT_TRUE(alarm.active);
+    EXPECT_NEAR(alarm.since, since, 2.1);
+  }
+  EXPECT_EQ(count, 1u);
+}
+
+TEST(DataWithGaps, AFaultThatIsThereAfterAGapIsNotAnotherBuild) {
+  SimulationSetup setup;
+  setup.profile = "steps";
+  setup.effects.push_back(parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8,from=15"));
+  const Recording r = simulate(servo(), setup, 27);
+  for (const double lost : {15.5, 17.85, 22.0})
+    for (const double gap : {0.13, 1.5}) {
+      SCOPED_TRACE(std::to_string(lost) + " s, for " + std::to_string(gap) + " s");
+      expect_one(diagnosed_without(servo(), r, lost, gap), "orifice_leakage", "flow.chamber_a_chamber_b", 16);
+    }
+}
+
+TEST(DataWithGaps, WhatALeakHasBecomeBeforeAGapIsNotTheRigInGoodOrder) {
+  const Datasheet cooling = find_datasheet(config_folder(), "cooling_circuit");
+  SimulationSetup setup;
+  setup.effects.push_back(parse_effect("orifice_leakage@flow.v2_inlet_ambient:coefficient=2e-8,from=20,to=25"));
+  const Recording r = simulate(cooling, setup, 40);
+  for (const double lost : {21.0, 24.0, 30.0})
+    for (const double gap : {0.15, 3.0}) {
+      SCOPED_TRACE(std::to_string(lost) + " s, for " + std::to_string(gap) + " s");
+      expect_one(diagnosed_without(cooling, r, lost, gap), "orifice_leakage", "flow.v2_inlet_ambient",
+                 lost < 23 ? lost + gap : 22);
+    }
+}
+
+// What rests with a fault in it moves as no parameter makes it: friction holds.
+TEST(BadData, AFaultFromTheBeginningAtRestIsNotAnotherBuild) {
+  SimulationSetup setup;
+  setup.profile = "steps";
+  setup.effects.push_back(parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8,from=15"));
+  const Recording r = simulate(servo(), setup, 27);
+  for (const double begin : {16.0, 17.0, 19.0}) {
+    SCOPED_TRACE(begin);
+    const AlarmReport report = diagnosed_without(servo(), r, 0, begin);
+    const Verdict verdict = verdict_of(report, begin, 27);
+    EXPECT_EQ(verdict.kind, VerdictKind::fault) << verdict.sentence;
+    for (const Alarm& alarm : report.alarms) EXPECT_NE(alarm.kind, AlarmKind::data) << alarm.text;
+  }
+}
+
 TEST(BadData, SamplesThatAreHeldAreOneAlarm) {
   const Told told = diagnosed([](Recording& r, std::size_t k) {
     for (std::size_t c = 0; c < r.columns(); ++c) r.values[k * r.columns() + c] = r.at(k / 10 * 10, c);

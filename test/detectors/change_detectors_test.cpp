@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <utility>
 
 #include "faultline/detectors/detector.h"
 #include "faultline/detectors/run_length.h"
@@ -25,13 +26,19 @@ struct Feeder {
   bool feed(double value, double armed = 1) {
     Estimate estimate;
     estimate.time = 1e-3 * k++;
+    estimate.restarted = std::exchange(restarted, false);
     estimate.quantities = {{"x", "Pa", value, 0}, {"armed", "1", armed, 0}};
     detector.process(estimate, detection);
     return detection.active;
   }
+  void lose(int samples) {  // the stage before begins anew
+    k += samples;
+    restarted = true;
+  }
   Detector& detector;
   Detection detection;
   int k = 0;
+  bool restarted = true;
 };
 
 TEST(CusumDetector, PaperSettingsOnAStep) {
@@ -63,6 +70,33 @@ TEST(CusumDetector, FalseAlarmsAreThoseAskedFor) {
       detector->reset();
     }
   EXPECT_NEAR(alarms / 3000.0, 1, 0.08);
+}
+
+TEST(CusumDetector, WhatItLearntOutlastsAGap) {
+  const auto detector = make("cusum", {{"change", 1}, {"threshold_changes", 5}, {"learn", 0.5}}, true);
+  Feeder run(*detector);
+  for (int k = 0; k < 300; ++k) run.feed(7);
+  run.lose(200);
+  for (int k = 0; k < 501; ++k) ASSERT_FALSE(run.feed(7));  // what was not learnt to its end is learnt anew
+  run.lose(200);
+  for (int k = 0; k < 100; ++k) ASSERT_FALSE(run.feed(9, 0));
+  int delay = 1;
+  while (!run.feed(9) && delay < 100) ++delay;
+  EXPECT_EQ(delay, 4);
+}
+
+TEST(RedlineDetector, WhatItExpectsOutlastsAShortGap) {
+  for (const bool is_short : {true, false}) {
+    const auto detector = make("redline", {{"margin", 1}, {"learn", 0.2}}, true);
+    Feeder run(*detector);
+    for (int k = 0; k < 300; ++k) ASSERT_FALSE(run.feed(7));
+    run.lose(is_short ? 9000 : 11000);
+    for (int k = 0; k < 100; ++k) ASSERT_FALSE(run.feed(9, 0));  // it is steady again later
+    EXPECT_EQ(run.feed(9), is_short);
+    for (int k = 0; k < 300; ++k) run.feed(9);
+    EXPECT_EQ(run.detection.active, is_short);
+    EXPECT_EQ(run.feed(11), true);
+  }
 }
 
 TEST(CusumDetector, LearnsItsReferenceOnceArmed) {

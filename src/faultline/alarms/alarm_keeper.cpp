@@ -98,12 +98,29 @@ void AlarmKeeper::process(const Assessment& a) {
   data_.check_channels(a.time, a.channel_status, book_);
   if (!(a.quiet && idle_)) {
     idle_ = a.quiet;
+    pass_on(a);
     for (std::size_t d = 0; d < detecting_.size(); ++d) {
       take(detecting_[d], a.detectors[d], a.time);
       idle_ = idle_ && is_idle(detecting_[d]);
     }
   }
   for (std::size_t i = 0; i < isolating_.size(); ++i) take(isolating_[i], a.isolators[i], a);
+}
+
+void AlarmKeeper::pass_on(const Assessment& a) {
+  for (std::size_t k = 0; k < detecting_.size(); ++k) {
+    Detecting& d = detecting_[k];
+    if (d.alarm < 0 || a.detectors[k].reason != Reason::absent) continue;
+    for (std::size_t i = 0; i < isolating_.size() && d.alarm >= 0; ++i) {
+      const Finding& found = a.isolators[i].finding;
+      const std::vector<std::string>& alike = found.equivalent;
+      const bool same = (found.effect == d.finding.effect && found.port == d.finding.port) ||
+                        std::find(alike.begin(), alike.end(), name_of(d.finding)) != alike.end();
+      if (isolating_[i].alarm >= 0 || a.isolators[i].reason != Reason::told || found.effect.empty() || !same) continue;
+      std::swap(d.alarm, isolating_[i].alarm);
+      std::swap(d.named, isolating_[i].named);
+    }
+  }
 }
 
 void AlarmKeeper::take(Detecting& d, const DetectorResult& result, double time) {

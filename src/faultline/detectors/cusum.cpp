@@ -3,7 +3,7 @@
 //   threshold_changes: lambda in units of delta; or false_alarms_per_hour, from which lambda follows (run_length.h)
 //     with the quantity's white noise `noise` (in its unit, or relative_noise in parts of the reference) at one sample
 //     every `period` s
-//   reference: mu_0; or learn: s over which it is learnt once armed, kept until the estimator begins anew; one that was
+//   reference: mu_0; or learn: s over which it is learnt once armed, which a gap in the data does not end; one that was
 //     restored takes the place of what would be learnt
 //   armed_by, armed_above (arming.h), minimum_time, release_time
 // Size: mean of the quantity's offset since the change began; 90 % bounds from its scatter.
@@ -48,7 +48,8 @@ class Cusum : public Detector {
   }
 
   void process(const Estimate& estimate, Detection& detection) override {
-    if (!started_ || estimate.restarted) begin(estimate);
+    if (!started_) begin(estimate);
+    if (estimate.restarted) go_on();
     const double value = estimate.quantities[at_].value;
     if (!arming_.armed(estimate) || !std::isfinite(value)) {
       test_.reset();
@@ -105,12 +106,15 @@ class Cusum : public Detector {
     arming_.find(estimate);
     started_ = true;
     learning_ = learn_;
-    learnt_ = sum_ = 0;
-    last_ = estimate.time;
-    test_.reset();
-    persistence_.reset();
+    go_on();
     if (learn_ <= 0) set_reference(given_);
     if (restored_) set_reference(*restored_);
+  }
+  void go_on() {
+    if (learning_ > 0) learning_ = learn_;
+    learnt_ = sum_ = 0;
+    test_.reset();
+    persistence_.reset();
   }
   void learn(const Estimate& estimate, double value) {
     if (learnt_ > 0) learning_ -= std::max(estimate.time - last_, 0.0);

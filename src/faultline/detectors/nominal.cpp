@@ -1,6 +1,6 @@
 // Nominal: an estimated parameter of the rig that is not the datasheet's from the start: another build, exchanged or
 // turned channels, another rig's datasheet, or a fault that was there before. Judged once, by the mean of the first
-// `learn` s while armed; it then stays until the rig begins anew. What changes later is for others.
+// `learn` s while armed; it then stays, whatever gaps the data have. What changes later is for others.
 //   condition: |mean/nominal - 1| > sigmas tolerance
 // Settings: quantity, named as the parameter whose nominal value and tolerance count; sigmas; learn [s]; armed_by,
 // armed_above (arming.h). Size: the mean, its bounds by the scatter of what it is made of, correlated for all of it.
@@ -33,7 +33,8 @@ class Nominal : public Detector {
   void reset() override { started_ = false; }
 
   void process(const Estimate& estimate, Detection& detection) override {
-    if (!started_ || estimate.restarted) begin(estimate);
+    if (!started_) begin(estimate);
+    if (estimate.restarted && !judged_) count_ = mean_ = squares_ = 0;
     const double value = estimate.quantities[at_].value;
     if (!judged_ && arming_.armed(estimate) && std::isfinite(value)) learn(estimate.time, value);
     detection = Detection();

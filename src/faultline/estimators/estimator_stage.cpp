@@ -30,10 +30,10 @@ std::unique_ptr<Estimator> make_estimator(const Datasheet& sheet, const StageSpe
 
 EstimatorStage::EstimatorStage(const Datasheet& sheet, const StageSpec& spec)
     : name_(spec.name), channels_(sheet.channels), period_(sheet.sample_period) {
-  const double usual = std::max(kLeastGap, kGapPeriods * period_);
-  gap_ = spec.settings.number_or("gap", usual, period_, 1e6);
-  jump_ = spec.settings.number_or("jump", usual, 0, 1e6);
   estimator_ = make_estimator(sheet, spec);
+  const double usual = std::max(kLeastGap, kGapPeriods * period_);
+  gap_ = spec.settings.number_or("gap", std::max(usual, estimator_->bridges()), period_, 1e6);
+  jump_ = spec.settings.number_or("jump", usual, 0, 1e6);
   spec.settings.check_used();
   held_.assign(channels_.size(), 0);
   usable_.resize(channels_.size());

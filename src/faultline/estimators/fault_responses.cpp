@@ -5,7 +5,6 @@
 
 #include "faultline/attribution/screening.h"
 #include "faultline/estimators/amplitude_information.h"
-#include "faultline/estimators/plausibility.h"
 
 namespace faultline {
 namespace {
@@ -58,7 +57,7 @@ void FaultResponses::reset() {
   stretches_ = age_ = 0;
   first_.clear();
   second_.clear();
-  doubt_text_.clear();
+  reading_ = {};
   before_ = {};
   past_.clear();
   candidates_.clear();
@@ -124,6 +123,21 @@ void FaultResponses::know_fault(const Scene& scene) {
   Eigen::MatrixXd after;
   model_.loss(scene.prior, scene.stretches, scene.point, found_effects(), kInfinity, &after);
   known_.learn_fault(point_, best_parameters(after, model_.parameters()), found_effects(), recent_, window_.stretches);
+}
+
+// A cause says nothing against another reading of the latest stretch where it could explain that stretch better with
+// parameters of its own: what a stretch at rest says of friction says little of one that moves.
+std::vector<ModelPoint> FaultResponses::explanations() const {
+  std::vector<ModelPoint> points = {known_.known()};
+  for (const RankedFault& cause : first_) {
+    std::vector<EffectSpec> effects = found_effects();
+    effects.front() = hypotheses()[cause.hypothesis].at(cause.amplitude);
+    Eigen::MatrixXd after;
+    model_.loss(known_to_tolerance(point_.shift), latest(1), point_, effects, kInfinity, &after);
+    points.push_back(model_.known(point_, best_parameters(after, model_.parameters()), effects));
+    points.push_back(model_.known(point_, Eigen::VectorXd::Zero(model_.parameters()), effects));
+  }
+  return points;
 }
 
 bool FaultResponses::says_nothing_new() {
@@ -375,7 +389,7 @@ void FaultResponses::end_event() {
   age_ = 0;
   first_.clear();
   second_.clear();
-  doubt_text_.clear();
+  reading_ = {};
   know_healthy();
 }
 
@@ -424,6 +438,7 @@ void FaultResponses::judge_stretch() {
     recent_.erase(recent_.begin(), recent_.end() - 1);
     event_ = false;
     confirmation_.withdraw();
+    reading_ = {};
     age_ = 0;
   }
   if (event_) {
@@ -505,8 +520,6 @@ void FaultResponses::find_healthy_or_fault() {
   know_fault(now);
   look_beside(now.prior);
   if (!second_.empty()) know_fault(now);
-  ModelPoint found = point_;
-  for (const EffectSpec& effect : found_effects()) found.effects.push_back(effect);
   if (!event_) {
     const std::size_t healthy = recent_.size() - window_.stretches;
     since_ = recent_[healthy]->begin;
@@ -516,9 +529,11 @@ void FaultResponses::find_healthy_or_fault() {
     age_ = 1;
     confirmation_.withdraw();
   }
-  // What one stretch has shown stays: the next may not move enough.
-  if (doubt_text_.empty())
-    doubt_text_ = better_reading(sheet_, model_, *recent_.back(), found, window_.change, before_);
+  // What one stretch has shown stays until another contradicts it: the next may not move enough.
+  const Stretch& last = *recent_.back();
+  const std::vector<ModelPoint> causes = explanations();
+  if (!reading_.text.empty() && contradicts(model_, last, causes, reading_)) reading_ = {};
+  if (reading_.text.empty()) reading_ = better_reading(sheet_, model_, last, causes, window_.change, before_);
   confirmation_.found(evidence_);
 }
 

@@ -30,6 +30,7 @@
 #include "faultline/estimators/confirmation.h"
 #include "faultline/estimators/fault_search.h"
 #include "faultline/estimators/known_model.h"
+#include "faultline/estimators/plausibility.h"
 
 namespace faultline {
 
@@ -49,7 +50,7 @@ class FaultResponses {
   // Something is suspected that the next stretches must confirm; not for ever: a rig that rests confirms nothing.
   bool undecided() const { return event_ && !confirmation_.given() && age_ <= settings_.recent_stretches; }
   // A channel that is not what it is called explains more (plausibility.h); empty: none does.
-  const std::string& doubt() const { return doubt_text_; }
+  const std::string& doubt() const { return reading_.text; }
   // Faults at every place of the rig would have shown so far: it moved, or is held where all of them show.
   bool shows() const { return shows_; }
   double since() const { return since_; }  // s, start of the first stretch that shows it
@@ -73,8 +74,9 @@ class FaultResponses {
     bool change = false;
     std::size_t stretches = 0;
   };
-  Stretches latest(std::size_t count) const;  // newest first
-  bool says_nothing_new();                    // the latest stretch
+  Stretches latest(std::size_t count) const;     // newest first
+  std::vector<ModelPoint> explanations() const;  // of the latest stretch, by what was found
+  bool says_nothing_new();                       // the latest stretch
   void pass_over();
   Eigen::VectorXd theta() const;  // best, from the point
   double unexplained(const Stretch& stretch) const;
@@ -132,8 +134,8 @@ class FaultResponses {
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
   KnownModel known_;
-  Confirmation confirmation_;  // of the event
-  std::string doubt_text_;
+  Confirmation confirmation_;   // of the event
+  OtherReading reading_;        // of the event
   Recording before_;            // the last stretch without the fault, where there is one
   std::deque<Recording> past_;  // healthy ones before the recent, newest last
   unsigned age_ = 0;            // of the event, in stretches

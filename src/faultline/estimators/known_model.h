@@ -36,6 +36,7 @@ class KnownModel {
   // `faults` are there, in the last `count` of them.
   void learn_fault(const ModelPoint& point, const Eigen::VectorXd& theta, const std::vector<EffectSpec>& faults,
                    const std::vector<std::unique_ptr<Stretch>>& recent, std::size_t count);
+  const ModelPoint& known() const { return known_; }
   // What the stretch's misfit has beyond the usual one; closely where that is more than `news`.
   double beyond(Stretch& stretch, double news);
   double beyond(const Stretch& stretch) const { return stretch.misfit - usual_; }  // as found before

@@ -32,27 +32,38 @@ double misfit(const StretchModel& model, const Stretch& stretch, const ModelPoin
   return sum / static_cast<double>(restarts.size() - 1);
 }
 
-// Two channels exchanged, or one with its sign turned.
-struct Reading {
-  std::size_t one = 0, other = 0;
-};
+OtherReading of_channels(std::size_t one, std::size_t other) {
+  OtherReading reading;
+  reading.one = one;
+  reading.other = other;
+  return reading;
+}
 
-std::string text_of(const Reading& r, const std::vector<Channel>& channels) {
+std::string text_of(const OtherReading& r, const std::vector<Channel>& channels) {
   const std::string& name = channels[r.one].name;
   if (r.one == r.other) return name + ": its sign is turned; with the other sign the model fits";
   return fmt::format("{} and {} are exchanged; the other way round the model fits", name, channels[r.other].name);
 }
 
-std::vector<Reading> readings_of(const std::vector<Channel>& channels) {
+std::string text_of(const std::string& parameter, double factor) {
+  // What lies beyond all that was tried is no other build: something else is wrong that this parameter makes up for.
+  if (std::abs(std::log(factor)) > std::log(kFarthest))
+    return "The model does not fit, whatever fault is in it: channels that are not what they are called, wrong "
+           "scales, or another rig's datasheet";
+  return fmt::format("{}: {:.2g} times the datasheet's value fits, as on another build or with another rig's datasheet",
+                     parameter, factor);
+}
+
+std::vector<OtherReading> readings_of(const std::vector<Channel>& channels) {
   const auto usable = [](const Channel& c) { return c.role != Role::setpoint && !c.ground_truth; };
-  std::vector<Reading> readings;
+  std::vector<OtherReading> readings;
   for (std::size_t c = 0; c < channels.size(); ++c) {
     if (!usable(channels[c])) continue;
-    readings.push_back({c, c});
+    readings.push_back(of_channels(c, c));
     for (std::size_t d = c + 1; d < channels.size(); ++d)
       if (usable(channels[d]) && channels[d].unit == channels[c].unit &&
           (channels[d].role == Role::command) == (channels[c].role == Role::command))
-        readings.push_back({c, d});
+        readings.push_back(of_channels(c, d));
   }
   return readings;
 }
@@ -66,7 +77,7 @@ bool in_range(const Recording& recording, std::size_t c) {
 }
 
 // L of the recording read so; infinite where it cannot be.
-double misfit_read_as(const StretchModel& model, Recording recording, const Reading& r) {
+double misfit_read_as(const StretchModel& model, Recording recording, const OtherReading& r) {
   const std::size_t columns = recording.columns();
   for (std::size_t row = 0; row < recording.rows(); ++row) {
     double* values = &recording.values[row * columns];
@@ -93,6 +104,15 @@ double misfit_with(const StretchModel& model, const Stretch& stretch, std::size_
   }
 }
 
+double least_misfit(const StretchModel& model, const Stretch& stretch, const std::vector<ModelPoint>& points) {
+  double least = kInfinity;
+  for (const ModelPoint& point : points) try {
+      least = std::min(least, misfit(model, stretch, point));
+    } catch (const InputError&) {  // no such rig
+    }
+  return least;
+}
+
 // The factor on a parameter that fits best, and L with it.
 std::pair<double, double> best_factor(const StretchModel& model, const Stretch& stretch, std::size_t parameter) {
   double step = std::log(kFarthest) / kFactors, at = 0, least = kInfinity;
@@ -115,19 +135,21 @@ std::pair<double, double> best_factor(const StretchModel& model, const Stretch& 
 
 }  // namespace
 
-std::string better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
-                           const ModelPoint& fault, bool change, const Recording& before) {
-  if (stretch.run.restarts.size() < 2) return "";
-  double least = std::min(misfit(model, stretch, model.nominal()) - kGain, misfit(model, stretch, fault) - kLead);
-  std::string best;
+OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
+                            const std::vector<ModelPoint>& faults, bool change, const Recording& before) {
+  OtherReading best;
+  if (stretch.run.restarts.size() < 2) return best;
+  double least =
+      std::min(misfit(model, stretch, model.nominal()) - kGain, least_misfit(model, stretch, faults) - kLead);
   if (least <= 0) return best;  // nothing can be that much better
   const std::unique_ptr<Stretch> earlier = before.rows() > 0 ? model.prepare(before) : nullptr;
   const double as_it_was = earlier ? misfit(model, *earlier, model.nominal()) + kLead : kInfinity;
-  for (const Reading& reading : readings_of(sheet.channels)) {
+  for (const OtherReading& reading : readings_of(sheet.channels)) {
     const double found = misfit_read_as(model, stretch.run.recording, reading);
     if (!(found < least) || (earlier && misfit_read_as(model, before, reading) > as_it_was)) continue;
     least = found;
-    best = text_of(reading, sheet.channels);
+    best = reading;
+    best.text = text_of(reading, sheet.channels);
   }
   for (std::size_t i = 0; !change && i < sheet.parameters.size(); ++i) {
     const Parameter& parameter = sheet.parameters[i];
@@ -137,17 +159,18 @@ std::string better_reading(const Datasheet& sheet, const StretchModel& model, co
         (earlier && misfit_with(model, *earlier, i, factor) > as_it_was))
       continue;
     least = found;
-    // What lies beyond all that was tried is no other build: something else is wrong that this parameter makes up for.
-    const bool beyond = std::abs(std::log(factor)) > std::log(kFarthest);
-    best = beyond ? std::string(
-                        "The model does not fit, whatever fault is in it: channels that are not what they are "
-                        "called, wrong scales, or another rig's datasheet")
-                  : fmt::format(
-                        "{}: {:.2g} times the datasheet's value fits, as on another build or with another rig's "
-                        "datasheet",
-                        parameter.name, factor);
+    best = {OtherReading::Of::parameter, 0, 0, i, factor, text_of(parameter.name, factor)};
   }
   return best;
+}
+
+bool contradicts(const StretchModel& model, const Stretch& stretch, const std::vector<ModelPoint>& faults,
+                 const OtherReading& reading) {
+  if (stretch.run.restarts.size() < 2) return false;
+  const double found = reading.of == OtherReading::Of::parameter
+                           ? misfit_with(model, stretch, reading.parameter, reading.factor)
+                           : misfit_read_as(model, stretch.run.recording, reading);
+  return found > least_misfit(model, stretch, faults) + kLead;
 }
 
 }  // namespace faultline

@@ -19,9 +19,23 @@
 
 namespace faultline {
 
-// One line that says which reading of the stretch fits better than `fault`; empty: none. `change`: the fault came in
-// the run. `before`: a stretch in which it was not seen; without rows where there is none.
-std::string better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
-                           const ModelPoint& fault, bool change, const Recording& before);
+// Two channels exchanged, one with its sign turned (`one` and `other` are the same), or one parameter `factor` times
+// the datasheet's.
+struct OtherReading {
+  enum class Of { channels, parameter } of = Of::channels;
+  std::size_t one = 0, other = 0;
+  std::size_t parameter = 0;
+  double factor = 1;
+  std::string text;  // one line; empty: no reading
+};
+
+// Which reading of the stretch fits better than `fault`, all that is known beside it included. `change`: the fault came
+// in the run. `before`: a stretch in which it was not seen; without rows where there is none.
+OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
+                            const std::vector<ModelPoint>& faults, bool change, const Recording& before);
+
+// Whether a stretch says of a reading that others had shown that `fault` is better by as much as it was worse there.
+bool contradicts(const StretchModel& model, const Stretch& stretch, const std::vector<ModelPoint>& faults,
+                 const OtherReading& reading);
 
 }  // namespace faultline

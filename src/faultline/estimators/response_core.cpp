@@ -66,6 +66,10 @@ class ResponseEstimator : public Estimator {
     return true;
   }
 
+  // Stretches stand for themselves and have no gaps: one costs the stretch that was begun. As long as earlier stretches
+  // speak for the rig.
+  double bridges() const override { return settings_.memory_stretches * settings_.every_s; }
+
   bool news() const override { return news_; }
 
   void write(const double*, bool begun, Estimate& estimate) const override {

@@ -146,10 +146,8 @@ class ChainIsolator : public Isolator {
     const double dt = estimate.time - last_;
     last_ = estimate.time;
     if (estimate.quantities[judging_].value < 1) begun_ = estimate.time;
-    if (estimate.time - begun_ < settle_) {
-      finding.active = false;
-      return;
-    }
+    if (estimate.time - begun_ < settle_)
+      return;  // after a gap in the data what was found stays until it is judged anew
     if (learnt_ < learn_) {
       learn(estimate, dt);
       return;

@@ -398,7 +398,7 @@ void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double var
 }
 
 void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool>& doubted, Finding& finding) {
-  if (!started_ || estimate.restarted) {
+  if (!started_) {
     begin(estimate);
     finding = Finding();
   }
@@ -407,8 +407,9 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
     features_[i] = estimate.quantities[at_[i]].value;
     finite = finite && std::isfinite(features_[i]);
   }
-  if (!finite || !arming_.armed(estimate)) {
-    // What was found stays; what is watched begins anew.
+  if (!finite || estimate.restarted || !arming_.armed(estimate)) {
+    // What was found stays, and what was learnt outlasts a gap in the data: a fault that is there by then is not the
+    // rig in good order. What is watched begins anew.
     if (learnt_) {
       forget_window();
       course_ = 0;  // of an event that goes on the beginning is out of sight
