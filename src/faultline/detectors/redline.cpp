@@ -1,14 +1,13 @@
 // Redline: a measured quantity that stays beyond a fixed margin for a minimum time; what test benches stop by.
 // Settings:
 //   quantity; margin: in the quantity's unit, or relative_margin: in parts of the expected value
-//   expected: the value to stay near; or learn: s over which it is learnt whenever the detector arms anew, but for
-//     a short gap in the data. The first that is learnt is the reference; one that was restored takes its place when the
-//     detector arms for the first time.
+//   expected: the value to stay near; or learn: s over which it is learnt whenever the detector arms anew, or after a
+//     gap in the data, in which the bench may have been set otherwise. The first that is learnt is the reference; one
+//     that was restored takes its place when the detector arms for the first time.
 //   armed_by, armed_above (arming.h), minimum_time, release_time
 // Size: the quantity itself while it was last beyond, with no bounds of its own.
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/persistence.h"
@@ -17,7 +16,6 @@ namespace faultline {
 namespace {
 
 constexpr int kReferenceVersion = 1;  // the expected value
-constexpr double kShortGap = 10;      // s without samples, in which a bench is not brought to another operating point
 
 class Redline : public Detector {
  public:
@@ -36,19 +34,18 @@ class Redline : public Detector {
   }
 
   void process(const Estimate& estimate, Detection& detection) override {
-    if (!started_) begin(estimate);
-    if (estimate.restarted) go_on(estimate.time - last_ <= kShortGap);
-    const double before = std::exchange(last_, estimate.time);
+    if (!started_ || estimate.restarted) begin(estimate);
     const double value = estimate.quantities[at_].value;
     if (!arming_.armed(estimate) || !std::isfinite(value)) {
-      if (learn_ > 0 && armed_) learn_anew();
+      if (learn_ > 0 && armed_) learning_ = learn_, learnt_ = 0, sum_ = 0;
       persistence_.update(estimate.time, false);
       detection = Detection();
       return;
     }
     armed_ = true;
     if (learning_ > 0) {
-      if (learnt_ > 0) learning_ -= std::max(estimate.time - before, 0.0);
+      if (learnt_ > 0) learning_ -= std::max(estimate.time - last_, 0.0);
+      last_ = estimate.time;
       learnt_ += 1;
       sum_ += value;
       if (learning_ <= 0) {
@@ -87,22 +84,15 @@ class Redline : public Detector {
     at_ = find_quantity(estimate, quantity_);
     unit_ = estimate.quantities[at_].unit;
     arming_.find(estimate);
+    if (!started_) reference_ = restored_;  // the first that is learnt outlasts a gap in the data
     started_ = true;
-    armed_ = false;
-    learn_anew();
-    last_ = estimate.time;
-    reference_ = restored_;
-    if (learn_ <= 0) set_expected(given_);
-    if (restored_) set_expected(*restored_);
-  }
-  void go_on(bool same_point) {
-    persistence_.reset();
-    if (learning_ > 0 || !(same_point || restored_)) learn_anew();
-    armed_ = false;
-  }
-  void learn_anew() {
     learning_ = learn_;
     learnt_ = sum_ = 0;
+    last_ = estimate.time;
+    persistence_.reset();
+    armed_ = false;
+    if (learn_ <= 0) set_expected(given_);
+    if (restored_) set_expected(*restored_);
   }
   void set_expected(double expected) {
     const double margin = relative_ ? margin_ * std::abs(expected) : margin_;
