@@ -31,6 +31,14 @@ class Draws(unittest.TestCase):
             ports = [p for p in told["ports"] if p["effects"]]
             self.assertGreater(len(drawn), 0.5 * sum(len(p["effects"]) for p in ports), rig)
 
+    def test_lost_samples_and_faults_from_the_start(self):
+        table = "t,x\n0,1\n0.5,2\n1,3\n1.5,4\n"
+        self.assertEqual(study.without(table, 0.5, 1.5), "t,x\n0,1\n1.5,4\n")
+        told, profiles = described("servo_actuator"), datasheet("servo_actuator")["profiles"]
+        later, first = study.draw(told["ports"], profiles, 7), study.draw(told["ports"], profiles, 7, from_start=True)
+        self.assertEqual(first[2], 0)
+        self.assertEqual(later[4].rsplit(",", 1)[0], first[4].rsplit(",", 1)[0])
+
     def test_the_oracle_knows_the_channels_of_branches(self):
         told = described("cooling_circuit")
         profiles = [{"name": "steady", "duration": 10}]

@@ -28,8 +28,8 @@ class Estimator {
   // From the last sample to this one, `dt` s, in `steps` steps of about one period. False: the state is no number any
   // more.
   virtual bool advance(const double* channels, const ChannelStatus* status, double dt, int steps) = 0;
-  // s without a sample, after which what it learnt of the rig still holds and it goes on; 0: it begins anew after any gap
-  // (estimator_stage.h).
+  // s without a sample, after which what it learnt of the rig still holds and it goes on; 0: it begins anew after any
+  // gap (estimator_stage.h).
   virtual double bridges() const { return 0; }
   // Whether there is anything that the last write() has not told. False only where the type is occasional.
   virtual bool news() const { return true; }

@@ -153,6 +153,7 @@ class Completer {
           {"model_filter", "unscented_kalman", settings("model_filter", numbers, {{"model", "rig_model"}})});
     else
       sheet_.estimators.push_back({"channels", "channels", settings("channels", numbers)});
+    numbers.erase("gap");  // what the responses learnt of the rig outlasts a longer one
     numbers["segment"] = segment() * period_;
     numbers["segments"] = kSegments;
     numbers["inflation"] = kInflation;
