@@ -69,7 +69,8 @@ class AlarmKeeper {
     return d.withheld.reason == Reason::absent && d.alarm < 0 && d.unobserved < 0;
   }
   void check(const Assessment& assessment) const;
-  // Alarms of detectors that see nothing any more, as after a gap in the samples, go on where an isolator tells the same.
+  // Alarms of detectors that see nothing any more, as after a gap in the samples, go on where an isolator tells the
+  // same.
   void pass_on(const Assessment& assessment);
   void take(Detecting& d, const DetectorResult& result, double time);
   void take(Isolating& i, const IsolatorResult& result, const Assessment& assessment);
