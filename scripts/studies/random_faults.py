@@ -7,8 +7,8 @@
 A seed fixes rig parameters (off nominal, with the small effects of every recording), the profile, the effect (any that
 the datasheet lists at any of its ports), its size (over the datasheet's whole range, evenly in the logarithm where that
 is wide) and when it comes, at once, between 30 and 60 % of the run. Seeds below 1000 are for tuning, those from 1001 on
-for reporting. --from-start: the fault is there from
-the first sample. --lost: so many seconds of samples are lost, from 1 s after the fault came. What is done stays in FOLDER: stopped, it goes on where it was.
+for reporting. --from-start: the fault is there from the first sample. --lost: so many seconds of samples are lost, from
+1 s after the fault came. What is done stays in FOLDER: stopped, it goes on where it was.
 
 right: the alarm to read first has the effect and its port. alike: it says that it cannot tell another from that. place:
 another effect at that port. wrong: another port. unnamed: it names none. missed: no alarm. before: there was an alarm
