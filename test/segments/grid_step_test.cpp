@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "faultline/numerics/random.h"
 #include "faultline/segments/segmented_run.h"
@@ -41,6 +42,50 @@ TEST(GridStep, AsksForSomeLevelsEachOftenRead) {
   EXPECT_EQ(grid_step(three, 0, 3), 1);
   EXPECT_EQ(grid_step(three, 0, 4), 0);
   EXPECT_EQ(grid_step({1, 2, 3, 4}, 0, 3), 0);  // whole numbers that do not come again: counted, not rounded
+}
+
+Recording of_readings(const std::vector<double>& readings) {
+  Recording r;
+  r.channels.resize(1);
+  r.channels[0].minimum = -1e9;
+  r.channels[0].maximum = 1e9;
+  r.values = readings;
+  for (std::size_t k = 0; k < readings.size(); ++k) r.time.push_back(1e-3 * static_cast<double>(k));
+  return r;
+}
+
+// Linear interpolation between samples, `step` of them from one to the next.
+std::vector<double> interpolated(const std::vector<double>& y, double begin, double step) {
+  std::vector<double> result;
+  for (double at = begin; at + 1 < static_cast<double>(y.size()); at += step) {
+    const auto k = static_cast<std::size_t>(at);
+    const double beyond = at - static_cast<double>(k);
+    result.push_back((1 - beyond) * y[k] + beyond * y[k + 1]);
+  }
+  return result;
+}
+
+double scatter(const std::vector<double>& noise) {
+  double squares = 0;
+  for (const double v : noise) squares += v * v;
+  return std::sqrt(squares / static_cast<double>(noise.size()));
+}
+
+TEST(NoiseOf, AResamplingIsWhatItLeaves) {
+  Random random(4);
+  std::vector<double> noise, moving;
+  for (int k = 0; k < 12000; ++k) {
+    noise.push_back(random.normal());
+    moving.push_back(noise.back() + 300 * std::sin(0.02 * k) + 20 * std::sin(0.1 * k));
+  }
+  EXPECT_NEAR(noise_floor(of_readings(noise), 0), 1, 0.03);
+  EXPECT_NEAR(noise_floor(of_readings(moving), 0), 1, 0.1);
+  for (const auto& [begin, step] : {std::pair(0.37, 1.0), std::pair(0.5, 1.0), std::pair(0.0, 1 / 1.7)}) {
+    SCOPED_TRACE(step);
+    const double left = scatter(interpolated(noise, begin, step));
+    EXPECT_NEAR(noise_floor(of_readings(interpolated(noise, begin, step)), 0), left, 0.06 * left);
+    EXPECT_NEAR(noise_floor(of_readings(interpolated(moving, begin, step)), 0), left, 0.12 * left);
+  }
 }
 
 // A signal that moves less than a step between samples has third differences of 0, and no level is nearer for that.

@@ -4,6 +4,15 @@
 //   Anal. Chem. 36, 1964); the widest window of those given whose misfit is no more than noise is taken
 //   noise = median |y_k - 3 y_k-1 + 3 y_k-2 - y_k-3| / 0.6745 / sqrt(20)   third differences of white noise
 //
+// Readings that were resampled (interpolated between samples, averaged over some) have noise that is not white, which
+// third differences show too little of. With the covariances g_j of noise that has none beyond lag 2, and those w_k of
+// the weights 1, -3, 3, -1, third differences have at lag k
+//
+//   d_k = w_k g_0 + sum over j = 1, 2 of (w_(k-j) + w_(k+j)) g_j
+//
+// Least squares over lags 0 to 6 give the g_j. Where they describe all lags, as they do of no signal that moves, and the
+// noise so found has a spectrum that nearly vanishes somewhere, as interpolation makes it, sqrt(g_0) is the noise.
+//
 // Samples that are missing (not a number) or at an end of their channel's range - the sensor can show no more: what it
 // says is a bound - measure nothing: windows with one are passed over, and so are third differences.
 #pragma once
@@ -35,7 +44,7 @@ Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t colum
 void smooth_inputs(const Datasheet& sheet, Recording& recording, std::size_t first, std::size_t last,
                    std::size_t widest, const std::vector<double>& noise, const SegmentOptions& options);
 
-// Standard deviation of the white noise on a signal; robust. 0 where there are too few samples.
+// Standard deviation of the noise on a signal, white or resampled; robust. 0 where there are too few samples.
 double noise_floor(const Recording& recording, std::size_t column);
 
 }  // namespace faultline
