@@ -33,6 +33,20 @@ def call(folder, *arguments, **options):
     )
 
 
+def resampled(text, step):
+    """A recording at one sample in `step`, interpolated back onto its own times."""
+    names, *rows = text.splitlines()
+    rows = [[float(value) for value in row.split(",")] for row in rows]
+
+    def between(table, at):
+        k = min(int(at), len(table) - 2)
+        return [(k + 1 - at) * a + (at - k) * b for a, b in zip(table[k], table[k + 1])]
+
+    thin = [between(rows, k * step) for k in range(int((len(rows) - 1) / step))]
+    back = [row[:1] + between(thin, k / step)[1:] for k, row in enumerate(rows) if k / step < len(thin) - 1]
+    return "\n".join([names, *(",".join(f"{value:.9g}" for value in row) for row in back)]) + "\n"
+
+
 class Diagnosed(unittest.TestCase):
     """What one diagnosis of two runs says and writes."""
 
@@ -270,6 +284,19 @@ class Diagnosed(unittest.TestCase):
         self.assertIn("\nwhere: at no single place\n", done.stdout)
         self.assertIn("position among its highest tenth", done.stdout)
         self.assertIn("neither a single place nor an effect", (self.folder / "stop.html").read_text())
+
+    def test_readings_that_were_resampled_lack_no_effect(self):
+        healthy = ["--profile", "random", "--rig-seed", 7, "--duration", 6, "--off-nominal", "--nuisance", "--quiet"]
+        for seed in (1, 2):
+            file = self.folder / f"healthy{seed}.csv"
+            done = call(self.folder, "simulate", "servo_actuator", *healthy, "--seed", seed, "-o", file.name)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            file.write_text(resampled(file.read_text(), 1.7))
+        runs = ["healthy1.csv", "healthy2.csv", "--rig", "servo_actuator"]
+        done = call(self.folder, "gap", *runs, "--json", "healthy.json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        verdict = json.loads((self.folder / "healthy.json").read_text())["cause"]["verdict"]
+        self.assertIn(verdict, ("none", "miscalibrated"))
 
     def test_says_since_when(self):
         self.assertIsNone(self.answer["cause"]["since"])

@@ -10,8 +10,8 @@
 //
 //   d_k = w_k g_0 + sum over j = 1, 2 of (w_(k-j) + w_(k+j)) g_j
 //
-// Least squares over lags 0 to 6 give the g_j. Where they describe all lags, as they do of no signal that moves, and the
-// noise so found has a spectrum that nearly vanishes somewhere, as interpolation makes it, sqrt(g_0) is the noise.
+// Least squares over lags 0 to 6 give the g_j. Where they describe all lags, as they do of no signal that moves, and
+// the noise so found has a spectrum that nearly vanishes somewhere, as interpolation makes it, sqrt(g_0) is the noise.
 //
 // Samples that are missing (not a number) or at an end of their channel's range - the sensor can show no more: what it
 // says is a bound - measure nothing: windows with one are passed over, and so are third differences.
