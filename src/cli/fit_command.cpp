@@ -98,6 +98,7 @@ void run(const Options& options) {
   const Datasheet sheet = load_datasheet(options.rig, options.config);
   for (const std::string& file : options.runs) {
     LoadedRecording loaded = load_recording(file, options.rig, options.config, Period::of_run);
+    keep_own_samples(file, loaded);
     print_remarks("fit", loaded.remarks);
     runs.emplace_back(file, std::move(loaded.recording));
   }

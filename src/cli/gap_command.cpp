@@ -295,6 +295,7 @@ void run(const Options& options) {
   const auto load = [&](const std::vector<std::string>& files, std::vector<LoadedRecording>& list) {
     for (const std::string& file : files) {
       LoadedRecording loaded = load_recording(file, options.rig, options.config, Period::of_run);
+      keep_own_samples(file, loaded);
       if (have_sheet && loaded.sheet.rig != sheet.rig)
         throw InputError(fmt::format("{}: is of {}, the runs before it of {}; give runs of one rig", file,
                                      loaded.sheet.rig, sheet.rig));

@@ -11,6 +11,7 @@
 #include "cli/bag_file.h"
 #include "cli/output_file.h"
 #include "cli/share_folder.h"
+#include "faultline/segments/own_samples.h"
 #include "faultline/signal/csv.h"
 #include "faultline/signal/error.h"
 #include "faultline/signal/run_start.h"
@@ -266,6 +267,19 @@ Datasheet load_datasheet(const std::string& rig, const std::string& config) {
     throw InputError(fmt::format("{}: the datasheet is of the rig '{}', the recording of '{}'; give the right one",
                                  config, sheet.rig, rig));
   return sheet;
+}
+
+void keep_own_samples(const std::string& file, LoadedRecording& loaded) {
+  const OwnSamples own = own_samples(loaded.recording);
+  if (own.every == 1) return;
+  loaded.recording = at_own_samples(loaded.recording, own);
+  std::vector<std::int64_t> stamps;
+  for (std::size_t k = own.first; k < loaded.stamp.size(); k += own.every) stamps.push_back(loaded.stamp[k]);
+  loaded.stamp = std::move(stamps);
+  loaded.remarks.push_back(fmt::format(
+      "{}: its readings lie on straight lines, as interpolation leaves them; the samples between which they "
+      "run are taken, one in {} rows",
+      file, own.every));
 }
 
 LoadedRecording load_recording(const std::string& file, const std::string& rig, const std::string& config,

@@ -41,6 +41,10 @@ enum class Period { of_rig, of_run };
 LoadedRecording load_recording(const std::string& file, const std::string& rig, const std::string& config,
                                Period period = Period::of_rig);
 
+// Of readings that were interpolated onto a finer grid the samples between which they were (segments/own_samples.h),
+// with a remark: what fits models to a run at the run's own period takes no more.
+void keep_own_samples(const std::string& file, LoadedRecording& loaded);
+
 // Takes samples one by one, in the datasheet's order of channels.
 class SampleTaker {
  public:

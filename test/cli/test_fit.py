@@ -39,6 +39,20 @@ class Fit(ProgramTest):
         self.assertEqual([p["name"] for p in json.loads(done.stdout)["parameters"]], ["coulomb_friction"])
         self.assertIn("those with a tolerance are estimated", done.stderr)
 
+    def test_what_import_put_between_samples_tells_nothing(self):
+        self.run_program("simulate", "servo_actuator", "--profile", "prbs", "--duration", 3, "--quiet", "-o", "all.csv")
+        names, *rows = (self.folder / "all.csv").read_text().splitlines()
+        (self.folder / "slow.csv").write_text("\n".join([names, *rows[::5]]) + "\n")
+        self.run_program("import", "slow.csv", "--rig", "servo_actuator", "--resample", "rig", "-o", "filled.bag")
+        slow, filled = (
+            self.run_program("fit", "servo_actuator", file, "--json", "-") for file in ("slow.csv", "filled.bag")
+        )
+        self.assertIn("one in 5 rows", filled.stderr)
+        self.assertNotIn("one in", slow.stderr)
+        for a, b in zip(json.loads(slow.stdout)["parameters"], json.loads(filled.stdout)["parameters"]):
+            near = 0.05 * (a["high"] - a["low"]) + 1e-3 * abs(a["estimate"])
+            self.assertAlmostEqual(a["estimate"], b["estimate"], delta=near)
+
     def test_refusals(self):
         run = self.simulate("a.bag", duration=1)
         text = re.sub("tolerance: [0-9.]+", "tolerance: 0", CONFIG.read_text().replace("identify: true, ", ""))

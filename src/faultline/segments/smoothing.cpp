@@ -16,8 +16,8 @@ constexpr double kMedianOfNormal = 0.67449;      // of |x|, x normal
 
 // Noise that a resampling has mixed (resampled_noise): lags of its third differences that are looked at, and of itself
 // that it may have; rows that tell; standard deviations beyond which a difference is a jump; what the fit may leave, as
-// a fraction of the differences' variance; least density of its spectrum that is still called white (over 0.34 in 1033 of
-// 1035 channels of simulated recordings; at most 0.15 between samples a third of a period off) and the level over
+// a fraction of the differences' variance; least density of its spectrum that is still called white (over 0.34 in 1033
+// of 1035 channels of simulated recordings; at most 0.15 between samples a third of a period off) and the level over
 // that of third differences from which it counts.
 constexpr int kLags = 6, kMixed = 2;
 constexpr std::size_t kRowsThatTell = 500;
