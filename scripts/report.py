@@ -291,6 +291,13 @@ def write_file(path, text):
             os.unlink(unfinished)
 
 
+def is_bag(path):
+    if not os.path.isfile(path):  # a pipe gives its bytes once
+        return False
+    with open(path, "rb") as file:
+        return file.read(7) == b"#ROSBAG"
+
+
 def check_output(path, inputs):
     """That the report can be written, and takes the place of nothing that it is made from, nor of a datasheet of the
     program."""
@@ -303,6 +310,8 @@ def check_output(path, inputs):
         os.path.realpath(path).startswith(os.path.realpath(own) + os.sep) for own in config_folders(HERE)
     ):
         raise ReportError("{}: this is one of the program's own datasheets; choose another name with -o".format(path))
+    if is_bag(path):
+        raise ReportError("{}: this is a recording; choose another name with -o".format(path))
     folder = os.path.dirname(os.path.realpath(path))
     if not os.path.isdir(folder):
         raise ReportError("{}: cannot be written: there is no folder {}".format(path, folder))

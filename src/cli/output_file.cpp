@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <random>
 #include <system_error>
@@ -41,6 +42,15 @@ std::string create_part(const fs::path& target, std::unique_ptr<Unfinished>& unf
   }
   unfinished.reset();
   return "";
+}
+
+bool is_bag(const std::string& file) {
+  const std::string magic = "#ROSBAG";
+  std::string found(magic.size(), '\0');
+  std::error_code error;
+  if (!fs::is_regular_file(file, error)) return false;  // a pipe gives its bytes once
+  return std::ifstream(file, std::ios::binary).read(found.data(), static_cast<std::streamsize>(found.size())) &&
+         found == magic;
 }
 
 }  // namespace
@@ -87,6 +97,7 @@ TextOutput::TextOutput(const std::string& file) {
     stream_ = stdout;
     return;
   }
+  if (is_bag(file)) throw InputError(fmt::format("{}: this is a recording; name another file for text", file));
   output_ = std::make_unique<OutputFile>(file);
   stream_ = std::fopen(output_->written().c_str(), "wb");
   if (!stream_) throw InputError(fmt::format("{}: the file cannot be written ({})", file, std::strerror(errno)));

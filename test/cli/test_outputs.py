@@ -127,6 +127,14 @@ class InputsAreKept(ProgramTest):
         ):
             self.kept(command, "written to a file")
 
+    def test_text_takes_the_place_of_no_recording(self):
+        run, other = self.simulate("run.bag", duration=1), self.simulate("other.bag", duration=1)
+        before = (self.folder / "other.bag").read_bytes()
+        for option in ("--json", "--series"):
+            self.complains(["diagnose", run, option, other], "other.bag", "this is a recording")
+        self.complains(["export", run, "-o", "other.bag"], "other.bag")
+        self.assertEqual((self.folder / "other.bag").read_bytes(), before)
+
     def test_what_nobody_may_write_is_not_replaced(self):
         if os.geteuid() == 0:
             return  # root may write everything

@@ -366,6 +366,10 @@ class BadInput(ReportCase):
         done = self.run_report(str(self.bag), "-o", str(self.folder / "none" / "out.html"))
         self.assert_one_line(done, "cannot be written")
         self.assert_one_line(self.run_report(str(self.bag), "-o", str(self.folder)), "is a folder")
+        other = self.folder / "other.bag"
+        other.write_bytes(b"#ROSBAG V2.0\n")
+        self.assert_one_line(self.run_report(str(self.bag), "-o", str(other)), "this is a recording")
+        self.assertEqual(other.read_bytes(), b"#ROSBAG V2.0\n")
 
     def test_json_without_series(self):
         done = self.run_report(str(self.bag), "--json", "j.json", given=False)

@@ -2,8 +2,8 @@
 //
 //   c_k = y_(k+1) - 2 y_k + y_(k-1)      a kink where |c_k| > 1e-3 median |y_(k+1) - y_k|
 //
-// Of a recording that was brought to n times its rate all kinks lie at every n-th row, the same for all transducers, and
-// nearly every such row has one: noise makes it. What lies between says nothing new, and its noise is none.
+// Of a recording that was brought to n times its rate all kinks lie at every n-th row, the same for all transducers,
+// and nearly every such row has one: noise makes it. What lies between says nothing new, and its noise is none.
 #pragma once
 
 #include <cstddef>
