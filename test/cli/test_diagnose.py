@@ -31,6 +31,12 @@ class Diagnose(ProgramTest):
         self.assertIn("--seed 1", report["made_by"])
         self.assertIn("healthy", self.run_program("diagnose", bag).stdout)
 
+    def test_oil_off_by_less_than_its_tolerance_is_no_fault(self):
+        # The first stretch has the compliance half a tolerance too high; it is 0.8 too low.
+        off = ["--profile", "random", "--seed", 1, "--rig-seed", 5, "--off-nominal", "--nuisance"]
+        done = self.run_program("diagnose", self.simulate("soft.bag", *off, duration=12), "--json", "-")
+        self.assertEqual(json.loads(done.stdout)["verdict"], "healthy")
+
     def test_leak_step(self):
         bag = self.simulate("a.bag", "--command", "leak_valve_command:20=0,20.001=5", duration=60)
         report = self.report(bag)

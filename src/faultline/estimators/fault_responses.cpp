@@ -218,7 +218,8 @@ Eigen::MatrixXd FaultResponses::known_from(const Eigen::VectorXd& step) const {
 
 // One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model. The
 // first two reaches, one to each side, tell whether they do, since what the linear model foresees changes no loss. To
-// second order both sides change it alike, so one that changes it by less than half of what counts spares the other.
+// second order both sides change it alike, so one that changes it by less than half of what counts spares the other; but
+// not while little is learnt: what the linear model took too far changes little beyond, and much on the way back.
 // `straight`: parameters that did not bend before the last move, which are left out; takes those of this time too.
 bool FaultResponses::search_parameters(const Stretches& all, std::vector<bool>& straight) {
   const double now = model_.loss(known_from(Eigen::VectorXd::Zero(point_.shift.size())), all);
@@ -226,10 +227,11 @@ bool FaultResponses::search_parameters(const Stretches& all, std::vector<bool>& 
   double least = now - settings_.worthwhile_evidence;
   Eigen::VectorXd best = Eigen::VectorXd::Zero(point_.shift.size());
   straight.resize(model_.free_parameters(), false);
+  const bool early = stretches_ <= settings_.early_stretches;
   for (std::size_t i = 0; i < model_.free_parameters(); ++i) {
     if (straight[i]) continue;
     bool bends = false, hardly = false;
-    for (std::size_t k = 0; k < settings_.reach_tolerances.size() && (k < 2 ? !hardly : bends); ++k) {
+    for (std::size_t k = 0; k < settings_.reach_tolerances.size() && (k < 2 ? early || !hardly : bends); ++k) {
       Eigen::VectorXd step = Eigen::VectorXd::Zero(point_.shift.size());
       step[static_cast<Eigen::Index>(i)] = settings_.reach_tolerances[k];
       const ModelPoint tried = model_.at(point_.shift + step);
