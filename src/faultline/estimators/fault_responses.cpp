@@ -218,8 +218,8 @@ Eigen::MatrixXd FaultResponses::known_from(const Eigen::VectorXd& step) const {
 
 // One parameter at a time, as far as the model's own residuals say: where they bend too much for the linear model. The
 // first two reaches, one to each side, tell whether they do, since what the linear model foresees changes no loss. To
-// second order both sides change it alike, so one that changes it by less than half of what counts spares the other; but
-// not while little is learnt: what the linear model took too far changes little beyond, and much on the way back.
+// second order both sides change it alike, so one that changes it by less than half of what counts spares the other;
+// but not while little is learnt: what the linear model took too far changes little beyond, and much on the way back.
 // `straight`: parameters that did not bend before the last move, which are left out; takes those of this time too.
 bool FaultResponses::search_parameters(const Stretches& all, std::vector<bool>& straight) {
   const double now = model_.loss(known_from(Eigen::VectorXd::Zero(point_.shift.size())), all);
