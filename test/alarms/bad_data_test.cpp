@@ -174,6 +174,26 @@ TEST(DataWithGaps, WhatALeakHasBecomeBeforeAGapIsNotTheRigInGoodOrder) {
     }
 }
 
+TEST(DataWithGaps, OfARigInGoodOrderRaiseNothingElse) {
+  const auto expect_silence = [](const Datasheet& sheet, const std::string& profile, std::uint64_t seed) {
+    SCOPED_TRACE(sheet.rig);
+    SimulationSetup setup;
+    setup.profile = profile;
+    setup.seed = seed;
+    const Recording r = simulate(sheet, setup, 40);
+    Diagnosis diagnosis(sheet);
+    for (std::size_t k = 0; k < r.rows(); ++k) {
+      const double t = r.time[k];
+      const bool lost = (t > 12 && t < 12.5) || (t > 20 && t < 23) || (t > 28 && t < 28.15);
+      if (!lost) diagnosis.process(r.sample(k));
+    }
+    for (const Alarm& alarm : diagnosis.report().alarms) EXPECT_EQ(alarm.level, AlarmLevel::stale) << alarm.text;
+  };
+  expect_silence(servo(), "random", 4);
+  // Its valve is moved while samples are lost.
+  expect_silence(find_datasheet(config_folder(), "cooling_circuit"), "valve_steps", 4);
+}
+
 // What rests with a fault in it moves as no parameter makes it: friction holds.
 TEST(BadData, AFaultFromTheBeginningAtRestIsNotAnotherBuild) {
   SimulationSetup setup;
