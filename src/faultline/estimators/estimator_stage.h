@@ -6,8 +6,8 @@
 // its last good value. A sample whose time is no number, or is not newer than the last, is not used (process returns
 // false) unless time jumped back by more than `jump`, or forward by more than `gap`: then everything begins anew with
 // that sample. Without settings both are 100 periods and 0.1 s at the least, `gap` what the estimator bridges
-// (estimator.h) where that is more. The rig's first stage also says of channels that are used whether they look like their transducers'
-// (channel_watch.h).
+// (estimator.h) where that is more. The rig's first stage also says of channels that are used whether they look like
+// their transducers' (channel_watch.h).
 #pragma once
 
 #include <memory>
