@@ -61,6 +61,15 @@ TEST(OwnSamples, OfOthersAreTheirRows) {
     mixed.values[at] = r.values[at];
   }
   EXPECT_EQ(own_samples(mixed).every, 1u);
+  Recording driven = interpolated(r, 5);  // commands faster than the transducers
+  Recording held = driven;                // ... and held from one of their samples to the next
+  for (std::size_t k = 0; k < r.rows(); ++k) {
+    const std::size_t at = k * r.columns() + column("valve_command");
+    driven.values[at] = r.values[at];
+    held.values[at] = r.at(k / 5 * 5, column("valve_command"));
+  }
+  EXPECT_EQ(own_samples(driven).every, 1u);
+  EXPECT_EQ(own_samples(held).every, 5u);
   Recording still = r;  // nothing moves
   for (std::size_t k = 0; k < r.rows(); ++k)
     for (std::size_t c = 0; c < r.columns(); ++c) still.values[k * r.columns() + c] = 1;

@@ -3,16 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "faultline/numerics/quantiles.h"
+
 namespace faultline {
 namespace {
 
 constexpr std::size_t kStartsKept = 4;  // motions to borrow the start states' part from
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 

@@ -29,12 +29,12 @@ struct OtherReading {
   std::string text;  // one line; empty: no reading
 };
 
-// Which reading of the stretch fits better than `fault`, all that is known beside it included. `change`: the fault came
-// in the run. `before`: a stretch in which it was not seen; without rows where there is none.
+// Which reading of the stretch fits better than each of `faults`: ways in which what was found may explain it.
+// `change`: the fault came in the run. `before`: a stretch in which it was not seen; without rows where there is none.
 OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
                             const std::vector<ModelPoint>& faults, bool change, const Recording& before);
 
-// Whether a stretch says of a reading that others had shown that `fault` is better by as much as it was worse there.
+// Whether a stretch says of a reading that others had shown that one of `faults` is better by `kLead`.
 bool contradicts(const StretchModel& model, const Stretch& stretch, const std::vector<ModelPoint>& faults,
                  const OtherReading& reading);
 

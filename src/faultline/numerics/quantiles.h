@@ -1,5 +1,7 @@
-// Quantiles of distributions, by Boost.Math, and the one number that all 90 % bounds share.
+// Quantiles of distributions, by Boost.Math, the one number that all 90 % bounds share, and the median of values.
 #pragma once
+
+#include <vector>
 
 namespace faultline {
 
@@ -12,5 +14,8 @@ double chi_squared_quantile_above(double freedom, double p);
 // x with P(|T| < x) = 0.9 for Student's T with `freedom` > 0 degrees: half-width of 90 % bounds in standard errors
 // that were themselves estimated from few values.
 double student_ninety_percent(double freedom);
+
+// The middle of the values in order, the upper of two; there must be one.
+double median(std::vector<double> values);
 
 }  // namespace faultline

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
+
+#include "faultline/numerics/quantiles.h"
 
 namespace faultline {
 namespace {
@@ -22,9 +25,7 @@ std::vector<std::size_t> kinks_of(const Recording& r, std::size_t column) {
     if (step > 0) steps.push_back(step);
   }
   if (steps.empty()) return {};
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  const double least = kKinkFraction * *middle;
+  const double least = kKinkFraction * median(std::move(steps));
   std::vector<std::size_t> kinks;
   for (std::size_t k = 1; k + 1 < r.rows(); ++k)
     if (std::abs(r.at(k + 1, column) - 2 * r.at(k, column) + r.at(k - 1, column)) > least) kinks.push_back(k);
@@ -36,6 +37,23 @@ std::array<std::size_t, kMostEvery> by_phase(const std::vector<std::size_t>& kin
   std::array<std::size_t, kMostEvery> counts{};
   for (const std::size_t k : kinks) ++counts[k % every];
   return counts;
+}
+
+// Rows at which a value is not that of the row before.
+std::vector<std::size_t> changes_of(const Recording& r, std::size_t column) {
+  std::vector<std::size_t> changes;
+  for (std::size_t k = 1; k < r.rows(); ++k)
+    if (r.at(k, column) != r.at(k - 1, column)) changes.push_back(k);
+  return changes;
+}
+
+bool in_phase(const std::vector<std::size_t>& rows, const OwnSamples& own) {
+  return static_cast<double>(by_phase(rows, own.every)[own.first]) >= kInPhase * static_cast<double>(rows.size());
+}
+
+// Whether a command says nothing between the samples: it was interpolated as they were, or held from one to the next.
+bool keeps_pace(const Recording& r, std::size_t column, const OwnSamples& own) {
+  return in_phase(kinks_of(r, column), own) || in_phase(changes_of(r, column), own);
 }
 
 }  // namespace
@@ -54,11 +72,14 @@ OwnSamples own_samples(const Recording& recording) {
     const double rows = static_cast<double>(recording.rows()) / static_cast<double>(every);
     bool filled = false;
     const bool all = std::all_of(channels.begin(), channels.end(), [&](const std::vector<std::size_t>& kinks) {
-      const auto there = static_cast<double>(by_phase(kinks, every)[first]);
-      filled = filled || there > kFilled * rows;
-      return there >= kInPhase * static_cast<double>(kinks.size());
+      filled = filled || static_cast<double>(by_phase(kinks, every)[first]) > kFilled * rows;
+      return in_phase(kinks, {every, first});
     });
-    if (all && filled) return {every, first};
+    if (!all || !filled) continue;
+    const OwnSamples own = {every, first};
+    for (std::size_t c = 0; c < recording.columns(); ++c)
+      if (recording.channels[c].role == Role::command && !keeps_pace(recording, c, own)) return {};
+    return own;
   }
   return {};
 }

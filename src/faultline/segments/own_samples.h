@@ -4,6 +4,7 @@
 //
 // Of a recording that was brought to n times its rate all kinks lie at every n-th row, the same for all transducers,
 // and nearly every such row has one: noise makes it. What lies between says nothing new, and its noise is none.
+// Where a command changes between such rows, the rows stay as they are: what drives a model is not thrown away.
 #pragma once
 
 #include <cstddef>

@@ -8,6 +8,8 @@
 
 #include <Eigen/QR>
 
+#include "faultline/numerics/quantiles.h"
+
 namespace faultline {
 namespace {
 
@@ -166,12 +168,6 @@ void smooth_inputs(const Datasheet& sheet, Recording& recording, std::size_t fir
 
 namespace {
 
-double median_of_sizes(std::vector<double> sizes) {
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return *middle;
-}
-
 // Covariance of the weights of a third difference, at a lag.
 double weights_covariance(int lag) {
   constexpr std::array<double, 4> kCovariance = {kThirdDifferenceVariance, -15, 6, -1};
@@ -234,7 +230,7 @@ double noise_floor(const Recording& recording, std::size_t column) {
     if (good) sizes.push_back(std::abs(differences.back()));
   }
   if (sizes.empty()) return 0;
-  const double white = median_of_sizes(std::move(sizes)) / kMedianOfNormal / std::sqrt(kThirdDifferenceVariance);
+  const double white = median(std::move(sizes)) / kMedianOfNormal / std::sqrt(kThirdDifferenceVariance);
   return std::max(white, resampled_noise(std::move(differences), white));
 }
 
