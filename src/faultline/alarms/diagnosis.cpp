@@ -91,7 +91,8 @@ Verdict verdict_of(const AlarmReport& report, double start, double end) {
   const Alarm* first = headline(report);
   if (!first && !report.judged)
     return {VerdictKind::not_observable, fmt::format("Not observable: in {} s no stage could judge; the rig stood "
-                                                     "still, there is too little, or gaps break it up.",
+                                                     "still, never did where steady operation is judged, there is "
+                                                     "too little, or gaps break it up.",
                                                      seconds(end - start))};
   if (!first) {
     std::string sentence = fmt::format("No fault found in {} s", seconds(end - start));

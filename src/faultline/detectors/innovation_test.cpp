@@ -2,14 +2,18 @@
 // samples.
 // Source: Mehra, Peschon, "An innovations approach to fault detection and diagnosis in dynamic systems", Automatica 7
 // (1971).
-//   mean += (x^2 - mean)/window;  with nu = 2 window - 1 the mean is chi-squared/nu (first two moments);
+//   mean += (x^2 - mean)/window;  with nu = 2 window - 1 mean/own is chi-squared/nu (first two moments);
 //   alarm above its quantile
+// own: the mean square of the rig in good order, whose transducers need not scatter as the filter was told: the least
+// of the blocks of kBlock samples so far, so that a filter that is still finding its state does not count. noise^2 to
+// kWidest noise^2; while all blocks are beyond that it is the widest, and noise^2 after kPatience of them.
 // Settings: quantity (normalised); window (samples); false_alarms_per_hour at one sample every `period` s, counting
 //   every sample as a test of its own, which is on the safe side; noise: the quantity's own sigma on a healthy rig, 1
 //   if its filter is exact; armed_by, armed_above (arming.h), minimum_time, release_time.
-// Size: the mean over noise^2.
+// Size: the mean over own.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/persistence.h"
@@ -19,6 +23,10 @@ namespace faultline {
 namespace {
 
 constexpr double kHour = 3600;  // s
+constexpr double kWidest = 9;   // three times the noise
+// Of an own mean square: it is known to 5 %, and whose noise it is depends on the operating point.
+constexpr double kUnsure = 1.25;
+constexpr double kBlock = 1000, kPatience = 5;
 
 class InnovationTest : public Detector {
  public:
@@ -36,6 +44,8 @@ class InnovationTest : public Detector {
 
   void reset() override {
     started_ = false;
+    least_ = std::numeric_limits<double>::infinity();
+    blocks_ = block_rows_ = block_ = 0;
     persistence_.reset();
   }
 
@@ -44,38 +54,57 @@ class InnovationTest : public Detector {
       at_ = find_quantity(estimate, quantity_);
       arming_.find(estimate);
       started_ = true;
-      mean_ = 1;
+      mean_ = rows_ = 0;
       persistence_.reset();
     }
     const double value = estimate.quantities[at_].value;
     if (!arming_.armed(estimate) || !std::isfinite(value)) {
-      mean_ = 1;
+      mean_ = rows_ = 0;
       persistence_.update(estimate.time, false);
       detection = Detection();
       return;
     }
-    mean_ += (weight_ * value * value - mean_) / window_;
-    const bool active = persistence_.update(estimate.time, mean_ > limit_);
+    const double square = weight_ * value * value;
+    const double own = this->own();
+    ++rows_;
+    mean_ += (square - mean_) / std::min(rows_, window_);
+    const double limit = limit_ * (own > 1 ? std::min(kUnsure * own, kWidest) : 1);
+    add(square);
+    const bool active = persistence_.update(estimate.time, rows_ >= window_ && mean_ > limit);
     detection = Detection();
     if (!active) return;
     detection.active = true;
     detection.since = persistence_.since();
     detection.has_size = true;
-    detection.size = detection.low = detection.high = mean_;
-    detection.confidence = 1 - 0.5 * limit_ / std::max(limit_, mean_);
+    detection.size = detection.low = detection.high = mean_ / own;
+    detection.confidence = 1 - 0.5 * limit / std::max(limit, mean_);
   }
 
   std::string size_name() const override { return quantity_; }
   std::string size_unit() const override { return "1"; }
 
  private:
+  double own() const {
+    if (least_ <= kWidest) return std::max(least_, 1.0);
+    return blocks_ < kPatience ? kWidest : 1;
+  }
+  void add(double square) {
+    block_ += square;
+    if (++block_rows_ < kBlock) return;
+    least_ = std::min(least_, block_ / kBlock);
+    ++blocks_;
+    block_ = block_rows_ = 0;
+  }
+
   std::string quantity_;
   Arming arming_;
   double window_, weight_, limit_ = 0;
   Persistence persistence_;
   bool started_ = false;
   std::size_t at_ = 0;
-  double mean_ = 1;
+  double mean_ = 0, rows_ = 0;
+  double least_ = std::numeric_limits<double>::infinity();  // mean square of a block
+  double blocks_ = 0, block_rows_ = 0, block_ = 0;
 };
 
 FAULTLINE_DETECTOR(innovation_test, {"innovation_test", make_detector_of<InnovationTest>});

@@ -1,15 +1,19 @@
 // Noisy: a transducer whose white noise is larger than it was.
-//   v' = (min((x_k - 2 x_{k-1} + x_{k-2})^2/6, limit^2 noise^2 window/3) - v)/window;  condition: v > limit^2 noise^2
+//   v' = (min((x_k - 2 x_{k-1} + x_{k-2})^2/6, limit^2 own^2 window/3) - v)/window;  condition: v > limit^2 own^2
+// own^2: the mean of these squares while there is no alarm (own_level.h), from noise^2 to limit^2 noise^2; noise^2 where they are
+// more than that. So a transducer that is noisier than its datasheet within `limit` is one in good order, and what is
+// told is that it became noisier, or that it was too noisy from the start.
 // Each square is capped, so that a step, which makes two of them large, is not yet noise; four large ones within the
 // window are. Second differences leave slow signals out: a ramp gives nothing, a sine of frequency f gives
 // (2 pi f T)^4/6 of its square.
 // Settings: quantity, noise (its healthy sigma, with rounding), limit, window (samples), armed_by, armed_above
 //   (arming.h), minimum_time, release_time.
-// Size: sigma of what is added, sqrt(v - noise^2), bounds from v having window/1.1 degrees of freedom.
+// Size: sigma of what is added, sqrt(v - own^2), bounds from v having window/1.1 degrees of freedom.
 #include <algorithm>
 #include <cmath>
 
 #include "faultline/detectors/arming.h"
+#include "faultline/detectors/own_level.h"
 #include "faultline/detectors/persistence.h"
 #include "faultline/numerics/quantiles.h"
 
@@ -22,12 +26,13 @@ class Noisy : public Detector {
       : quantity_(s.word("quantity")),
         arming_(s),
         variance_(std::pow(s.number("noise", 1e-300, 1e12), 2)),
-        limit_(std::pow(s.number("limit", 1, 1e6), 2) * variance_),
+        limit_(std::pow(s.number("limit", 1, 1e6), 2)),
         window_(s.number("window", 2, 1e6)),
         persistence_(s.number("minimum_time", 0, kLongest), s.number("release_time", 0, kLongest)) {}
 
   void reset() override {
     started_ = false;
+    own_ = OwnLevel(variance_, limit_);
     persistence_.reset();
   }
 
@@ -38,7 +43,7 @@ class Noisy : public Detector {
       arming_.find(estimate);
       started_ = true;
       rows_ = 0;
-      mean_ = variance_;
+      mean_ = own_.level();
       long_mean_ = long_rows_ = 0;
       persistence_.reset();
     }
@@ -52,15 +57,18 @@ class Noisy : public Detector {
       return;
     }
     if (!arming_.armed(estimate) || !std::isfinite(second)) {
-      mean_ = variance_;
+      mean_ = own_.level();
       rows_ = std::isfinite(second) ? rows_ : 0;
       persistence_.update(estimate.time, false);
       detection = Detection();
       return;
     }
     const double square = second * second / 6;
-    mean_ += (std::min(square, limit_ * window_ / 3) - mean_) / window_;
-    const bool beyond = mean_ > limit_;
+    const double own = own_.level(), limit = limit_ * own;
+    const double capped = std::min(square, limit * window_ / 3);
+    mean_ += (capped - mean_) / window_;
+    const bool beyond = mean_ > limit;
+    if (!beyond) own_.follow(capped);
     const bool active = persistence_.update(estimate.time, beyond);
     detection = Detection();
     detection.active = active;
@@ -75,14 +83,14 @@ class Noisy : public Detector {
     }
     detection.since = persistence_.since();
     detection.has_size = true;
-    const auto added = [this](double v) { return std::sqrt(std::max(0.0, v - variance_)); };
+    const auto added = [own](double v) { return std::sqrt(std::max(0.0, v - own)); };
     // Squares of second differences have a relative standard deviation of 1.41, neighbours being alike for some 3
     // samples.
     const double spread = kNinetyPercentSigmas * 1.41 * std::sqrt(3 / std::max(long_rows_, 3.0));
     detection.size = added(long_mean_);
     detection.low = added(long_mean_ / (1 + spread));
     detection.high = added(long_mean_ * (1 + spread));
-    detection.confidence = 1 - 0.5 * limit_ / std::max(limit_, mean_);
+    detection.confidence = 1 - 0.5 * limit / std::max(limit, mean_);
   }
 
   std::string size_name() const override { return "std"; }
@@ -91,7 +99,8 @@ class Noisy : public Detector {
  private:
   std::string quantity_, unit_;
   Arming arming_;
-  double variance_, limit_, window_;
+  double variance_, limit_, window_;  // limit_: of mean squares
+  OwnLevel own_{variance_, limit_};
   Persistence persistence_;
   bool started_ = false;
   std::size_t at_ = 0;

@@ -64,6 +64,26 @@ std::string told_at_bounds(const Datasheet& sheet, const ModelChange& model, con
       names, count > 1 ? "lie" : "lies", count > 1 ? "they" : "it", highest, count > 1 ? "them" : "it");
 }
 
+// Sizes of what was found that lie beyond the datasheet's ranges, in one sentence; empty: none.
+std::string told_beyond_range(const Datasheet& sheet, const std::vector<Candidate>& effects) {
+  std::string text;
+  for (const Candidate& c : effects)
+    for (const FittingEffect& fitting : sheet.port(c.effect.port).effects) {
+      if (fitting.effect != c.effect.effect) continue;
+      const EffectType* type = find_effect_type(c.effect.effect);
+      for (std::size_t p = 0; p < c.bounds.size(); ++p) {
+        const auto range = fitting.bounds.find(type->parameters[p].name);
+        if (range == fitting.bounds.end()) continue;
+        const double value = c.effect.parameters[p];
+        if (value >= range->second.minimum && value <= range->second.maximum) continue;
+        text += fmt::format("{}{} of {}@{} ({:.4g}) lies beyond the datasheet's range, {:.4g} to {:.4g}",
+                            text.empty() ? "" : "; ", type->parameters[p].name, c.effect.effect, c.effect.port, value,
+                            range->second.minimum, range->second.maximum);
+      }
+    }
+  return text;
+}
+
 using Excess = double (*)(const std::vector<double>& segments, double values);
 
 // 1 - excess(after)/excess(before)
@@ -158,6 +178,8 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
     result.remarks.push_back(fmt::format("{}: its noise has a memory of {:.2g} s; what depends on nothing is no cause",
                                          sheet.port(noise.port).channel, noise.memory));
   if (std::string text = told_at_bounds(stated, search.base.model, options); !text.empty())
+    result.remarks.push_back(std::move(text));
+  if (std::string text = told_beyond_range(stated, search.base.effects); !text.empty())
     result.remarks.push_back(std::move(text));
   ModelChange nominal;
   nominal.parameters = sheet.nominal();

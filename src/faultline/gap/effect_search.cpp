@@ -57,6 +57,44 @@ bool from_input_noise(const GapTrials& work, const FitResult& base, const Struct
   return 0.5 * (gain + work.gain_of_input_noise(base, structure)) > work.options().search.input_noise_fraction * gain;
 }
 
+// A range of the datasheet is what its author thought of: a size that lies at its end may lie beyond it. False: none
+// does, or physics allows no more.
+bool widened(Candidate& candidate, const GapOptions& options) {
+  const EffectType* type = find_effect_type(candidate.effect.effect);
+  bool any = false;
+  for (std::size_t p = 0; p < candidate.bounds.size(); ++p) {
+    Bounds& b = candidate.bounds[p];
+    const EffectParameter& parameter = type->parameters[p];
+    if (b.minimum >= b.maximum || std::isnan(parameter.none)) continue;
+    const double place = candidate.to_coordinate(p, candidate.effect.parameters[p]);
+    if (std::abs(place - 0.5) <= 0.5 - options.verdict.bound_coordinate) continue;
+    const double ratio = options.search.beyond_range_ratio;
+    const Bounds before = b;
+    if (std::isinf(parameter.none)) {  // the smaller, the more of it
+      if (place < 0.5) b.minimum = std::max(b.minimum / ratio, parameter.minimum);
+    } else if (place > 0.5 && b.maximum > parameter.none) {
+      b.maximum = std::min(parameter.none + ratio * (b.maximum - parameter.none), parameter.maximum);
+    } else if (place < 0.5 && b.minimum < parameter.none) {
+      b.minimum = std::max(parameter.none + ratio * (b.minimum - parameter.none), parameter.minimum);
+    }
+    any = any || b.minimum < before.minimum || b.maximum > before.maximum;
+  }
+  return any;
+}
+
+void look_beyond(const GapTrials& work, std::vector<Structure>& structures, double to) {
+  std::vector<Structure> beyond;
+  for (const Structure& s : structures) {
+    Structure wider = s;
+    if (widened(wider.fit.effects.back(), work.options())) beyond.push_back(std::move(wider));
+  }
+  if (beyond.empty()) return;
+  beyond.resize(work.refine(beyond, to, to));
+  for (Structure& s : structures)
+    for (Structure& wider : beyond)
+      if (same_effect(s.fit.effects.back(), wider.fit.effects.back()) && by_score(wider, s)) s = std::move(wider);
+}
+
 // The followed structures of one round, best first; `rest` takes the finalists that were not followed.
 std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& search,
                                      std::vector<Structure> structures, double from, double to,
@@ -74,6 +112,7 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
   kept = work.refine(structures, middle, to);
   rest.insert(rest.begin(), structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
   structures.resize(kept);
+  look_beyond(work, structures, to);
   std::stable_sort(structures.begin(), structures.end(), by_score);
   best_of_both_first(work, search, structures);
   // What the noise gives is no rival. Where it comes first, what wins less than it is no cause either.

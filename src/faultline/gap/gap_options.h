@@ -133,6 +133,8 @@ struct GapOptions {
     // Of what the likeliest place wins, by which another may be behind and be the same: what a search for level and
     // memory leaves.
     double same_place_gain_fraction = 0.01;
+    // Times the datasheet's range of a size, counted from no effect, to which one at the end of that range is followed.
+    double beyond_range_ratio = 4;
     // What a free signal must win for a search, of what a perfect model would win ...
     double least_free_fraction = 0.02;
     // ... and of what the effects found have won or of what is left, whichever is less, for another.
@@ -310,6 +312,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.noise_memory_segments);
   FAULTLINE_OPTION(search.noise_level_ratio);
   FAULTLINE_OPTION(search.same_place_gain_fraction);
+  FAULTLINE_OPTION(search.beyond_range_ratio);
   FAULTLINE_OPTION(search.least_free_fraction);
   FAULTLINE_OPTION(search.further_free_fraction);
   FAULTLINE_OPTION(search.close_rival_gain_fraction);

@@ -28,6 +28,9 @@ bool yes_or_no(const StageSpec& spec, const std::string& key, bool fallback) {
   return word == "yes";
 }
 
+// s, within which a detector may see a cause before the time that an isolator finds for it.
+constexpr double kSameOnset = 1;
+
 std::string named(const std::string& effect, const std::string& port) { return effect + "@" + port; }
 
 // Whether `name` is effect@port, without making that string.
@@ -61,6 +64,10 @@ IsolationStage::IsolationStage(const Datasheet& sheet)
     w.stage = stage_of(sheet_, spec);
     w.of_transducer = w.meaning.kind == AlarmKind::sensor || w.meaning.kind == AlarmKind::data;
     w.withholds = w.meaning.kind == AlarmKind::unknown && yes_or_no(spec, "withholds_faults", true);
+    for (const Port& port : sheet_.ports)
+      w.of_output =
+          w.of_output || (port.name == w.meaning.port && port.kind == PortKind::sensor &&
+                          sheet_.channels[static_cast<std::size_t>(sheet_.channel(port.channel))].role == Role::output);
     if (w.meaning.kind == AlarmKind::sensor)
       for (const Port& port : sheet_.ports)
         if (port.name == w.meaning.port && port.kind == PortKind::sensor)
@@ -68,10 +75,21 @@ IsolationStage::IsolationStage(const Datasheet& sheet)
     for (const std::string& channel : split_words(spec.settings.word_or("doubts", "")))
       w.doubts.push_back(static_cast<std::size_t>(sheet_.channel(channel)));
     w.detector = make_detector(sheet_, spec);
+    spec.settings.word_or("stands_under", "");
     spec.settings.check_used();
     watched_.push_back(std::move(w));
     assessment_.detectors.emplace_back();
     assessment_.detectors.back().name = spec.name;
+  }
+  for (std::size_t k = 0; k < watched_.size(); ++k) {
+    const Settings& settings = sheet_.detectors[k].settings;
+    const std::string under = settings.word_or("stands_under", "");
+    if (under.empty()) continue;
+    const auto at = std::find_if(sheet_.detectors.begin(), sheet_.detectors.end(),
+                                 [&](const StageSpec& spec) { return spec.name == under; });
+    if (at == sheet_.detectors.end())
+      throw InputError(fmt::format("{}: stands_under: there is no detector '{}'", settings.where(), under));
+    watched_[k].under = static_cast<int>(at - sheet_.detectors.begin());
   }
   for (const StageSpec& spec : sheet_.isolators) {
     Isolated isolated;
@@ -234,7 +252,7 @@ bool IsolationStage::detect(const Estimate* estimates) {
 }
 
 void IsolationStage::isolate(const Estimate* estimates) {
-  bool judged = false;
+  bool judged = false, blind = false;
   assessment_.undecided_since = std::nan("");
   for (std::size_t k = 0; k < isolated_.size(); ++k) {
     Isolated& i = isolated_[k];
@@ -242,11 +260,13 @@ void IsolationStage::isolate(const Estimate* estimates) {
     const double until = i.isolator->judged_until();
     if (std::isfinite(until) && until > begin_ + kJudgedShare * (assessment_.time - begin_) && i.isolator->could_see())
       judged = true;
+    blind = blind || (!i.isolator->overrules() && !i.isolator->could_see());
     assessment_.undecided_since = std::fmin(assessment_.undecided_since, i.isolator->undecided_since());
     const bool bad = channels_.held() || (i.isolator->rests_on_all_channels() && channels_.any_bad());
     i.on_bad_data = bad && raised_on_bad_data(i);
   }
   if (weighs_all_ || judged) assessment_.judged = judged;
+  if (blind) assessment_.judged = false;
   // The model is then known well enough: the cause explains what it did not.
   if (std::any_of(isolated_.begin(), isolated_.end(), [this](const Isolated& i) { return names_the_cause(i); }))
     model_fits_ = true;
@@ -281,7 +301,7 @@ void IsolationStage::decide_detections() {
     if (w.stands) {
       w.claim.explained = explained(w);
       w.claim.judgement_awaited = judgement_awaited(w);
-      w.claim.told_by_another = told_by_isolator(k);
+      w.claim.told_by_another = told_by_isolator(k) || follows(w);
     }
     result.reason = reason_of(w.claim);
     const bool told = result.reason == Reason::told;
@@ -352,6 +372,19 @@ bool IsolationStage::judgement_awaited(const Watched& w) const {
 bool IsolationStage::told_by_isolator(std::size_t detector) const {
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     return i.raised && names_the_cause(i) && detected(finding(i)) == static_cast<int>(detector);
+  });
+}
+
+bool IsolationStage::follows(const Watched& w) const {
+  if (w.under >= 0 && watched_[static_cast<std::size_t>(w.under)].claim.holds) return true;
+  const bool plain = w.meaning.kind == AlarmKind::unknown && !w.withholds;
+  if (!plain && w.meaning.kind != AlarmKind::model) return false;
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+    // The rig is as it was where its inputs have changed: what moved with them is nothing of its own.
+    if (plain && w.of_output && i.isolator->finds_all_explained()) return true;
+    const Finding& f = finding(i);
+    const bool cause = f.kind == AlarmKind::fault || (f.kind == AlarmKind::sensor && !plain);
+    return i.raised && f.active && cause && !f.effect.empty() && detection(w).since > f.since - kSameOnset;
   });
 }
 

@@ -45,6 +45,7 @@ class IsolationStage {
     std::size_t stage = 0;  // whose estimates it reads
     Claim claim;
     bool of_transducer = false;  // and not of the rig
+    bool of_output = false;      // about a channel that the rig's inputs move
     bool stands = false;         // as far as is known without the isolators
     bool raised = false;         // its alarm was told at the last sample
     bool withholds = true;
@@ -52,6 +53,7 @@ class IsolationStage {
     Finding meaning;
     std::string named;                // effect@port
     std::vector<std::size_t> doubts;  // channels that isolators leave out while it stands
+    int under = -1;                   // the detector under whose alarm this one's stands
   };
   struct Isolated {
     std::unique_ptr<Isolator> isolator;
@@ -82,6 +84,7 @@ class IsolationStage {
   bool explained(const Watched& w) const;
   bool judgement_awaited(const Watched& w) const;
   bool told_by_isolator(std::size_t detector) const;
+  bool follows(const Watched& w) const;  // from what another alarm tells
   // Whether another isolator's alarm already names the same cause.
   bool told_by_another(const Isolated& i) const;
   // The detector that found what the finding names, or what cannot be told from it; -1: none did.

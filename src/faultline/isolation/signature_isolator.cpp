@@ -18,6 +18,7 @@ constexpr double kSecondsPerHour = 3600;
 constexpr double kLeastNoise = 1e-9;  // of a residual: a guard against division by zero
 constexpr int kReferenceVersion = 1;  // mean features
 constexpr double kAtBound = 0.995;    // of the largest size
+constexpr double kWidestNoise = 100;  // of a feature's variance: ten times the noise of the datasheet
 
 }  // namespace
 
@@ -55,13 +56,12 @@ SignatureIsolator::SignatureIsolator(const Datasheet& sheet, const StageSpec& sp
       period_(sheet.sample_period),
       options_(read_signature_options(spec.settings, model_->residual_kinds(), sheet.sample_period)) {
   adjust(options_);
-  feature_noise_ = model_->feature_noise();
   const std::size_t n = residual_names_.size(), f = feature_names_.size();
   samples_between_alarms_ = static_cast<double>(n) * kSecondsPerHour / period_ / options_.false_alarms_per_hour;
   capacity_ = static_cast<std::size_t>(options_.window_s / period_) + 2;
   ring_.assign(capacity_ * f, 0);
   at_.resize(f);
-  for (auto* v : {&features_, &sum_, &mean_, &window_mean_}) v->assign(f, 0);
+  for (auto* v : {&features_, &sum_, &mean_, &window_mean_, &previous_, &before_}) v->assign(f, 0);
   for (auto* v : {&reference_, &residual_, &noise_, &error_, &weight_, &tried_, &ahead_, &unchanged_}) v->assign(n, 0);
   tests_.resize(n);
   useless_.assign(n, false);
@@ -78,6 +78,12 @@ void SignatureIsolator::begin(const Estimate& estimate) {
   learnt_ = armed_ = event_ = false;
   named_ = -1;
   learn_count_ = 0;
+  feature_noise_ = model_->feature_noise();
+  own_noise_.clear();
+  for (const double noise : feature_noise_) own_noise_.emplace_back(noise * noise, kWidestNoise);
+  noise_known_ = false;
+  in_a_row_ = 0;
+  rows_ = watched_ = 0;
   std::fill(sum_.begin(), sum_.end(), 0.0);
   if (!restored_.empty()) set_reference(restored_);
   forget_window();
@@ -115,6 +121,22 @@ void SignatureIsolator::learn() {
   for (double& sum : sum_) sum /= learn_count_;
   set_reference(sum_);
   forget_window();
+}
+
+void SignatureIsolator::learn_noise() {
+  if (noise_known_) return;
+  if (++in_a_row_ > 2)
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+      const double second = features_[i] - 2 * previous_[i] + before_[i];
+      own_noise_[i].add(second * second / 6);
+    }
+  before_.swap(previous_);
+  previous_ = features_;
+  if (!own_noise_[0].settled()) return;
+  noise_known_ = true;
+  for (std::size_t i = 0; i < feature_noise_.size(); ++i)
+    if (feature_noise_[i] > 0) feature_noise_[i] = std::sqrt(own_noise_[i].level());
+  armed_ = false;  // thresholds follow
 }
 
 void SignatureIsolator::set_thresholds() {
@@ -402,6 +424,7 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
     begin(estimate);
     finding = Finding();
   }
+  rows_ += 1;
   bool finite = true;
   for (std::size_t i = 0; i < at_.size(); ++i) {
     features_[i] = estimate.quantities[at_[i]].value;
@@ -419,16 +442,19 @@ void SignatureIsolator::process(const Estimate& estimate, const std::vector<bool
       std::fill(sum_.begin(), sum_.end(), 0.0);
     }
     armed_ = false;
+    in_a_row_ = 0;
     event_ = event_ && finding.active;
     last_beyond_ = estimate.time;
     return;
   }
+  learn_noise();
   if (!learnt_) {
     learn();
     return;
   }
   if (!armed_) set_thresholds();
   armed_ = true;
+  watched_ += 1;
   remember();
   const bool beyond = watch(doubted);
   if (beyond) last_beyond_ = estimate.time;

@@ -38,6 +38,7 @@
 
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/cusum.h"
+#include "faultline/detectors/own_level.h"
 #include "faultline/isolation/balance_model.h"
 #include "faultline/isolation/isolator.h"
 #include "faultline/isolation/signature_options.h"
@@ -53,6 +54,9 @@ class SignatureIsolator : public Isolator {
 
   void reset() override;
   void process(const Estimate& estimate, const std::vector<bool>& doubted, Finding& finding) override;
+  bool finds_all_explained() const override { return learnt_ && armed_ && !event_; }
+  // Balances are judged in steady operation, of which there must have been some.
+  bool could_see() const override { return watched_ > kWatchedShare * rows_; }
   std::optional<Reference> reference() const override;
   void restore(const Reference& reference) override;
 
@@ -64,6 +68,7 @@ class SignatureIsolator : public Isolator {
   void begin(const Estimate& estimate);
   void forget_window();
   void learn();
+  void learn_noise();
   void set_reference(const std::vector<double>& features);
   void set_thresholds();  // at the operating point of features_
   bool watch(const std::vector<bool>& doubted);
@@ -89,6 +94,12 @@ class SignatureIsolator : public Isolator {
   std::vector<std::size_t> at_;
   std::vector<double> restored_;  // mean features of a run before; empty: they are learnt
   std::vector<double> features_, sum_, reference_, residual_, noise_, error_, feature_noise_;
+  std::vector<OwnLevel> own_noise_;        // of each feature, by its second differences
+  std::vector<double> previous_, before_;  // features of the two samples before
+  int in_a_row_ = 0;                       // steady samples without a gap
+  bool noise_known_ = false;
+  double rows_ = 0, watched_ = 0;  // samples, and those that were judged
+  static constexpr double kWatchedShare = 0.05;
   std::vector<TwoSidedCusum> tests_;
   std::vector<bool> useless_, masked_;  // too noisy here; or resting on a doubted channel
   std::vector<double> ring_;            // running sums of the features, capacity_ rows

@@ -29,7 +29,7 @@ namespace faultline {
 namespace {
 
 enum { kPressure, kCoefficient, kPerBranch };
-enum { kResidual, kTestResidual, kTubeCoefficient, kReversed, kQuantities };
+enum { kResidual, kTestResidual, kTubeCoefficient, kReversed, kFlows, kQuantities };
 
 constexpr double kSteady = 40;  // exp(-K) beyond this is nothing
 
@@ -200,6 +200,7 @@ class CoolingBranchesModel : public ProcessModel {
         result.push_back({b.name + "_normalised_residual", "1", 0, 0});
         result.push_back({b.name + "_c_filtered", "kg^0.875/(s^0.875 Pa^0.5)", 0, 0});
         result.push_back({b.name + "_reversed", "1", 0, 0});
+        result.push_back({b.name + "_flows", "1", 0, 0});
       }
     for (std::size_t i = 0; i < branches_.size(); ++i) {
       const Branch& b = branches_[i];
@@ -208,6 +209,7 @@ class CoolingBranchesModel : public ProcessModel {
       q[kResidual].value = channels[b.outlet] - x[kPerBranch * i];
       q[kTubeCoefficient].value = x[d] / b.inverse_b;
       q[kTubeCoefficient].std = std::sqrt(std::max(0.0, covariance[d * n + d])) / b.inverse_b;
+      q[kFlows].value = channels[b.flow] > smallest_flow_ ? 1 : 0;
       q[kReversed].value = channels[b.flow] > smallest_flow_ && channels[b.inlet] <= channels[b.outlet] ? 1 : 0;
     }
   }
