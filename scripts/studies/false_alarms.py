@@ -1,12 +1,13 @@
 #!/usr/bin/python3
 """False alarms of all rigs on healthy runs, off nominal within the tolerances, with the small effects of every one.
 
-    scripts/studies/false_alarms.py [--rigs RIG ...] [--hours 20] [--first 1] [--work FOLDER] [--print]
+    scripts/studies/false_alarms.py [--rigs RIG ...] [--hours 20] [--first 1] [--noise FACTOR] [--work FOLDER] [--print]
         [--faults FOLDER] [--picture FILE]
 
 Each run has a rig and a seed of its own and takes the next of the rig's profiles; it lasts ten minutes, or as long as
 its profile says where that is a table in time. What is done stays in FOLDER: stopped, it goes on where it was, and
---print tells what is there, whatever its seeds. The bound on the rate is Poisson's, one-sided, 95 %.
+--print tells what is there, whatever its seeds. --noise: the noise of each transducer is 1/FACTOR to FACTOR times its
+datasheet's. The bound on the rate is Poisson's, one-sided, 95 %.
 
 The picture shows what fewer false alarms cost: over the threshold of the stage that ranks causes, as a multiple of
 its own, the false alarms in 100 h, and, from the runs that random_faults.py left in --faults, the share of faults
@@ -21,20 +22,21 @@ import pathlib
 import tempfile
 
 import numpy as np
-from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, named_alarms, on_all_cores, record
+from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, named_alarms, on_all_cores, other_noise, record
 from scipy.stats import chi2
 
 RUN = 600  # s
 MULTIPLES = np.geomspace(1, 30, 40)
 
 
-def run(rig, profile, seconds, seed):
+def run(rig, profile, seconds, seed, noise):
     with tempfile.TemporaryDirectory() as folder:
         more = ["--profile", profile, "--duration", seconds, "--off-nominal", "--nuisance", "--seed", seed]
+        more += other_noise(rig, seed, noise, folder)
         return named_alarms(diagnose(record(rig, pathlib.Path(folder) / "run.bag", *more)))
 
 
-def runs_of(rig, hours, first, results, only_print):
+def runs_of(rig, hours, first, results, only_print, noise):
     if only_print:
         return list(results.all.values())
     profiles = datasheet(rig)["profiles"]
@@ -45,7 +47,7 @@ def runs_of(rig, hours, first, results, only_print):
         profile = profiles[seed % len(profiles)]
         seconds = profile["duration"] if profile.get("shape") == "table" else RUN
         planned += seconds
-        tasks.append((f"{seed}_{profile['name']}", profile["name"], seconds, seed))
+        tasks.append((f"{seed}_{profile['name']}", profile["name"], seconds, seed, noise))
     return list(on_all_cores(lambda name, *task: results.once(name, lambda: run(rig, *task)), tasks))
 
 
@@ -103,6 +105,7 @@ def main():
     parser.add_argument("--rigs", nargs="+", default=RIGS)
     parser.add_argument("--hours", type=float, default=20, help="of each rig")
     parser.add_argument("--first", type=int, default=1, help="the first seed")
+    parser.add_argument("--noise", type=float, default=1, help="times the datasheet's, up or down")
     parser.add_argument("--work", default=str(ROOT / "catkin_ws/reliability/false_alarms"))
     parser.add_argument("--print", action="store_true", help="run nothing")
     parser.add_argument("--faults", help="FOLDER of random_faults.py")
@@ -112,7 +115,7 @@ def main():
     print("| rig | runs | hours | false alarms | what they said |\n|---|---|---|---|---|")
     for rig in options.rigs:
         results = Results(pathlib.Path(options.work) / f"{rig}.jsonl")
-        healthy[rig] = runs_of(rig, options.hours, options.first, results, options.print)
+        healthy[rig] = runs_of(rig, options.hours, options.first, results, options.print, options.noise)
         hours = sum(r["duration"] for r in healthy[rig]) / 3600
         alarms = collections.Counter(told(a) for r in healthy[rig] for a in r["alarms"])
         words = "; ".join(f"{n} x {what}" if n > 1 else what for what, n in alarms.most_common())

@@ -2,13 +2,13 @@
 """Faults drawn at random over all rigs, and what `faultline diagnose` makes of them.
 
     scripts/studies/random_faults.py [--rigs RIG ...] [--faults 20] [--first 1001] [--work FOLDER] [--print] [--list]
-        [--oracle] [--from-start | --lost S]
+        [--oracle] [--from-start | --lost S] [--noise FACTOR]
 
 A seed fixes rig parameters (off nominal, with the small effects of every recording), the profile, the effect (any that
 the datasheet lists at any of its ports), its size (over the datasheet's whole range, evenly in the logarithm where that
 is wide) and when it comes, at once, between 30 and 60 % of the run. Seeds below 1000 are for tuning, those from 1001 on
 for reporting. --from-start: the fault is there from the first sample. --lost: so many seconds of samples are lost, from
-1 s after the fault came. What is done stays in FOLDER: stopped, it goes on where it was.
+1 s after the fault came. --noise: the noise of each transducer is 1/FACTOR to FACTOR times its datasheet's. What is done stays in FOLDER: stopped, it goes on where it was.
 
 right: the alarm to read first has the effect and its port. alike: it says that it cannot tell another from that. place:
 another effect at that port. wrong: another port. unnamed: it names none. missed: no alarm. before: there was an alarm
@@ -29,7 +29,7 @@ import random
 import tempfile
 
 import numpy as np
-from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, faultline, named_alarms, on_all_cores, record, simulate
+from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, faultline, named_alarms, on_all_cores, other_noise, record, simulate
 
 GRADES = ("right", "alike", "place", "wrong", "unnamed", "missed", "before")
 RUN = 90  # s, at most; a table in time has its own length
@@ -85,11 +85,12 @@ def without(table, begin, end):
     return names + "".join(row for row in rows if not begin <= float(row.split(",", 1)[0]) < end)
 
 
-def run(rig, ports, profiles, seed, from_start=False, lost=0):
+def run(rig, ports, profiles, seed, from_start=False, lost=0, noise=1):
     profile, seconds, onset, name, effect, share = draw(ports, profiles, seed, from_start)
     with tempfile.TemporaryDirectory() as folder:
         more = ["--profile", profile, "--duration", seconds, "--off-nominal", "--nuisance", "--seed", seed]
-        file = record(rig, pathlib.Path(folder) / ("run.csv" if lost else "run.bag"), *more, "--effect", effect)
+        more += ["--effect", effect, *other_noise(rig, seed, noise, folder)]
+        file = record(rig, pathlib.Path(folder) / ("run.csv" if lost else "run.bag"), *more)
         if lost:
             file.write_text(without(file.read_text(), onset + 1, onset + 1 + lost))
         report = diagnose(file, *(["--rig", rig] if lost else []))
@@ -149,6 +150,7 @@ def main():
     parser.add_argument("--oracle", action="store_true", help="which faults cannot be seen at all")
     parser.add_argument("--from-start", action="store_true", help="the fault is there from the first sample")
     parser.add_argument("--lost", type=float, default=0, help="s of samples that are lost after the fault came")
+    parser.add_argument("--noise", type=float, default=1, help="times the datasheet's, up or down")
     options = parser.parse_args()
     grades_told = (*GRADES, "hidden") if options.oracle else GRADES
     print("| rig | faults | " + " | ".join(grades_told) + " |\n|" + "---|" * (len(grades_told) + 2))
@@ -163,7 +165,7 @@ def main():
             seeds = [seed for seed in seeds if str(seed) in results.all]
 
         def once(seed):
-            more = options.from_start, options.lost
+            more = options.from_start, options.lost, options.noise
             return results.once(str(seed), lambda: run(rig, described["ports"], profiles, seed, *more))
 
         known = Results(pathlib.Path(options.work) / f"{rig}_oracle.jsonl") if options.oracle else None

@@ -55,6 +55,18 @@ def drawn(sheet, seed):
     return copy
 
 
+def other_noise(rig, seed, factor, folder):
+    """Arguments of `simulate` with which each transducer's noise is 1/factor to factor times the datasheet's."""
+    if factor == 1:
+        return []
+    generator = random.Random(seed)
+    sheet = datasheet(rig)
+    sheet["channels"] = [
+        {**c, "noise_std": c.get("noise_std", 0) * factor ** generator.uniform(-1, 1)} for c in sheet["channels"]
+    ]
+    return ["--config", write_datasheet(sheet, pathlib.Path(folder) / "noise.yaml")]
+
+
 def values(sheet):
     return {p["name"]: p["nominal"] for p in sheet["parameters"]}
 

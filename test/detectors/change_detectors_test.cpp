@@ -218,6 +218,67 @@ TEST(NoisyDetector, KnowsNoiseFromAStepAndARamp) {
   EXPECT_GT(run.detection.high, std::sqrt(99));
 }
 
+// Transducers that were always noisier than their datasheet says are in good order.
+TEST(NoisyDetector, TakesARigsOwnNoiseForItsOwn) {
+  const std::map<std::string, double> settings = {{"noise", 1}, {"limit", 3}, {"window", 10}, {"release_time", 0.5}};
+  const auto detector = make("noisy", settings);
+  Feeder run(*detector);
+  Random random(9);
+  for (int k = 0; k < 200000; ++k) ASSERT_FALSE(run.feed(2.2 * random.normal())) << k;
+  int delay = 1;
+  while (!run.feed(22 * random.normal())) ++delay;
+  EXPECT_LE(delay, 15);
+  for (int k = 0; k < 3000; ++k) run.feed(22 * random.normal());
+  EXPECT_NEAR(run.detection.size, 22 * std::sqrt(0.99), 1);
+
+  // More than the limit from the first sample on is not.
+  const auto other = make("noisy", settings);
+  Feeder bad(*other);
+  int told = 0;
+  for (int k = 0; k < 20000; ++k) told += bad.feed(4 * random.normal());
+  EXPECT_GT(told, 19000);
+  EXPECT_NEAR(bad.detection.size, std::sqrt(15), 0.4);  // of the stretches that are beyond
+  const auto quieter = make("noisy", settings);
+  Feeder quiet(*quieter);
+  for (int k = 0; k < 20000; ++k) ASSERT_FALSE(quiet.feed(0.2 * random.normal()));
+  for (int k = 0; k < 20000; ++k) ASSERT_FALSE(quiet.feed(random.normal()));  // no more than the datasheet's
+}
+
+TEST(InnovationTest, TakesTheNoiseOfTheRigForGranted) {
+  const auto detector =
+      make("innovation_test", {{"window", 100}, {"noise", 1}, {"period", 1e-3}, {"false_alarms_per_hour", 0.1}});
+  Feeder run(*detector);
+  Random random(7);
+  for (int k = 0; k < 1500; ++k)
+    ASSERT_FALSE(run.feed(2 * random.normal() + (k < 300 ? 2 : 0))) << k;  // finds its state
+  for (int k = 0; k < 300000; ++k) ASSERT_FALSE(run.feed(2 * random.normal())) << k;
+  int delay = 1;
+  while (!run.feed(2 * random.normal() + 6)) ++delay;
+  EXPECT_LT(delay, 50);
+  // What never fits is told all the same.
+  const auto other =
+      make("innovation_test", {{"window", 100}, {"noise", 1}, {"period", 1e-3}, {"false_alarms_per_hour", 0.1}});
+  Feeder never(*other);
+  int after = 1;
+  while (!never.feed(random.normal() + 4) && after < 20000) ++after;
+  EXPECT_LT(after, 6000);
+}
+
+TEST(RippleDetector, NoiseThatIsTwiceTheDatasheetsDoesNotSwing) {
+  const std::map<std::string, double> settings = {
+      {"limit", 4.7}, {"swings", 4}, {"average", 0.6}, {"noise", 1}, {"release_time", 0.6}};
+  const auto detector = make("ripple", settings);
+  Feeder run(*detector);
+  Random random(10);
+  for (int k = 0; k < 60000; ++k) ASSERT_FALSE(run.feed(2.5 * random.normal())) << k;
+  int delay = 1;
+  for (; delay < 2000; ++delay)
+    if (run.feed(2.5 * random.normal() + 30 * std::sin(0.12 * delay))) break;
+  EXPECT_LT(delay, 600);
+  for (int k = 0; k < 600; ++k) run.feed(2.5 * random.normal() + 30 * std::sin(0.12 * (delay + k)));
+  EXPECT_NEAR(run.detection.size, 30, 2);
+}
+
 TEST(Detectors, RefuseWhatContradictsItself) {
   EXPECT_THROW(make("cusum", {{"change", 1}}), InputError);                            // no threshold
   EXPECT_THROW(make("cusum", {{"change", 1}, {"threshold_changes", 3}}), InputError);  // no reference

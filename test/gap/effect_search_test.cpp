@@ -156,6 +156,13 @@ TEST(EffectSearch, OfTwoLawsTheOneIsTakenThatDoesBestInBoth) {
 }
 
 // From a starting point far off, the play has a valley that a Gauss-Newton step does not find.
+// A spring of twice what the datasheet thinks of: what the end of its range leaves is no second effect's.
+TEST(EffectSearch, ASizeMayLieBeyondTheRange) {
+  const EffectSearch search = search_among({"force.piston"}, {"load_force@force.piston:constant=0,stiffness=2e4"});
+  ASSERT_EQ(found(search), "load_force@force.piston ");
+  EXPECT_NEAR(search.base.effects.front().effect.parameters[1], 2e4, 1e3);
+}
+
 TEST(EffectSearch, FindsAPlay) {
   const EffectSearch search =
       search_among({"transmission.rod", "compliance.chambers"}, {"backlash@transmission.rod:gap=0.003"});

@@ -3,8 +3,8 @@
 //   condition: at least `swings` of them within the last `average` s, none of them alone longer than that
 // A step or a drift makes one swing at most. Settings: quantity, limit (in its unit), swings, average (s), noise (the
 // quantity's own sigma), armed_by, armed_above (arming.h), release_time.
-// Where this rig's noise is more than `noise`, by the second differences of the first samples (own_level.h), `limit`
-// grows with it.
+// Where the noise is more than `noise`, by the second differences of the last samples (own_level.h), `limit` grows with
+// it.
 // Size: amplitude, sqrt(2 (variance - noise^2)) since it began, for a sine; bounds from the number of swings seen.
 #include <algorithm>
 #include <cmath>
@@ -44,9 +44,15 @@ class Ripple : public Detector {
       arming_.find(estimate);
       started_ = true;
       armed_ = false;
+      seen_ = 0;
       persistence_.reset();
     }
     const double value = estimate.quantities[at_].value;
+    const double second = value - 2 * previous_ + before_;
+    before_ = previous_;
+    previous_ = value;
+    seen_ = std::isfinite(second) ? seen_ + 1 : 0;
+    if (seen_ > 2) own_.follow(second * second / 6);
     if (!arming_.armed(estimate) || !std::isfinite(value)) {
       armed_ = false;
       persistence_.update(estimate.time, false);
@@ -58,7 +64,6 @@ class Ripple : public Detector {
       mean_ = value;
       side_ = 0;
       count_ = 0;
-      seen_ = 0;
       last_ = estimate.time;
       age_ = 0;
       forget();
@@ -67,10 +72,6 @@ class Ripple : public Detector {
     last_ = estimate.time;
     age_ += dt;
     mean_ += std::min(1.0, dt / std::max(std::min(age_, average_), dt > 0 ? dt : 1.0)) * (value - mean_);
-    const double second = value - 2 * previous_ + before_;
-    before_ = previous_;
-    previous_ = value;
-    if (++seen_ > 2) own_.add(second * second / 6);
     const double noise = std::sqrt(own_.level()), limit = noise_ > 0 ? limit_ * noise / noise_ : limit_;
     const double off = value - mean_;
     const int side = off > limit ? 1 : off < -limit ? -1 : side_;

@@ -82,17 +82,21 @@ bool widened(Candidate& candidate, const GapOptions& options) {
   return any;
 }
 
-void look_beyond(const GapTrials& work, std::vector<Structure>& structures, double to) {
-  std::vector<Structure> beyond;
+// Those of `structures` whose last effect's size lies at the end of its range, with a wider one.
+std::vector<Structure> wider_ones(const GapTrials& work, const std::vector<Structure>& structures) {
+  std::vector<Structure> wider;
   for (const Structure& s : structures) {
-    Structure wider = s;
-    if (widened(wider.fit.effects.back(), work.options())) beyond.push_back(std::move(wider));
+    wider.push_back(s);
+    if (!widened(wider.back().fit.effects.back(), work.options())) wider.pop_back();
   }
-  if (beyond.empty()) return;
-  beyond.resize(work.refine(beyond, to, to));
+  return wider;
+}
+
+template <class Better>
+void take_better(std::vector<Structure>& structures, std::vector<Structure>& wider, Better better) {
   for (Structure& s : structures)
-    for (Structure& wider : beyond)
-      if (same_effect(s.fit.effects.back(), wider.fit.effects.back()) && by_score(wider, s)) s = std::move(wider);
+    for (Structure& w : wider)
+      if (same_effect(s.fit.effects.back(), w.fit.effects.back()) && better(w, s)) std::swap(s, w);
 }
 
 // The followed structures of one round, best first; `rest` takes the finalists that were not followed.
@@ -104,6 +108,12 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
   if (structures.size() > options.finalists) structures.resize(options.finalists);
   const double middle = from + 0.3 * (to - from);
   work.shortlist(base, structures, true, from, middle);
+  if (std::vector<Structure> wider = wider_ones(work, structures); !wider.empty()) {
+    const auto quicker = [](const Structure& a, const Structure& b) { return a.quick > b.quick; };
+    work.shortlist(base, wider, true, middle, middle);
+    take_better(structures, wider, quicker);
+    std::stable_sort(structures.begin(), structures.end(), quicker);
+  }
   std::size_t kept = 1;
   const double promising = options.followed_gain_fraction * structures.front().quick;
   while (kept < structures.size() && kept < options.followed && structures[kept].quick > promising) ++kept;
@@ -112,7 +122,10 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
   kept = work.refine(structures, middle, to);
   rest.insert(rest.begin(), structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
   structures.resize(kept);
-  look_beyond(work, structures, to);
+  if (std::vector<Structure> wider = wider_ones(work, structures); !wider.empty()) {
+    wider.resize(work.refine(wider, to, to));
+    take_better(structures, wider, by_score);
+  }
   std::stable_sort(structures.begin(), structures.end(), by_score);
   best_of_both_first(work, search, structures);
   // What the noise gives is no rival. Where it comes first, what wins less than it is no cause either.

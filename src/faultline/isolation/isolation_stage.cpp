@@ -335,7 +335,8 @@ bool IsolationStage::explained(const Watched& w) const {
   // Numbers that are not the transducers' own fit no model.
   if (w.meaning.kind == AlarmKind::unknown && channels_.unusable() && raised_on_bad_data(w)) return true;
   // A filter with a model of its own, simpler than the rig's, is not asked where that explains everything.
-  if (w.withholds && std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
+  const bool of_the_rig = w.meaning.kind == AlarmKind::unknown && !w.of_output;
+  if ((w.withholds || of_the_rig) && std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
         return i.isolator->overrules() && i.isolator->finds_all_explained() &&
                i.isolator->judged_until() >= detection(w).since;
       }))

@@ -24,8 +24,8 @@ struct Answer {
 };
 
 Answer diagnose(const std::string& effect, std::uint64_t seed, double duration = 8,
-                const std::string& profile = "steady") {
-  Simulator simulator(cooling(), cooling_recording(profile, seed, effect));
+                const std::string& profile = "steady", const Datasheet& rig = cooling()) {
+  Simulator simulator(rig, cooling_recording(profile, seed, effect));
   Diagnosis diagnosis(cooling());
   for (int k = 0; k < static_cast<int>(duration * 1000); ++k) diagnosis.process(simulator.step());
   Answer answer;
@@ -100,6 +100,50 @@ TEST(Isolation, HealthyRunsAreSilent) {
   const Answer moving = diagnose("", 314, 20, "valve_cycle");
   EXPECT_TRUE(moving.found.empty()) << moving.found[0].text;
   EXPECT_EQ(moving.innovations, 0u);
+}
+
+// Transducers twice as noisy as their datasheet says, from the first sample on: a rig in good order, also while its
+// valve is shut and shows no noise of the flow meters.
+TEST(Isolation, ARigsOwnNoiseIsNoFault) {
+  Datasheet noisier = cooling();
+  for (Channel& channel : noisier.channels) channel.noise_std *= 2;
+  for (const char* profile : {"steady", "paper", "valve_cycle"}) {
+    const Answer healthy = diagnose("", 341, 20, profile, noisier);
+    EXPECT_TRUE(healthy.found.empty()) << profile << " " << healthy.found[0].text;
+    EXPECT_EQ(healthy.innovations, 0u) << profile;
+  }
+  const Answer leak =
+      diagnose("orifice_leakage@flow.t_outlet_ambient:coefficient=5e-8,from=6", 342, 12, "steady", noisier);
+  ASSERT_EQ(leak.found.size(), 1u);
+  EXPECT_EQ(leak.found[0].port, "flow.t_outlet_ambient");
+  EXPECT_NEAR(leak.found[0].size, 5e-8, 3e-9);
+}
+
+// A supply that leaves its redline takes 25 others with it, and what a cause does stands under the cause.
+TEST(Isolation, OneCauseIsOneAlarm) {
+  Datasheet wandering = cooling();
+  for (InputSignal& input : wandering.inputs)
+    if (input.channel == "supply_pressure") input.wander_std = 4e5, input.wander_low = 0.02, input.wander_high = 0.1;
+  const Answer supply = diagnose("", 351, 30, "steady", wandering);
+  EXPECT_TRUE(supply.found.empty()) << supply.found[0].text;
+  EXPECT_GE(supply.redlines, 1u);
+  EXPECT_LE(supply.redlines, 4u);
+  const Answer clogged = diagnose("clogging@restriction.m_feed:fraction=0.28,from=6", 352, 12);
+  ASSERT_EQ(clogged.found.size(), 1u);
+  EXPECT_EQ(clogged.found[0].effect, "clogging");
+  EXPECT_EQ(clogged.redlines + clogged.innovations, 0u);
+}
+
+// Balances are judged in steady operation: where there was none, no fault found says nothing.
+TEST(Isolation, WithoutSteadyOperationNothingIsJudged) {
+  Simulator simulator(cooling(), cooling_recording("both_multisine", 361));
+  Diagnosis diagnosis(cooling());
+  for (int k = 0; k < 15000; ++k) diagnosis.process(simulator.step());
+  EXPECT_FALSE(diagnosis.report().judged);
+  Simulator steady(cooling(), cooling_recording("steady", 362));
+  Diagnosis judged(cooling());
+  for (int k = 0; k < 8000; ++k) judged.process(steady.step());
+  EXPECT_TRUE(judged.report().judged);
 }
 
 TEST(Isolation, ASmallLeakIsNamedWhileRedlinesAreSilent) {
