@@ -8,7 +8,8 @@ A seed fixes rig parameters (off nominal, with the small effects of every record
 the datasheet lists at any of its ports), its size (over the datasheet's whole range, evenly in the logarithm where that
 is wide) and when it comes, at once, between 30 and 60 % of the run. Seeds below 1000 are for tuning, those from 1001 on
 for reporting. --from-start: the fault is there from the first sample. --lost: so many seconds of samples are lost, from
-1 s after the fault came. --noise: the noise of each transducer is 1/FACTOR to FACTOR times its datasheet's. What is done stays in FOLDER: stopped, it goes on where it was.
+1 s after the fault came. --noise: the noise of each transducer is 1/FACTOR to FACTOR times its datasheet's. What is
+done stays in FOLDER: stopped, it goes on where it was.
 
 right: the alarm to read first has the effect and its port. alike: it says that it cannot tell another from that. place:
 another effect at that port. wrong: another port. unnamed: it names none. missed: no alarm. before: there was an alarm
@@ -29,7 +30,19 @@ import random
 import tempfile
 
 import numpy as np
-from rig_runs import RIGS, ROOT, Results, datasheet, diagnose, faultline, named_alarms, on_all_cores, other_noise, record, simulate
+from rig_runs import (
+    RIGS,
+    ROOT,
+    Results,
+    datasheet,
+    diagnose,
+    faultline,
+    named_alarms,
+    on_all_cores,
+    other_noise,
+    record,
+    simulate,
+)
 
 GRADES = ("right", "alike", "place", "wrong", "unnamed", "missed", "before")
 RUN = 90  # s, at most; a table in time has its own length

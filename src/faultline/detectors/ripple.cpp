@@ -10,9 +10,9 @@
 #include <cmath>
 
 #include "faultline/detectors/arming.h"
-#include "faultline/detectors/own_level.h"
 #include "faultline/detectors/persistence.h"
 #include "faultline/numerics/quantiles.h"
+#include "faultline/signal/own_level.h"
 
 namespace faultline {
 namespace {

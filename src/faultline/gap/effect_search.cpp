@@ -151,7 +151,8 @@ double closes(const GapTrials& work, const EffectSearch& now, const Structure& b
 }
 
 // Whether a structure that gains over `now` is worth what it has more than `certain` against what that leaves.
-bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch& now, const Structure& best) {
+bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch& now, const Structure& best,
+          double quiet_variances) {
   const GapOptions::Search& options = work.options().search;
   const double half = work.options().verdict.hidden_shrink_fraction;
   // Of what restarts hide the likelihood says too much: beside others it must close as much of what they leave as a
@@ -159,6 +160,13 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   if (!now.base.effects.empty() && !restarts_freely(best.fit.effects.back().effect) && closes(work, now, best) < half)
     return false;
   if (&certain != &now && closes(work, certain, best) < half) return false;
+  // The likelihood takes each step of the model as straight. What a play does with what it remembers is not, and it
+  // may be unlikely from sample to sample that closes all of a large gap over segments which its fit did not see.
+  const double left = mean_excess(best.held_out, work.held_out_values());
+  if (now.base.effects.empty() && !restarts_freely(best.fit.effects.back().effect) &&
+      mean_excess(now.losses, work.held_out_values()) > work.options().verdict.material_excess_variances &&
+      left < quiet_variances && closes(work, now, best) > work.options().verdict.closed_shrink_fraction)
+    return true;
   const double loss = loss_of(work, now.noise, best);
   const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
   return won > options.evidence_fraction * certain.after.loss && won > options.further_evidence_fraction * before;
@@ -349,13 +357,14 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
       search.ranked.insert(search.ranked.end(), rest.begin(), rest.end());
     }
     if (!gains(work, search, best)) break;
-    if (pays(work, certain ? certain->search : search, search, best)) {
+    if (pays(work, certain ? certain->search : search, search, best, quiet_variances)) {
       if (certain) {
         // The second of the two may have been what is missing, alone.
         const GapTrials::Standing both = work.standing();
         work.come_back(certain->standing);
         const Structure alone = alone_beside(work, certain->search, best);
-        if (gains(work, certain->search, alone) && pays(work, certain->search, certain->search, alone)) {
+        if (gains(work, certain->search, alone) &&
+            pays(work, certain->search, certain->search, alone, quiet_variances)) {
           search = certain->search;
           best = alone;
           followed.pop_back();

@@ -28,8 +28,12 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   // Of all that is left, or of what is left in most segments, where a few in which the model goes astray hold it all.
   const bool closes = (evidence.shrink > shrink && evidence.shrink_low > 0) ||
                       (evidence.typical_shrink > shrink && evidence.typical_shrink_low > 0);
-  result.names = evidence.found && evidence.size > options.named_matters_fraction * matters && closes &&
-                 evidence.effects > options.material_evidence_fraction * perfect;
+  // As little is left as on a rig in which nothing is missing: whatever wins more there is no cause of this gap.
+  const bool closed = evidence.left < evidence.quiet && evidence.shrink > options.closed_shrink_fraction;
+  // What restarts hide may be unlikely from sample to sample and close all (effect_search.cpp).
+  const bool likely = evidence.effects > options.material_evidence_fraction * perfect ||
+                      (closed && !evidence.plain && evidence.excess > options.material_excess_variances);
+  result.names = evidence.found && evidence.size > options.named_matters_fraction * matters && closes && likely;
   // Without a name that holds: a signal at one place that wins much of a gap that matters tells a cause, or a gap that
   // is too large for a model whose structure fits.
   const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
@@ -40,8 +44,6 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   const double misfit = std::min(evidence.size / (options.silent_matters_ratio * std::max(matters, 1e-9)),
                                  evidence.excess / options.silent_excess_variances);
   const double silent = std::max(large ? place : std::min(place, 0.5), misfit);
-  // As little is left as on a rig in which nothing is missing: whatever wins more there is no cause of this gap.
-  const bool closed = evidence.left < evidence.quiet && evidence.shrink > options.closed_shrink_fraction;
   if (result.names && (beside <= 1 || closed)) {
     result.verdict = "named";
     result.doubt = std::min(beside, 1.0);

@@ -38,10 +38,10 @@
 
 #include "faultline/detectors/arming.h"
 #include "faultline/detectors/cusum.h"
-#include "faultline/detectors/own_level.h"
 #include "faultline/isolation/balance_model.h"
 #include "faultline/isolation/isolator.h"
 #include "faultline/isolation/signature_options.h"
+#include "faultline/signal/own_level.h"
 
 namespace faultline {
 
