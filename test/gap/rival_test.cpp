@@ -43,16 +43,25 @@ TEST(Rivals, AreToldApartWhereTheRunCan) {
   EXPECT_TRUE(result.effects.front().at_bounds.empty());
 }
 
-TEST(Rivals, AValueAtItsBoundIsMarked) {
-  Datasheet sheet = two_gains();
-  for (Port& port : sheet.ports)
-    for (FittingEffect& fitting : port.effects)
-      if (fitting.effect == "deadband") fitting.bounds["width"].maximum = 0.4;
-  const GapResult result = diagnose(sheet, -4);
-  ASSERT_FALSE(result.ranked.empty());
-  const NamedEffect& first = result.ranked.front().effect;
-  EXPECT_EQ(first.effect, "deadband");
-  EXPECT_EQ(first.at_bounds, std::vector<std::string>{"width"});
+// The truth is 0.8. It is looked for up to four times what the datasheet thinks of.
+TEST(Rivals, AValueBeyondItsRangeIsToldAndOneAtItsBoundMarked) {
+  for (const double widest : {0.4, 0.1}) {
+    Datasheet sheet = two_gains();
+    for (Port& port : sheet.ports)
+      for (FittingEffect& fitting : port.effects)
+        if (fitting.effect == "deadband") fitting.bounds["width"] = {0.01, widest};
+    const GapResult result = diagnose(sheet, -4);
+    ASSERT_FALSE(result.ranked.empty());
+    const NamedEffect& first = result.ranked.front().effect;
+    EXPECT_EQ(first.effect, "deadband");
+    const bool beyond = widest > 0.2;
+    EXPECT_NEAR(first.parameters.at("width"), beyond ? 0.8 : 0.4, 0.1);
+    EXPECT_EQ(first.at_bounds.empty(), beyond);
+    const bool told = std::any_of(result.remarks.begin(), result.remarks.end(), [](const std::string& remark) {
+      return remark.find("lies beyond the datasheet's range") != std::string::npos;
+    });
+    EXPECT_EQ(told, beyond || !result.effects.empty());
+  }
 }
 
 TEST(NextRun, ThatCannotBeSimulatedIsARemark) {

@@ -31,6 +31,7 @@ struct Candidate {
   EffectSpec effect;  // parameters filled while fitting
   std::string family;
   std::vector<Bounds> bounds;  // per parameter of the type
+  bool widened = false;        // beyond what the datasheet says
   double logarithmic_ratio = CandidateOptions().logarithmic_ratio;
   bool logarithmic(std::size_t parameter) const;
   double to_coordinate(std::size_t parameter, double value) const;  // 0..1 over the bounds

@@ -1,8 +1,8 @@
 // Noisy: a transducer whose white noise is larger than it was.
 //   v' = (min((x_k - 2 x_{k-1} + x_{k-2})^2/6, limit^2 own^2 window/3) - v)/window;  condition: v > limit^2 own^2
 // own^2: the mean of these squares while there is no alarm (own_level.h), from noise^2 to limit^2 noise^2; noise^2
-// where they are more than that. So a transducer that is noisier than its datasheet within `limit` is one in good order,
-// and what is told is that it became noisier, or that it was too noisy from the start.
+// where they are more than that. So a transducer that is noisier than its datasheet within `limit` is one in good
+// order, and what is told is that it became noisier, or that it was too noisy from the start.
 // Each square is capped, so that a step, which makes two of them large, is not yet noise; four large ones within the
 // window are. Second differences leave slow signals out: a ramp gives nothing, a sine of frequency f gives
 // (2 pi f T)^4/6 of its square.

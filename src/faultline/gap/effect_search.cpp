@@ -60,8 +60,9 @@ bool from_input_noise(const GapTrials& work, const FitResult& base, const Struct
 // A range of the datasheet is what its author thought of: a size that lies at its end may lie beyond it. False: none
 // does, or physics allows no more.
 bool widened(Candidate& candidate, const GapOptions& options) {
+  if (candidate.widened) return false;
   const EffectType* type = find_effect_type(candidate.effect.effect);
-  bool any = false;
+  bool& any = candidate.widened;
   for (std::size_t p = 0; p < candidate.bounds.size(); ++p) {
     Bounds& b = candidate.bounds[p];
     const EffectParameter& parameter = type->parameters[p];
