@@ -14,8 +14,6 @@
 // The printed (13) keeps the power 0.125 in the derivative by q; right is 0.125 q^-0.875, used here in both schemes.
 // Where P_1 <= P_2 or q_2 is below `smallest_flow` the equation says nothing (paper: raise a flag): P_2 holds,
 // `reversed` is 1.
-// {b}_normalised_residual is over what the innovation scatters by with the noise that the three transducers have on
-// this rig, from the first samples with flow on; the filter's own S has the datasheet's.
 // Settings: pressure_walk (Pa) and coefficient_walk (relative to d) per step, flow_noise (kg/s), inlet_noise and
 // outlet_noise (Pa), residual: before or after the correction, which {b}_pressure_residual shows.
 #include <algorithm>
@@ -26,7 +24,6 @@
 
 #include "faultline/estimators/process_model.h"
 #include "faultline/signal/error.h"
-#include "faultline/signal/own_level.h"
 
 namespace faultline {
 namespace {
@@ -40,28 +37,6 @@ struct Step {
   double pressure, by_pressure, by_coefficient, by_flow, by_inlet;
 };
 
-// How many times its datasheet's the noise of a transducer is, in variance, by second differences.
-class NoiseOf {
- public:
-  NoiseOf() = default;
-  explicit NoiseOf(double noise) : variance_(noise * noise), own_(variance_, kWidest) {}
-  void add(double reading) {
-    const double second = reading - 2 * last_ + before_;
-    before_ = last_;
-    last_ = reading;
-    rows_ = std::isfinite(second) ? rows_ + 1 : 0;
-    if (rows_ > 2) own_.follow(std::min(second * second / 6, kWidest * variance_));
-  }
-  double ratio() const { return own_.known() ? own_.level() / variance_ : 1; }
-
- private:
-  static constexpr double kWidest = 100;
-  double variance_ = 1;
-  OwnLevel own_;
-  double last_ = 0, before_ = 0;
-  int rows_ = 0;
-};
-
 struct Branch {
   std::string name;
   int inlet, outlet, flow;          // channels
@@ -69,12 +44,6 @@ struct Branch {
   double nominal;                   // d
   double p1 = 0, q = 0, root8 = 0;  // inputs held for the next step; root8 = q^0.125
   bool flows = false;
-  mutable std::array<NoiseOf, 3> noise;  // of outlet, inlet and flow
-  void learn(double outlet_pressure) const {
-    noise[0].add(outlet_pressure);
-    noise[1].add(p1);
-    noise[2].add(q);
-  }
   // The last step that was asked for since; dt 0: none.
   mutable Step step{};
   mutable std::array<double, 2> x{};
@@ -156,7 +125,6 @@ class CoolingBranchesModel : public ProcessModel {
 
   void initial(const double* channels, double* state, double* variance) const override {
     for (const Branch& b : branches_) {
-      b.noise = {NoiseOf(outlet_noise_), NoiseOf(inlet_noise_), NoiseOf(flow_noise_)};
       *state++ = channels[b.outlet];
       *state++ = b.nominal;
       *variance++ = square(outlet_noise_);
@@ -170,7 +138,6 @@ class CoolingBranchesModel : public ProcessModel {
       b.q = channels[b.flow];
       b.dt = 0;
       b.flows = b.q > smallest_flow_ && b.p1 > channels[b.outlet];
-      if (b.flows) b.learn(channels[b.outlet]);
       b.root8 = b.flows ? std::sqrt(std::sqrt(std::sqrt(b.q))) : 0.0;
     }
   }
@@ -251,8 +218,7 @@ class CoolingBranchesModel : public ProcessModel {
                              std::vector<Quantity>& result) const override {
     for (std::size_t i = 0; i < branches_.size(); ++i) {
       Quantity* q = &result[kQuantities * i];
-      const double std = innovation_std[i] * std::sqrt(noisier(branches_[i], square(innovation_std[i])));
-      q[kTestResidual].value = std > 0 ? innovation[i] / std : 0.0;
+      q[kTestResidual].value = innovation_std[i] > 0 ? innovation[i] / innovation_std[i] : 0.0;
       q[kTestResidual].std = 1;
       if (!after_) q[kResidual].value = innovation[i];
       q[kResidual].std = innovation_std[i];
@@ -260,15 +226,6 @@ class CoolingBranchesModel : public ProcessModel {
   }
 
  private:
-  // How many times the innovation's variance is what the filter says, whose transducers have the datasheet's noise: the
-  // part of S that is not the outlet's own comes from inlet and flow, as far as each moves the pressure in a step.
-  double noisier(const Branch& b, double variance) const {
-    const double own = square(outlet_noise_);
-    const double inlet = square(b.step.by_inlet * inlet_noise_), flow = square(b.step.by_flow * flow_noise_);
-    if (!(inlet + flow > 0) || !(variance > own)) return 1;
-    const double inputs = (inlet * b.noise[1].ratio() + flow * b.noise[2].ratio()) / (inlet + flow);
-    return (own * b.noise[0].ratio() + (variance - own) * inputs) / variance;
-  }
   static double square(double value) { return value * value; }
   static bool choice(const Settings& settings, const std::string& key, const char* yes, const char* no) {
     const std::string word = settings.word(key);
