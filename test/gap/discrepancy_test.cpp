@@ -395,6 +395,20 @@ TEST(Verdict, FollowsTheEvidence) {
   EXPECT_EQ(judge(e).verdict, "named");
   e.plain = false;
   EXPECT_NE(judge(e).verdict, "named");
+  // What restarts hide may be unlikely from sample to sample where it closes all of a gap that is large; what they
+  // leave as it is must not, nor what leaves something.
+  e = evidence();
+  e.effects = -2500;
+  e.plain = false;
+  e.shrink = e.shrink_low = 1;
+  e.left = 0.01;
+  e.quiet = 0.05;
+  EXPECT_EQ(judge(e).verdict, "named");
+  e.plain = true;
+  EXPECT_NE(judge(e).verdict, "named");
+  e.plain = false;
+  e.left = 0.2;
+  EXPECT_NE(judge(e).verdict, "named");
   // A signal at one place that would win much beside it does; the effect is then a part.
   e = evidence();
   e.free_after = 1000;
