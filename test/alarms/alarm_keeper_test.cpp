@@ -103,10 +103,10 @@ TEST_F(Naming, ADetectorTooMustBeSureOfItsName) {
     keeper_.process(assessment_);
     return keeper_.report().alarms.back();
   };
-  const Alarm first = told(0.49);
+  const Alarm first = told(0.44);
   EXPECT_EQ(first.kind, AlarmKind::unknown);
   EXPECT_EQ(first.equivalent, std::vector<std::string>{meaning.effect + "@" + meaning.port});
-  EXPECT_EQ(told(0.5).effect, meaning.effect);
+  EXPECT_EQ(told(0.45).effect, meaning.effect);
   EXPECT_EQ(told(0.1).effect, meaning.effect);  // while it fades it keeps the name that it earned
   EXPECT_EQ(keeper_.report().alarms.size(), 1u);
 }

@@ -21,8 +21,9 @@
 namespace faultline {
 
 // Least confidence at which a cause is told by its name, and at which the name is kept: two that explain as much as
-// each other are named together, of three none is. The distance between the two keeps a name from coming and going.
-constexpr double kNamed = 0.5, kKept = 0.4;
+// each other are named together, also where a little is left for others, of three none is. The distance between the
+// two keeps a name from coming and going.
+constexpr double kNamed = 0.45, kKept = 0.36;
 
 class AlarmKeeper {
  public:

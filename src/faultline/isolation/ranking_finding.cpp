@@ -6,6 +6,9 @@
 #include <set>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "faultline/numerics/quantiles.h"
 
 namespace faultline {
 namespace {
@@ -15,6 +18,10 @@ constexpr double kAtBound = 0.005;  // of the way from no effect to the bound
 // Judgements in a row, that no longer belong to a good one. Of three stretches that are looked at together one leaves
 // its trace in six.
 constexpr std::size_t kUnexplained = 7;
+// Of offsets that drift: sizes from which their course says it, without the first, for that comes of a stretch in which
+// the drift began; the correlation with time; the part of the size that the ramp must make up.
+constexpr std::size_t kDriftSizes = 3;
+constexpr double kDriftStraight = 0.95, kDriftFraction = 0.5;
 constexpr double kKeptShare = 0.5;  // of the least size that is told, down to which it stays told
 
 RankingOptions read_options(const Settings& s) {
@@ -80,9 +87,46 @@ void RankingFinding::weigh(Finding& finding) {
     return;
   }
   if (best.order == told_ && best.evidence == told_evidence_) return;
+  if (drifts_ && best.order == named_ && at_bound(best)) return;
   told_ = best.order;
   told_evidence_ = best.evidence;
+  const std::int64_t before = named_;
   write(ranked, finding);
+  if (named_ != before) {
+    offsets_.clear();
+    drifts_ = false;
+  } else {
+    tell_drift(finding);
+  }
+}
+
+void RankingFinding::tell_drift(Finding& finding) {
+  const auto port = ports_.find(finding.port);
+  drifts_ = false;
+  if (finding.effect != "offset" || port == ports_.end() || port->second.kind != PortKind::sensor) return;
+  const std::vector<FittingEffect>& may = port->second.effects;
+  if (std::none_of(may.begin(), may.end(), [](const FittingEffect& e) { return e.effect == "drift"; })) return;
+  if (offsets_.count() == 0 || finding.size != offsets_.latest()) offsets_.add(judged_, finding.size);  // found anew
+  if (offsets_.count() < kDriftSizes || !offsets_.straight(kDriftStraight)) return;
+  const double rate = offsets_.rate();
+  if (std::abs(rate) * (judged_ - finding.since) < kDriftFraction * std::abs(finding.size)) return;
+  drifts_ = true;
+  finding.effect = "drift";
+  finding.size_name = "rate";
+  finding.size_unit += "/s";
+  finding.none = 0;
+  finding.size = rate;
+  const double std = std::hypot(offsets_.rate_std(), options_.model_error_fraction * rate);
+  finding.low = rate - kNinetyPercentSigmas * std;
+  finding.high = rate + kNinetyPercentSigmas * std;
+  // What else is constant there does not drift, and of two transducers either one may.
+  auto& others = finding.equivalent;
+  const auto here = [&](const std::string& other) { return other.substr(other.find('@') + 1) == finding.port; };
+  others.erase(std::remove_if(others.begin(), others.end(), here), others.end());
+  for (std::string& other : others)
+    if (other.rfind("offset@sensor.", 0) == 0) other = "drift" + other.substr(other.find('@'));
+  finding.text = text(finding.port, "drift");
+  if (!others.empty()) finding.text += fmt::format("; this motion cannot tell it from {}", fmt::join(others, ", "));
 }
 
 void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding& finding) {
@@ -103,23 +147,23 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
   finding.port = chosen->port;
   finding.kind = chosen->kind;
   finding.equivalent.clear();
-  double here = 0, sum = 0;  // likelihoods
+  std::map<std::string, double> likelihoods;  // by port, of the best there
   std::set<std::string> ports = {chosen->port};
   for (const RankedHypothesis& other : ranked) {
     const double behind = evidence - other.evidence;
-    const double likelihood = std::exp(-0.5 * behind);
-    sum += likelihood;
-    if (other.port == chosen->port) here += likelihood;
+    double& likelihood = likelihoods[other.port];
+    likelihood = std::max(likelihood, std::exp(-0.5 * behind));
     if (&other == chosen) continue;
     if (behind > margin || other.name() == chosen->name()) continue;
     ports.insert(other.port);
     if (std::find(finding.equivalent.begin(), finding.equivalent.end(), other.name()) == finding.equivalent.end())
       finding.equivalent.push_back(other.name());
   }
-  finding.confidence = std::min(here / sum, 1 / static_cast<double>(ports.size()));
-  finding.text = text(*chosen);
-  std::string rivals;
-  for (const std::string& name : finding.equivalent) rivals += (rivals.empty() ? "" : ", ") + name;
+  double sum = 0;
+  for (const auto& of_port : likelihoods) sum += of_port.second;
+  finding.confidence = std::min(likelihoods[chosen->port] / sum, 1 / static_cast<double>(ports.size()));
+  finding.text = text(chosen->port, chosen->effect);
+  const std::string rivals = fmt::format("{}", fmt::join(finding.equivalent, ", "));
   if (!rivals.empty()) finding.text += "; this motion cannot tell it from " + rivals;
   if (finding.equivalent.size() > options_.most_rivals) {
     finding.kind = AlarmKind::unknown;
@@ -176,11 +220,11 @@ bool RankingFinding::too_small(const RankedHypothesis& h, double least_fraction)
   return std::abs(way) < least_fraction * std::abs(whole);
 }
 
-std::string RankingFinding::text(const RankedHypothesis& h) const {
-  const auto found = ports_.find(h.port);
-  std::string component = found == ports_.end() ? h.port : found->second.component;
+std::string RankingFinding::text(const std::string& port, const std::string& effect) const {
+  const auto found = ports_.find(port);
+  std::string component = found == ports_.end() ? port : found->second.component;
   if (!component.empty()) component[0] = static_cast<char>(std::toupper(component[0]));
-  return component + ": " + spaced(h.effect);
+  return component + ": " + spaced(effect);
 }
 
 }  // namespace faultline

@@ -11,6 +11,8 @@
 // cannot be told apart. Size with 90 % bounds from the ranking's standard deviation and `model_error` (relative: what
 // tolerances leave). The evidence's variances are inflated to decide with care; `std_factor` takes that back for the
 // bounds.
+// An offset of a transducer that grows in proportion to time from judgement to judgement is told as a drift, with its
+// rate, where the datasheet has one there, and stays one beyond the largest offset.
 // Settings: place (1: the fault; 2: what is wrong beside it), confirm [1], rival, rival_least, most_rivals,
 // model_error, std_factor [1], least_share [0].
 #pragma once
@@ -24,6 +26,7 @@
 
 #include "faultline/estimators/estimate.h"
 #include "faultline/isolation/isolator.h"
+#include "faultline/isolation/size_course.h"
 
 namespace faultline {
 
@@ -64,7 +67,8 @@ class RankingFinding {
  private:
   void weigh(Finding& finding);
   void write(const std::vector<RankedHypothesis>& ranked, Finding& finding);
-  std::string text(const RankedHypothesis& h) const;
+  void tell_drift(Finding& finding);
+  std::string text(const std::string& port, const std::string& effect) const;
   const Bounds* bounds_of(const RankedHypothesis& h) const;  // of its size, in the datasheet; nullptr: none
   bool at_bound(const RankedHypothesis& h) const;
   bool too_small(const RankedHypothesis& h, double least_fraction) const;
@@ -76,6 +80,8 @@ class RankingFinding {
   bool held_ = false, too_small_ = false, all_explained_ = false;
   std::size_t judgements_ = 0, unexplained_ = 0;
   double told_evidence_ = 0;
+  SizeCourse offsets_;  // of the transducer that is named
+  bool drifts_ = false;
   std::int64_t told_ = -1, named_ = -1;  // RankedHypothesis::order; -1: none
 };
 

@@ -313,7 +313,7 @@ void SignatureIsolator::tell(double time, Finding& finding) {
   const Hypothesis& h = hypotheses_[best];
   const Match& m = matches_[best];
   const bool known = m.chi2 < options_.fit_chi_squared_per_residual * static_cast<double>(tried_.size()) && m.size != 0;
-  if (named_ != static_cast<int>(best)) slope_n_ = slope_t_ = slope_tt_ = slope_a_ = slope_ta_ = slope_aa_ = 0;
+  if (named_ != static_cast<int>(best)) sizes_.clear();
   named_ = known ? static_cast<int>(best) : -1;
   finding.active = true;
   finding.since = onset_;
@@ -374,23 +374,18 @@ void SignatureIsolator::tell(double time, Finding& finding) {
 
 void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double variance, Finding& finding) {
   const double t = time - onset_, a = finding.size;
-  slope_n_ += 1;
-  slope_t_ += t;
-  slope_tt_ += t * t;
-  slope_a_ += a;
-  slope_ta_ += t * a;
-  slope_aa_ += a * a;
+  sizes_.add(t, a);
   if (h.feature >= 0) {
     const double shown = window_mean_[static_cast<std::size_t>(h.feature)];
-    if (slope_n_ == 1) shown_first_ = shown, shown_ = shown_square_ = 0;
+    if (sizes_.count() == 1) shown_first_ = shown, shown_ = shown_square_ = 0;
     shown_ += shown - shown_first_;
     shown_square_ += (shown - shown_first_) * (shown - shown_first_);
   }
-  if (t < options_.drift_age_s || slope_n_ < static_cast<double>(options_.drift_least_evaluations)) return;
-  const double sizes = slope_aa_ / slope_n_ - std::pow(slope_a_ / slope_n_, 2);
+  if (t < options_.drift_age_s || sizes_.count() < options_.drift_least_evaluations) return;
+  const double sizes = sizes_.variance(), n = static_cast<double>(sizes_.count());
   const double moved = options_.stuck_scatter_sigma, still = options_.stuck_reading_fraction;
   if (h.feature >= 0 && sizes > moved * moved * variance &&
-      shown_square_ / slope_n_ - std::pow(shown_ / slope_n_, 2) < still * still * sizes) {
+      shown_square_ / n - std::pow(shown_ / n, 2) < still * still * sizes) {
     // Nothing else explains a reading that does not move.
     finding.kind = AlarmKind::sensor;
     finding.effect = "stuck";
@@ -399,19 +394,16 @@ void SignatureIsolator::tell_sensor(double time, const Hypothesis& h, double var
     finding.text = fmt::format("{}: this transducer is stuck", h.port.substr(h.port.find('.') + 1));
     return;
   }
-  const double tt = slope_tt_ - slope_t_ * slope_t_ / slope_n_, aa = slope_aa_ - slope_a_ * slope_a_ / slope_n_;
-  const double ta = slope_ta_ - slope_t_ * slope_a_ / slope_n_;
-  if (!(tt > 0) || !(aa > 0) || std::abs(ta) < options_.straight_correlation * std::sqrt(tt * aa)) return;
-  const double rate = ta / tt;
+  if (!sizes_.straight(options_.straight_correlation)) return;
+  const double rate = sizes_.rate();
   // A step whose window is only filling also rises: a drift goes on by most of what it has become.
   if (std::abs(rate) * t < options_.drift_size_fraction * std::abs(a)) return;
-  const double spread = std::sqrt(std::max(0.0, aa - ta * ta / tt) / std::max(slope_n_ - 2, 1.0) / tt);
   finding.effect = "drift";
   finding.size_name = "rate";
   finding.size_unit = h.drift_unit;
   finding.none = 0;
   finding.size = rate;
-  const double std = std::sqrt(spread * spread + std::pow(options_.relative_error_fraction * rate, 2));
+  const double std = std::hypot(sizes_.rate_std(), options_.relative_error_fraction * rate);
   finding.low = rate - kNinetyPercentSigmas * std;
   finding.high = rate + kNinetyPercentSigmas * std;
   for (std::string& other : finding.equivalent)

@@ -41,6 +41,7 @@
 #include "faultline/isolation/balance_model.h"
 #include "faultline/isolation/isolator.h"
 #include "faultline/isolation/signature_options.h"
+#include "faultline/isolation/size_course.h"
 #include "faultline/signal/own_level.h"
 
 namespace faultline {
@@ -112,8 +113,8 @@ class SignatureIsolator : public Isolator {
   int named_ = -1;
   double course_ = -1;  // early residual over its plateau; -1: not judged yet
   bool course_known_ = false;
-  double unexplained_ = 0;                                                                       // chi2 of no change
-  double slope_n_ = 0, slope_t_ = 0, slope_tt_ = 0, slope_a_ = 0, slope_ta_ = 0, slope_aa_ = 0;  // of size against time
+  double unexplained_ = 0;               // chi2 of no change
+  SizeCourse sizes_;                     // of what is named
   double shown_ = 0, shown_square_ = 0;  // what the sensor itself showed, less its first
   double shown_first_ = 0;
 };
