@@ -14,16 +14,21 @@
 // The printed (13) keeps the power 0.125 in the derivative by q; right is 0.125 q^-0.875, used here in both schemes.
 // Where P_1 <= P_2 or q_2 is below `smallest_flow` the equation says nothing (paper: raise a flag): P_2 holds,
 // `reversed` is 1.
+// {b}_normalised_residual: the innovation over sqrt(S + what the transducers of this rig scatter by beyond the noise that
+// the filter was told). That is learnt from their second differences in the first second with flow, and counts by how
+// steep P_1 - P_2 is: |P_1 - P_2| ~ q^1.75, so a flow meter's noise is nothing while a valve opens and most at full flow.
 // Settings: pressure_walk (Pa) and coefficient_walk (relative to d) per step, flow_noise (kg/s), inlet_noise and
 // outlet_noise (Pa), residual: before or after the correction, which {b}_pressure_residual shows.
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 
 #include <fmt/format.h>
 
 #include "faultline/estimators/process_model.h"
 #include "faultline/signal/error.h"
+#include "faultline/signal/own_level.h"
 
 namespace faultline {
 namespace {
@@ -37,6 +42,33 @@ struct Step {
   double pressure, by_pressure, by_coefficient, by_flow, by_inlet;
 };
 
+// By how much the variance of a transducer's readings is beyond `noise`^2, by second differences of white noise.
+class BeyondNoise {
+ public:
+  explicit BeyondNoise(double noise) : variance_(noise * noise), own_(variance_, kWidest) {}
+  void add(double reading) {
+    const double second = reading - 2 * last_ + before_;
+    before_ = last_;
+    last_ = reading;
+    if (++rows_ > 2) own_.add(second * second / 6);
+  }
+  double variance() const { return own_.known() ? own_.level() - variance_ : 0; }
+
+ private:
+  static constexpr double kWidest = 100;
+  double variance_;
+  OwnLevel own_;
+  double last_ = 0, before_ = 0;
+  int rows_ = 0;
+};
+
+// Of a branch, by the part of the filter that steps it, for the whole, which tells.
+struct Transducers {
+  BeyondNoise outlet, inlet, flow;
+  std::array<double, 3> last{};  // readings
+  double beyond = 0;             // Pa^2, of the innovation
+};
+
 struct Branch {
   std::string name;
   int inlet, outlet, flow;          // channels
@@ -44,6 +76,7 @@ struct Branch {
   double nominal;                   // d
   double p1 = 0, q = 0, root8 = 0;  // inputs held for the next step; root8 = q^0.125
   bool flows = false;
+  std::shared_ptr<Transducers> transducers;
   // The last step that was asked for since; dt 0: none.
   mutable Step step{};
   mutable std::array<double, 2> x{};
@@ -73,6 +106,7 @@ class CoolingBranchesModel : public ProcessModel {
       branch.flow = sheet.channel(b + "_mass_flow");
       branch.inverse_b = 1 / value("_b");
       branch.nominal = value("_c") / value("_b");
+      branch.transducers = std::make_shared<Transducers>(unheard());
       branches_.push_back(branch);
     }
     exact_ = choice(settings, "scheme", "exact", "euler");
@@ -125,6 +159,7 @@ class CoolingBranchesModel : public ProcessModel {
 
   void initial(const double* channels, double* state, double* variance) const override {
     for (const Branch& b : branches_) {
+      *b.transducers = unheard();
       *state++ = channels[b.outlet];
       *state++ = b.nominal;
       *variance++ = square(outlet_noise_);
@@ -139,6 +174,7 @@ class CoolingBranchesModel : public ProcessModel {
       b.dt = 0;
       b.flows = b.q > smallest_flow_ && b.p1 > channels[b.outlet];
       b.root8 = b.flows ? std::sqrt(std::sqrt(std::sqrt(b.q))) : 0.0;
+      if (b.flows) hear(b, channels[b.outlet]);
     }
   }
 
@@ -218,7 +254,8 @@ class CoolingBranchesModel : public ProcessModel {
                              std::vector<Quantity>& result) const override {
     for (std::size_t i = 0; i < branches_.size(); ++i) {
       Quantity* q = &result[kQuantities * i];
-      q[kTestResidual].value = innovation_std[i] > 0 ? innovation[i] / innovation_std[i] : 0.0;
+      const double std = std::sqrt(square(innovation_std[i]) + branches_[i].transducers->beyond);
+      q[kTestResidual].value = std > 0 ? innovation[i] / std : 0.0;
       q[kTestResidual].std = 1;
       if (!after_) q[kResidual].value = innovation[i];
       q[kResidual].std = innovation_std[i];
@@ -232,6 +269,22 @@ class CoolingBranchesModel : public ProcessModel {
     if (word != yes && word != no)
       throw InputError(fmt::format("{}: '{}' is '{}'; it must be {} or {}", settings.where(), key, word, yes, no));
     return word == yes;
+  }
+
+  Transducers unheard() const {
+    return {BeyondNoise(outlet_noise_), BeyondNoise(inlet_noise_), BeyondNoise(flow_noise_), {}, 0};
+  }
+
+  // A filter takes the inputs of each sample twice.
+  static void hear(const Branch& b, double outlet) {
+    Transducers& t = *b.transducers;
+    const std::array<double, 3> readings = {outlet, b.p1, b.q};
+    if (readings == t.last) return;
+    t.last = readings;
+    t.outlet.add(outlet);
+    t.inlet.add(b.p1);
+    t.flow.add(b.q);
+    t.beyond = t.outlet.variance() + t.inlet.variance() + t.flow.variance() * square(1.75 * (b.p1 - outlet) / b.q);
   }
 
   // A filter asks three times for the same one.

@@ -102,6 +102,30 @@ TEST(BranchFilter, ExactFilterHasTheInnovationItStates) {
   }
 }
 
+// A flow meter of the rig's own noise: it makes more of the innovation, the more flows.
+TEST(BranchFilter, TheNormalisedInnovationIsOverTheNoiseOfThisRig) {
+  Datasheet noisier = cooling();
+  for (const std::string& b : cooling().branches)
+    noisier.channels[static_cast<std::size_t>(cooling().channel(b + "_mass_flow"))].noise_std *= 2.5;
+  EstimatorStage filter(cooling(), {"f", "extended_kalman", with("exact", "before", 1000, 2e-7)});
+  Simulator simulator(noisier, cooling_recording("valve_cycle", 214));
+  Estimate estimate;
+  std::map<std::string, std::array<Spread, 2>> normalised;  // at full flow, and at 1.1 kg/s through t
+  const auto flow = static_cast<std::size_t>(cooling().channel("t_mass_flow"));
+  for (int k = 0; k < 20000; ++k) {
+    const Sample& sample = simulator.step();
+    filter.process(sample, estimate);
+    if (k < 5000) continue;
+    for (const std::string& b : cooling().branches)
+      normalised[b][sample.values[flow] < 1.3].add(value_of(estimate, b + "_normalised_residual"));
+  }
+  for (const std::string& b : cooling().branches)
+    for (const Spread& spread : normalised[b]) {
+      ASSERT_GT(spread.count, 100) << b;
+      EXPECT_NEAR(spread.std(), 1, 0.15) << b;
+    }
+}
+
 TEST(BranchFilter, AsPrintedTheResidualAfterCorrectionIsAFewPascal) {
   // Q = diag(0.003^2, 1000^2), R = 2e5 Pa^2, Euler steps: the paper's "order of 10 Pa", which says nothing of the
   // model, since before correction it is off by more than ten kilopascal.
