@@ -1,5 +1,6 @@
 // The responses of a rig's model to faults (fault_responses.h) inside a stage: every sample is taken, and what was
-// found last is told until the next judgement. That comes `latency` s after a stretch ended, whenever it is ready: a
+// found last is told until the next judgement. While what was found is not confirmed, stretches follow one another
+// without a pause. A judgement comes `latency` s after a stretch ended, whenever it is ready: a
 // thread of its own works it out, so that samples are not held up, and live and offline say the same at the same
 // sample. Its estimates hold a ranking only.
 // Settings: segment [s], segments, every [s], recent, memory, inflation, threshold, confirmed, explained
@@ -24,8 +25,10 @@ constexpr std::size_t kRankedFirst = 6, kRankedSecond = 3;  // hypotheses that a
 class ResponseEstimator : public Estimator {
  public:
   ResponseEstimator(const Datasheet& sheet, const StageSpec& spec)
-      : settings_(response_settings(sheet, spec)), collector_(sheet, settings_), responses_(sheet, settings_) {
-    latency_ = spec.settings.number_or("latency", 0.5 * settings_.every_s, 0, 1e6);
+      : settings_(response_settings(sheet, spec)),
+        latency_(spec.settings.number_or("latency", 0.5 * settings_.every_s, 0, 1e6)),
+        collector_(sheet, settings_, latency_),
+        responses_(sheet, settings_) {
     for (const Channel& channel : sheet.channels) {
       drives_.push_back(channel.role == Role::command || channel.role == Role::input);
       needed_.push_back(channel.role != Role::setpoint && !channel.ground_truth);
@@ -57,12 +60,12 @@ class ResponseEstimator : public Estimator {
     }
     time_ += dt;
     news_ = false;
+    if (work_.valid() && time_ >= ended_ + latency_) finish();
     if (std::shared_ptr<const Recording> stretch = collector_.add(time_, values_.data(), good)) {
       finish();
       ended_ = time_;
       work_ = std::async(std::launch::async, [this, stretch] { responses_.judge(*stretch); });
     }
-    if (work_.valid() && time_ >= ended_ + latency_) finish();
     return true;
   }
 
@@ -94,6 +97,7 @@ class ResponseEstimator : public Estimator {
     judged_ = ended_;
     news_ = true;
     if (responses_.undecided()) judged_ = std::min(judged_, responses_.since());
+    collector_.judged(responses_.undecided());
     take_over();
   }
 
@@ -131,10 +135,10 @@ class ResponseEstimator : public Estimator {
   }
 
   ResponseSettings settings_;
+  double latency_;
   StretchCollector collector_;
   FaultResponses responses_;  // the worker's while work_ is valid, but for hypotheses()
   std::future<void> work_;
-  double latency_;
   bool news_ = false;
   double time_ = 0, judged_ = 0, ended_ = 0;  // s since the stage began
   std::vector<bool> needed_, drives_;         // the model: commands and inputs

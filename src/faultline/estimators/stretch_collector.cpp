@@ -1,15 +1,22 @@
 #include "faultline/estimators/stretch_collector.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "faultline/segments/even_rows.h"
 
 namespace faultline {
+namespace {
 
-StretchCollector::StretchCollector(const Datasheet& sheet, const ResponseSettings& settings)
+constexpr double kLater = 2;  // samples, than the judgement, so that clocks that jitter do not turn them
+
+}  // namespace
+
+StretchCollector::StretchCollector(const Datasheet& sheet, const ResponseSettings& settings, double latency_s)
     : sheet_(sheet),
       rows_((settings.segments + 1) * static_cast<std::size_t>(std::lround(settings.segment_s / sheet.sample_period))),
       every_s_(settings.every_s),
+      latency_s_(latency_s),
       period_error_fraction_(settings.segment.period_error_fraction) {}
 
 void StretchCollector::reset() {
@@ -19,11 +26,21 @@ void StretchCollector::reset() {
 
 void StretchCollector::drop(double time) {
   begun_.reset();
-  next_ = time;
+  next_ = due_ = time;
+}
+
+void StretchCollector::judged(bool undecided) {
+  const bool between = begun_ && begun_->time.front() < due_;
+  if (undecided) {
+    due_ = between ? begun_->time.front() + every_s_ : std::min(due_, next_);
+    return;
+  }
+  if (between) begun_.reset();
+  next_ = due_;
 }
 
 std::unique_ptr<Recording> StretchCollector::add(double time, const double* channels, bool good) {
-  if (!started_) next_ = time;
+  if (!started_) next_ = due_ = time;
   started_ = true;
   if (!good) {
     drop(time);
@@ -37,7 +54,7 @@ std::unique_ptr<Recording> StretchCollector::add(double time, const double* chan
     begun_->time.reserve(rows_);
     begun_->sequence.reserve(rows_);
     begun_->values.reserve(rows_ * sheet_.channels.size());
-    next_ = time + every_s_;
+    if (time >= due_) due_ = time + every_s_;
   }
   if (!begun_->time.empty() && !goes_on(time - begun_->time.back(), sheet_.sample_period, period_error_fraction_)) {
     drop(time);
@@ -48,7 +65,11 @@ std::unique_ptr<Recording> StretchCollector::add(double time, const double* chan
   begun_->values.insert(begun_->values.end(), channels, channels + sheet_.channels.size());
   const double passed = (time - begun_->time.front()) / sheet_.sample_period;
   if (static_cast<std::size_t>(std::lround(passed)) + 1 < rows_) return nullptr;
-  if (measured_share(sheet_, *begun_, rows_) >= kLeastMeasured) return std::move(begun_);
+  if (measured_share(sheet_, *begun_, rows_) >= kLeastMeasured) {
+    const double length = static_cast<double>(rows_) * sheet_.sample_period;
+    next_ = std::min(due_, time + std::max(0.0, latency_s_ - length + kLater * sheet_.sample_period));
+    return std::move(begun_);
+  }
   drop(time);
   return nullptr;
 }

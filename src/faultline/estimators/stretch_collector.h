@@ -1,5 +1,6 @@
 // Stretches of samples out of a stream, as fault_responses.h judges them: one begins every `every_s`, is
-// (segments + 1) segments long, and has no gaps but single missing samples (segments/even_rows.h).
+// (segments + 1) segments long, and has no gaps but single missing samples (segments/even_rows.h). Between two of them
+// another one is begun, so that it ends when the first has been judged; it is needed where that left something undecided.
 #pragma once
 
 #include <memory>
@@ -12,22 +13,26 @@ namespace faultline {
 
 class StretchCollector {
  public:
-  StretchCollector(const Datasheet& sheet, const ResponseSettings& settings);
+  // `latency_s`: from the end of a stretch to judged(); infinite: none is begun between.
+  StretchCollector(const Datasheet& sheet, const ResponseSettings& settings, double latency_s = kInfinity);
 
   void reset();
   // One sample; outputs that are not fit to be used are NaN, `good`: commands and inputs are. The stretch that it ends,
   // or null. A sample that is not good, or comes late, drops the stretch that was begun; the next begins at once.
   std::unique_ptr<Recording> add(double time, const double* channels, bool good);
+  // What was added last was judged. The stretch between is needed, or not.
+  void judged(bool undecided);
 
  private:
   void drop(double time);
 
   const Datasheet sheet_;
   const std::size_t rows_;
-  const double every_s_, period_error_fraction_;
+  const double every_s_, latency_s_, period_error_fraction_;
   std::unique_ptr<Recording> begun_;
   bool started_ = false;
-  double next_ = 0;  // s, when the next stretch begins
+  double next_ = 0;  // s, when the next stretch begins ...
+  double due_ = 0;   // ... and when the next of those every `every_s`
 };
 
 }  // namespace faultline
