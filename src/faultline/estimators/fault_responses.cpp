@@ -298,8 +298,9 @@ std::vector<RankedFault> FaultResponses::screen(const Window& window) const {
 }
 
 std::vector<RankedFault> FaultResponses::find_window() {
-  // Once there is a fault, the way it was found stays: what follows belongs to it.
-  if (event_) return screen(window_);
+  // Once a fault is told, the way it was found stays: what follows belongs to it. What is only suspected may be another
+  // one, which came later and shows more.
+  if (event_ && confirmation_.given()) return screen(window_);
   std::vector<RankedFault> best;
   // A stretch that adds little does not show the fault: the shortest of windows that say nearly the same.
   const auto attempt = [&](const Window& window) {
@@ -467,6 +468,7 @@ void FaultResponses::judge_stretch() {
 }
 
 void FaultResponses::find_healthy_or_fault() {
+  const std::size_t suspected = event_ ? window_.stretches : 0;
   std::vector<RankedFault> screened = find_window();
   // Before anything is blamed: are the parameters further off than the linear model can tell? Later on healthy
   // stretches of before must be explained as well, or a fault that moves a parameter would pass for one that was
@@ -522,7 +524,7 @@ void FaultResponses::find_healthy_or_fault() {
   know_fault(now);
   look_beside(now.prior);
   if (!second_.empty()) know_fault(now);
-  if (!event_) {
+  if (!event_ || window_.stretches < suspected) {
     const std::size_t healthy = recent_.size() - window_.stretches;
     since_ = recent_[healthy]->begin;
     if (window_.change && healthy > 0) before_ = recent_[healthy - 1]->run.recording;
