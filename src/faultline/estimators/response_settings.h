@@ -30,6 +30,7 @@ struct ResponseSettings {
       0.1;  // from one restart of the states to the next: longer shows more, until stick and slip part ways
   std::size_t segments = 4;  // counted per stretch; one more runs before them, so that effects with memory settle
   double every_s = 2;        // between the beginnings of stretches: bounds the effort
+  double early_every_s = 2;  // the same of the first early_stretches: a slow rig is to be known before an hour has gone
   std::size_t recent_stretches = 3;              // in which a fault is looked for
   double memory_stretches = 10;                  // how long earlier ones speak for the parameters
   double inflation_variances = 30;               // residuals of a model that is a little wrong are not independent
@@ -113,6 +114,7 @@ void for_each_option(ResponseSettings& options, Visit&& visit) {
   FAULTLINE_OPTION(segment_s);
   FAULTLINE_OPTION(segments);
   FAULTLINE_OPTION(every_s);
+  FAULTLINE_OPTION(early_every_s);
   FAULTLINE_OPTION(recent_stretches);
   FAULTLINE_OPTION(memory_stretches);
   FAULTLINE_OPTION(inflation_variances);

@@ -16,12 +16,15 @@ StretchCollector::StretchCollector(const Datasheet& sheet, const ResponseSetting
     : sheet_(sheet),
       rows_((settings.segments + 1) * static_cast<std::size_t>(std::lround(settings.segment_s / sheet.sample_period))),
       every_s_(settings.every_s),
+      early_every_s_(settings.early_every_s),
       latency_s_(latency_s),
-      period_error_fraction_(settings.segment.period_error_fraction) {}
+      period_error_fraction_(settings.segment.period_error_fraction),
+      early_(settings.early_stretches) {}
 
 void StretchCollector::reset() {
   begun_.reset();
   started_ = false;
+  ended_ = 0;
 }
 
 void StretchCollector::drop(double time) {
@@ -30,12 +33,14 @@ void StretchCollector::drop(double time) {
 }
 
 void StretchCollector::judged(bool undecided) {
-  const bool between = begun_ && begun_->time.front() < due_;
-  if (undecided) {
-    due_ = between ? begun_->time.front() + every_s_ : std::min(due_, next_);
+  const bool between = begun_ && between_;
+  between_ = false;
+  if (between && (undecided || begun_->time.back() >= due_)) {  // it takes the place of the one that is due
+    due_ = begun_->time.front() + every();
     return;
   }
   if (between) begun_.reset();
+  if (undecided) due_ = std::min(due_, next_);
   next_ = due_;
 }
 
@@ -54,7 +59,8 @@ std::unique_ptr<Recording> StretchCollector::add(double time, const double* chan
     begun_->time.reserve(rows_);
     begun_->sequence.reserve(rows_);
     begun_->values.reserve(rows_ * sheet_.channels.size());
-    if (time >= due_) due_ = time + every_s_;
+    between_ = time < due_;
+    if (!between_) due_ = time + every();
   }
   if (!begun_->time.empty() && !goes_on(time - begun_->time.back(), sheet_.sample_period, period_error_fraction_)) {
     drop(time);
@@ -66,6 +72,7 @@ std::unique_ptr<Recording> StretchCollector::add(double time, const double* chan
   const double passed = (time - begun_->time.front()) / sheet_.sample_period;
   if (static_cast<std::size_t>(std::lround(passed)) + 1 < rows_) return nullptr;
   if (measured_share(sheet_, *begun_, rows_) >= kLeastMeasured) {
+    ++ended_;
     const double length = static_cast<double>(rows_) * sheet_.sample_period;
     next_ = std::min(due_, time + std::max(0.0, latency_s_ - length + kLater * sheet_.sample_period));
     return std::move(begun_);

@@ -1,6 +1,7 @@
-// Stretches of samples out of a stream, as fault_responses.h judges them: one begins every `every_s`, is
-// (segments + 1) segments long, and has no gaps but single missing samples (segments/even_rows.h). Between two of them
-// another one is begun, so that it ends when the first has been judged; it is needed where that left something undecided.
+// Stretches of samples out of a stream, as fault_responses.h judges them: one begins every `every_s` (the first
+// early_stretches: `early_every_s`), is (segments + 1) segments long, and has no gaps but single missing samples
+// (segments/even_rows.h). Between two of them another one is begun, so that it ends when the first has been judged; it
+// is needed where that left something undecided.
 #pragma once
 
 #include <memory>
@@ -25,14 +26,17 @@ class StretchCollector {
 
  private:
   void drop(double time);
+  double every() const { return ended_ < early_ ? early_every_s_ : every_s_; }
 
   const Datasheet sheet_;
   const std::size_t rows_;
-  const double every_s_, latency_s_, period_error_fraction_;
+  const double every_s_, early_every_s_, latency_s_, period_error_fraction_;
+  const std::size_t early_;
   std::unique_ptr<Recording> begun_;
-  bool started_ = false;
-  double next_ = 0;  // s, when the next stretch begins ...
-  double due_ = 0;   // ... and when the next of those every `every_s`
+  bool started_ = false, between_ = false;  // between_: the one that was begun
+  std::size_t ended_ = 0;                   // stretches
+  double next_ = 0;                         // s, when the next stretch begins ...
+  double due_ = 0;                          // ... and when the next of those every `every_s`
 };
 
 }  // namespace faultline

@@ -39,6 +39,7 @@ ResponseSettings read_response_settings(const Settings& settings, const Datashee
                                         : std::max(4 * period, kSegmentFraction * segment_length(sheet));
   s.segments = count("segments", s.segments, 1, 1000);
   s.every_s = settings.number_or("every", kEveryStretches * s.stretch_s(), period, 1e7);
+  s.early_every_s = settings.number_or("early_every", s.every_s, period, 1e7);
   s.recent_stretches = count("recent", s.recent_stretches, 1, 1000);
   s.memory_stretches = settings.number_or("memory", s.memory_stretches, 1, 1e6);
   s.inflation_variances = settings.number_or("inflation", s.inflation_variances, 1, 1e6);
