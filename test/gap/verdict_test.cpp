@@ -91,6 +91,19 @@ TEST(Verdict, WhatLeavesNothingIsNamed) {
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
 }
 
+// A gap that is too small to need a cause has one only where that closes most of it.
+TEST(Verdict, WhatClosesLittleOfASmallGapIsNoName) {
+  GapEvidence evidence = of_effects({400, 1000}, 8000, 0.009, 2);
+  evidence.shrink = 0.45;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.shrink = 0.35;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "none");
+  EXPECT_FALSE(judge_gap(evidence, 0.01, options).names);
+  evidence.size = 0.011;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+}
+
 // What has another size in each part of the runs makes up for a cause and is none.
 TEST(Verdict, ASizeThatChangesIsNoCause) {
   GapEvidence evidence = of_effects({700, 1000}, 10000, 1, 2);

@@ -177,6 +177,8 @@ struct GapOptions {
     double material_evidence_fraction = 0.1;
     // ... and of the refit's excess, what they must close: what wins less is told by nobody as a cause.
     double material_shrink_fraction = 0.1;
+    // ... of a gap that is too small to need a cause (two such names, on rigs of another author, closed 0.34 and less).
+    double small_gap_shrink_fraction = 0.4;
     // ... where the likelihood says too much of an effect: half.
     double hidden_shrink_fraction = 0.5;
     // ... and from which they have closed it, where no more is left than a healthy rig has.
@@ -334,6 +336,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.quiet_noisy_fraction);
   FAULTLINE_OPTION(verdict.material_evidence_fraction);
   FAULTLINE_OPTION(verdict.material_shrink_fraction);
+  FAULTLINE_OPTION(verdict.small_gap_shrink_fraction);
   FAULTLINE_OPTION(verdict.hidden_shrink_fraction);
   FAULTLINE_OPTION(verdict.closed_shrink_fraction);
   FAULTLINE_OPTION(verdict.named_matters_fraction);

@@ -44,6 +44,9 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   const double misfit = std::min(evidence.size / (options.silent_matters_ratio * std::max(matters, 1e-9)),
                                  evidence.excess / options.silent_excess_variances);
   const double silent = std::max(large ? place : std::min(place, 0.5), misfit);
+  // A gap that need not have a cause has one only where that is most of it.
+  const bool most = std::max(evidence.shrink, evidence.typical_shrink) >= options.small_gap_shrink_fraction;
+  result.names = result.names && (most || evidence.size > matters);
   if (result.names && (beside <= 1 || closed)) {
     result.verdict = "named";
     result.doubt = std::min(beside, 1.0);
