@@ -91,7 +91,7 @@ TEST(Verdict, WhatLeavesNothingIsNamed) {
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
 }
 
-// A gap that is too small to need a cause has one only where that closes most of it.
+// A gap that is too small to need a cause, or smaller than the noise, has one only where that closes most of it.
 TEST(Verdict, WhatClosesLittleOfASmallGapIsNoName) {
   GapEvidence evidence = of_effects({400, 1000}, 8000, 0.009, 2);
   evidence.shrink = 0.45;
@@ -102,6 +102,8 @@ TEST(Verdict, WhatClosesLittleOfASmallGapIsNoName) {
   EXPECT_FALSE(judge_gap(evidence, 0.01, options).names);
   evidence.size = 0.011;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.excess = 0.2;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "none");
 }
 
 // What has another size in each part of the runs makes up for a cause and is none.

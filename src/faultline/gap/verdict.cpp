@@ -33,10 +33,13 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   // What restarts hide may be unlikely from sample to sample and close all (effect_search.cpp).
   const bool likely = evidence.effects > options.material_evidence_fraction * perfect ||
                       (closed && !evidence.plain && evidence.excess > options.material_excess_variances);
-  result.names = evidence.found && evidence.size > options.named_matters_fraction * matters && closes && likely;
+  // A gap that need not have a cause, or hides in the noise, has one only where that is most of it.
+  const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
+  const bool most = std::max(evidence.shrink, evidence.typical_shrink) >= options.small_gap_shrink_fraction;
+  result.names =
+      evidence.found && evidence.size > options.named_matters_fraction * matters && closes && likely && (most || large);
   // Without a name that holds: a signal at one place that wins much of a gap that matters tells a cause, or a gap that
   // is too large for a model whose structure fits.
-  const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
   // What effects take of a free signal is no sign of another place, though they may close too little to be told.
   const double free = evidence.found ? std::min(evidence.free_before, evidence.free_after) : evidence.free_before;
   const double place = free / std::max(options.place_evidence_fraction * perfect,
@@ -44,9 +47,6 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   const double misfit = std::min(evidence.size / (options.silent_matters_ratio * std::max(matters, 1e-9)),
                                  evidence.excess / options.silent_excess_variances);
   const double silent = std::max(large ? place : std::min(place, 0.5), misfit);
-  // A gap that need not have a cause has one only where that is most of it.
-  const bool most = std::max(evidence.shrink, evidence.typical_shrink) >= options.small_gap_shrink_fraction;
-  result.names = result.names && (most || evidence.size > matters);
   if (result.names && (beside <= 1 || closed)) {
     result.verdict = "named";
     result.doubt = std::min(beside, 1.0);
