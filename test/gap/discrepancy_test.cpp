@@ -408,7 +408,10 @@ TEST(Verdict, FollowsTheEvidence) {
   EXPECT_NE(judge(e).verdict, "named");
   e.plain = false;
   e.left = 0.2;
+  e.shrink = 0.93;
   EXPECT_NE(judge(e).verdict, "named");
+  e.shrink = 0.97;
+  EXPECT_EQ(judge(e).verdict, "named");
   // A signal at one place that would win much beside it does; the effect is then a part.
   e = evidence();
   e.free_after = 1000;

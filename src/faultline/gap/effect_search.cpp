@@ -163,10 +163,11 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   if (&certain != &now && closes(work, certain, best) < half) return false;
   // The likelihood takes each step of the model as straight. What a play does with what it remembers is not, and it
   // may be unlikely from sample to sample that closes all of a large gap over segments which its fit did not see.
-  const double left = mean_excess(best.held_out, work.held_out_values());
+  const double left = mean_excess(best.held_out, work.held_out_values()), share = closes(work, now, best);
+  const GapOptions::Verdict& verdict = work.options().verdict;
   if (now.base.effects.empty() && !restarts_freely(best.fit.effects.back().effect) &&
-      mean_excess(now.losses, work.held_out_values()) > work.options().verdict.material_excess_variances &&
-      left < quiet_variances && closes(work, now, best) > work.options().verdict.closed_shrink_fraction)
+      mean_excess(now.losses, work.held_out_values()) > verdict.material_excess_variances &&
+      ((left < quiet_variances && share > verdict.closed_shrink_fraction) || share > verdict.hidden_closed_fraction))
     return true;
   const double loss = loss_of(work, now.noise, best);
   const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;

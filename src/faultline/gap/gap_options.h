@@ -184,6 +184,8 @@ struct GapOptions {
     double hidden_shrink_fraction = 0.5;
     // ... and from which they have closed it, where no more is left than a healthy rig has.
     double closed_shrink_fraction = 0.9;
+    // ... or, of a first effect that restarts hide, whatever is left: rigs have small things beside it.
+    double hidden_closed_fraction = 0.95;
     // Of the gap from which there must be a cause, from which one that stands out is named.
     double named_matters_fraction = 0.1;
     // Of what named effects win, what a free signal at one place may still win beside them (development), if it is no
@@ -340,6 +342,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.small_gap_shrink_fraction);
   FAULTLINE_OPTION(verdict.hidden_shrink_fraction);
   FAULTLINE_OPTION(verdict.closed_shrink_fraction);
+  FAULTLINE_OPTION(verdict.hidden_closed_fraction);
   FAULTLINE_OPTION(verdict.named_matters_fraction);
   FAULTLINE_OPTION(verdict.free_evidence_fraction);
   FAULTLINE_OPTION(verdict.size_spread);

@@ -28,8 +28,10 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   // Of all that is left, or of what is left in most segments, where a few in which the model goes astray hold it all.
   const bool closes = (evidence.shrink > shrink && evidence.shrink_low > 0) ||
                       (evidence.typical_shrink > shrink && evidence.typical_shrink_low > 0);
-  // As little is left as on a rig in which nothing is missing: whatever wins more there is no cause of this gap.
-  const bool closed = evidence.left < evidence.quiet && evidence.shrink > options.closed_shrink_fraction;
+  // As little is left as on a rig in which nothing is missing, or next to nothing of what restarts hide: whatever wins
+  // more there is no cause of this gap.
+  const bool closed = (evidence.left < evidence.quiet && evidence.shrink > options.closed_shrink_fraction) ||
+                      (!evidence.plain && evidence.shrink > options.hidden_closed_fraction);
   // What restarts hide may be unlikely from sample to sample and close all (effect_search.cpp).
   const bool likely = evidence.effects > options.material_evidence_fraction * perfect ||
                       (closed && !evidence.plain && evidence.excess > options.material_excess_variances);
