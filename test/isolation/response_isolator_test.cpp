@@ -1,5 +1,6 @@
 // The isolator `response` on rankings made by hand: what it names, of which size, with which rivals, and when it says
 // nothing.
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -225,6 +226,52 @@ TEST(RankedHypothesis, IntervalsOfSizesThatGrowAndThatFall) {
   EXPECT_NEAR(h.sizes(0.1).low, 0.3 / (0.5 + 0.1 * kNinetyPercentSigmas), 1e-12);
   EXPECT_NEAR(h.sizes(0.1).high, 0.3 / (0.5 - 0.1 * kNinetyPercentSigmas), 1e-12);
   EXPECT_NEAR(h.sizes(1).high, 0.3 / 0.0005, 1e-9);
+}
+
+// The size of a drift is another one each time. The first comes of a stretch in which it began and says nothing.
+TEST_F(ResponseIsolation, AnOffsetThatGrowsWithTimeIsADrift) {
+  Datasheet drifting = servo();
+  Port& port = *std::find_if(drifting.ports.begin(), drifting.ports.end(),
+                             [](const Port& p) { return p.name == "sensor.chamber_a_pressure"; });
+  port.effects.push_back({"drift", {{"rate", {-1e5, 1e5}}}});
+  const auto tell = [&](const std::vector<double>& sizes) {
+    isolator_ = make_isolator(drifting, drifting.isolators[0]);
+    for (std::size_t i = 0; i < sizes.size(); ++i) {
+      RankedHypothesis offset = cause("offset", port.name, 3, 100 + static_cast<double>(i));
+      offset.kind = AlarmKind::sensor;
+      offset.size_name = "value";
+      offset.size_unit = "Pa";
+      offset.full = 1e5;
+      offset.amplitude = sizes[i] / offset.full;
+      RankedHypothesis scale = offset;
+      scale.effect = "scale";
+      scale.order = 4;
+      hear({offset, scale});
+    }
+    return finding_;
+  };
+  const Finding drift = tell({20000, 60000, 100000, 140000, 180000});
+  EXPECT_EQ(drift.effect, "drift");
+  EXPECT_EQ(drift.port, port.name);
+  EXPECT_EQ(drift.size_name, "rate");
+  EXPECT_EQ(drift.size_unit, "Pa/s");
+  EXPECT_NEAR(drift.size, 20000, 1e-6);  // every 2 s
+  EXPECT_LT(drift.low, 20000);
+  EXPECT_GT(drift.high, 20000);
+  EXPECT_TRUE(drift.equivalent.empty());  // a scale does not grow
+  const Finding step = tell({90000, 170000, 180000, 175000, 182000});
+  EXPECT_EQ(step.effect, "offset");
+  EXPECT_EQ(step.equivalent, std::vector<std::string>{"scale@" + port.name});
+  // Beyond the largest offset it goes on to be one.
+  EXPECT_EQ(tell({100000, 150000, 200000, 250000, 300000}).effect, "drift");
+}
+
+// However many effects explain it there.
+TEST_F(ResponseIsolation, EachPlaceCountsByItsBest) {
+  const Finding& f =
+      hear({cause("orifice_leakage", kSeal, 3, 100), cause("laminar_leakage", kOutside, 8, 96),
+            cause("orifice_leakage", kOutside, 9, 95.9), cause("viscous_friction", "force.piston", 1, 93)});
+  EXPECT_NEAR(f.confidence, 1 / (1 + std::exp(-2.0) + std::exp(-3.5)), 1e-9);
 }
 
 }  // namespace

@@ -177,8 +177,8 @@ struct GapOptions {
     double material_evidence_fraction = 0.1;
     // ... and of the refit's excess, what they must close: what wins less is told by nobody as a cause.
     double material_shrink_fraction = 0.1;
-    // ... of a gap that is too small to need a cause or smaller than the noise: five such names on rigs of another author
-    // were wrong and closed 0.34 and less, the right ones closed 0.47 and more.
+    // ... of a gap that is too small to need a cause or smaller than the noise: five such names on rigs of another
+    // author were wrong and closed 0.34 and less, the right ones closed 0.47 and more.
     double small_gap_shrink_fraction = 0.4;
     // ... where the likelihood says too much of an effect: half.
     double hidden_shrink_fraction = 0.5;

@@ -14,9 +14,10 @@
 // The printed (13) keeps the power 0.125 in the derivative by q; right is 0.125 q^-0.875, used here in both schemes.
 // Where P_1 <= P_2 or q_2 is below `smallest_flow` the equation says nothing (paper: raise a flag): P_2 holds,
 // `reversed` is 1.
-// {b}_normalised_residual: the innovation over sqrt(S + what the transducers of this rig scatter by beyond the noise that
-// the filter was told). That is learnt from their second differences in the first second with flow, and counts by how
-// steep P_1 - P_2 is: |P_1 - P_2| ~ q^1.75, so a flow meter's noise is nothing while a valve opens and most at full flow.
+// {b}_normalised_residual: the innovation over sqrt(S + what the transducers of this rig scatter by beyond the noise
+// that the filter was told). That is learnt from their second differences in the first second with flow, and counts by
+// how steep P_1 - P_2 is: |P_1 - P_2| ~ q^1.75, so a flow meter's noise is nothing while a valve opens and most at full
+// flow.
 // Settings: pressure_walk (Pa) and coefficient_walk (relative to d) per step, flow_noise (kg/s), inlet_noise and
 // outlet_noise (Pa), residual: before or after the correction, which {b}_pressure_residual shows.
 #include <algorithm>
