@@ -10,7 +10,7 @@
 namespace faultline {
 namespace {
 
-constexpr double kNamed = 0.45;     // probability from which a cause is told as one (scripts/watch_alarms.py)
+constexpr double kNamed = 0.45;    // probability from which a cause is told as one (scripts/watch_alarms.py)
 constexpr double kGapIsError = 3;  // times its limit (gap_publisher.cpp)
 
 struct Graded {

@@ -50,7 +50,7 @@ class Naming : public ::testing::Test {
 };
 
 TEST_F(Naming, ACauseIsNamedWhenItIsLikelyEnough) {
-  const Alarm& first = find("orifice_leakage", 0.49);
+  const Alarm& first = find("orifice_leakage", 0.44);
   EXPECT_EQ(first.kind, AlarmKind::unknown);
   EXPECT_EQ(first.level, AlarmLevel::warning);
   EXPECT_EQ(first.effect + first.port, "");
@@ -60,7 +60,7 @@ TEST_F(Naming, ACauseIsNamedWhenItIsLikelyEnough) {
   EXPECT_EQ(keeper_.report().verdict,
             "Something changed; candidates: orifice_leakage@flow.chamber_a_tank, deadband@restriction.valve.");
   const std::uint64_t changes = keeper_.changes();
-  const Alarm& named = find("orifice_leakage", 0.5);
+  const Alarm& named = find("orifice_leakage", 0.45);
   EXPECT_EQ(keeper_.changes(), changes + 1);
   EXPECT_EQ(keeper_.report().alarms.size(), 1u);
   EXPECT_EQ(named.kind, AlarmKind::fault);
@@ -77,7 +77,7 @@ TEST_F(Naming, ANameIsKeptWhileItIsNotMuchLessLikely) {
   EXPECT_EQ(find("laminar_leakage", 0.41).kind, AlarmKind::unknown);  // another one has to earn it
   EXPECT_EQ(find("orifice_leakage", 0.41).kind, AlarmKind::unknown);
   EXPECT_EQ(find("orifice_leakage", 0.6).kind, AlarmKind::fault);
-  EXPECT_EQ(find("orifice_leakage", 0.39).kind, AlarmKind::unknown);
+  EXPECT_EQ(find("orifice_leakage", 0.35).kind, AlarmKind::unknown);
   EXPECT_EQ(keeper_.report().alarms.size(), 1u);
 }
 

@@ -298,9 +298,9 @@ std::vector<RankedFault> FaultResponses::screen(const Window& window) const {
 }
 
 std::vector<RankedFault> FaultResponses::find_window() {
-  // Once a fault is told, the way it was found stays: what follows belongs to it. What is only suspected may be another
-  // one, which came later and shows more.
-  if (event_ && confirmation_.given()) return screen(window_);
+  // Once there is a fault, the way it was found stays: what follows belongs to it. What was suspected and not confirmed
+  // in time may be another one, which came later and shows more.
+  if (event_ && (confirmation_.given() || undecided())) return screen(window_);
   std::vector<RankedFault> best;
   // A stretch that adds little does not show the fault: the shortest of windows that say nearly the same.
   const auto attempt = [&](const Window& window) {

@@ -27,6 +27,16 @@ void StretchCollector::reset() {
   ended_ = 0;
 }
 
+std::unique_ptr<Recording> StretchCollector::empty() const {
+  auto recording = std::make_unique<Recording>();
+  recording->rig = sheet_.rig;
+  recording->channels = sheet_.channels;
+  recording->time.reserve(rows_);
+  recording->sequence.reserve(rows_);
+  recording->values.reserve(rows_ * sheet_.channels.size());
+  return recording;
+}
+
 void StretchCollector::drop(double time) {
   begun_.reset();
   next_ = due_ = time;
@@ -39,7 +49,12 @@ void StretchCollector::judged(bool undecided) {
     due_ = begun_->time.front() + every();
     return;
   }
-  if (between) begun_.reset();
+  if (between) {
+    spare_ = std::move(begun_);
+    spare_->time.clear();
+    spare_->sequence.clear();
+    spare_->values.clear();
+  }
   if (undecided) due_ = std::min(due_, next_);
   next_ = due_;
 }
@@ -53,14 +68,12 @@ std::unique_ptr<Recording> StretchCollector::add(double time, const double* chan
   }
   if (!begun_) {
     if (time < next_) return nullptr;
-    begun_ = std::make_unique<Recording>();
-    begun_->rig = sheet_.rig;
-    begun_->channels = sheet_.channels;
-    begun_->time.reserve(rows_);
-    begun_->sequence.reserve(rows_);
-    begun_->values.reserve(rows_ * sheet_.channels.size());
+    begun_ = spare_ ? std::move(spare_) : empty();
     between_ = time < due_;
-    if (!between_) due_ = time + every();
+    if (!between_) {
+      due_ = time + every();
+      if (std::isfinite(latency_s_)) spare_ = empty();
+    }
   }
   if (!begun_->time.empty() && !goes_on(time - begun_->time.back(), sheet_.sample_period, period_error_fraction_)) {
     drop(time);

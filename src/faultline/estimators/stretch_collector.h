@@ -26,13 +26,15 @@ class StretchCollector {
 
  private:
   void drop(double time);
+  std::unique_ptr<Recording> empty() const;
   double every() const { return ended_ < early_ ? early_every_s_ : every_s_; }
 
   const Datasheet sheet_;
   const std::size_t rows_;
   const double every_s_, early_every_s_, latency_s_, period_error_fraction_;
   const std::size_t early_;
-  std::unique_ptr<Recording> begun_;
+  // Where stretches are begun between others, memory is taken when those that are due begin, for both.
+  std::unique_ptr<Recording> begun_, spare_;
   bool started_ = false, between_ = false;  // between_: the one that was begun
   std::size_t ended_ = 0;                   // stretches
   double next_ = 0;                         // s, when the next stretch begins ...

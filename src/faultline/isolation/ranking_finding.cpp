@@ -53,7 +53,8 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
   if (!heard_ || restarted) {
     finding = Finding();
     told_ = named_ = -1;
-    held_ = all_explained_ = false;
+    held_ = all_explained_ = drifts_ = false;
+    offset_port_.clear();
   }
   heard_ = ranking;
   judged_ = heard_->judged_until;
@@ -68,7 +69,8 @@ void RankingFinding::weigh(Finding& finding) {
   const std::vector<RankedHypothesis>& ranked = options_.second ? heard_->second : heard_->first;
   too_small_ = false;
   if (ranked.empty() || (options_.second && !heard_->doubt.empty())) {
-    finding.active = held_ = false;
+    offset_port_.clear();
+    finding.active = held_ = drifts_ = false;
     told_ = named_ = -1;
     return;
   }
@@ -90,23 +92,33 @@ void RankingFinding::weigh(Finding& finding) {
   if (drifts_ && best.order == named_ && at_bound(best)) return;
   told_ = best.order;
   told_evidence_ = best.evidence;
-  const std::int64_t before = named_;
+  follow_offset(ranked);
   write(ranked, finding);
-  if (named_ != before) {
+  tell_drift(finding);
+}
+
+// Of the transducer whose offset explains most, be it named or not: which of several causes it is may show late.
+void RankingFinding::follow_offset(const std::vector<RankedHypothesis>& ranked) {
+  const auto offset = std::find_if(ranked.begin(), ranked.end(), [](const RankedHypothesis& h) {
+    return h.effect == "offset" && port_kind(h.port) == PortKind::sensor;
+  });
+  const std::string port = offset == ranked.end() ? "" : offset->port;
+  if (port != offset_port_) {
+    offset_port_ = port;
     offsets_.clear();
-    drifts_ = false;
-  } else {
-    tell_drift(finding);
+    return;
   }
+  // One that was not found anew says nothing.
+  if (!port.empty() && (offsets_.count() == 0 || offset->size() != offsets_.latest()))
+    offsets_.add(judged_, offset->size());
 }
 
 void RankingFinding::tell_drift(Finding& finding) {
   const auto port = ports_.find(finding.port);
   drifts_ = false;
-  if (finding.effect != "offset" || port == ports_.end() || port->second.kind != PortKind::sensor) return;
+  if (finding.effect != "offset" || port == ports_.end() || finding.port != offset_port_) return;
   const std::vector<FittingEffect>& may = port->second.effects;
   if (std::none_of(may.begin(), may.end(), [](const FittingEffect& e) { return e.effect == "drift"; })) return;
-  if (offsets_.count() == 0 || finding.size != offsets_.latest()) offsets_.add(judged_, finding.size);  // found anew
   if (offsets_.count() < kDriftSizes || !offsets_.straight(kDriftStraight)) return;
   const double rate = offsets_.rate();
   if (std::abs(rate) * (judged_ - finding.since) < kDriftFraction * std::abs(finding.size)) return;

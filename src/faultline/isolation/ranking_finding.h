@@ -67,6 +67,7 @@ class RankingFinding {
  private:
   void weigh(Finding& finding);
   void write(const std::vector<RankedHypothesis>& ranked, Finding& finding);
+  void follow_offset(const std::vector<RankedHypothesis>& ranked);
   void tell_drift(Finding& finding);
   std::string text(const std::string& port, const std::string& effect) const;
   const Bounds* bounds_of(const RankedHypothesis& h) const;  // of its size, in the datasheet; nullptr: none
@@ -80,7 +81,8 @@ class RankingFinding {
   bool held_ = false, too_small_ = false, all_explained_ = false;
   std::size_t judgements_ = 0, unexplained_ = 0;
   double told_evidence_ = 0;
-  SizeCourse offsets_;  // of the transducer that is named
+  std::string offset_port_;
+  SizeCourse offsets_;  // there
   bool drifts_ = false;
   std::int64_t told_ = -1, named_ = -1;  // RankedHypothesis::order; -1: none
 };
