@@ -49,6 +49,9 @@ class FaultResponses {
   const std::vector<RankedFault>& second() const { return confirmation_.given() ? second_ : none_; }
   // Something is suspected that the next stretches must confirm; not for ever: a rig that rests confirms nothing.
   bool undecided() const { return event_ && !confirmation_.given() && age_ <= settings_.recent_stretches; }
+  // The same, and enough is known of the rig: the next stretches may say more at once. Before that it takes another
+  // motion, not more of the same.
+  bool hurries() const { return undecided() && stretches_ > settings_.early_stretches; }
   // A channel that is not what it is called explains more (plausibility.h); empty: none does.
   const std::string& doubt() const { return reading_.text; }
   // Faults at every place of the rig would have shown so far: it moved, or is held where all of them show.

@@ -1,8 +1,8 @@
 // The responses of a rig's model to faults (fault_responses.h) inside a stage: every sample is taken, and what was
 // found last is told until the next judgement. While what was found is not confirmed, stretches follow one another
-// without a pause. A judgement comes `latency` s after a stretch ended, whenever it is ready: a thread of its own works
-// it out, so that samples are not held up, and live and offline say the same at the same sample. Its estimates hold a
-// ranking only.
+// without a pause, but for the first few. A judgement comes `latency` s after a stretch ended, whenever it is ready: a
+// thread of its own works it out, so that samples are not held up, and live and offline say the same at the same
+// sample. Its estimates hold a ranking only.
 // Settings: segment [s], segments, every [s], early_every [s, every], recent, memory, inflation, threshold, confirmed,
 // explained (response_settings.h); latency [s, half of every].
 #include "faultline/estimators/response_core.h"
@@ -97,7 +97,7 @@ class ResponseEstimator : public Estimator {
     judged_ = ended_;
     news_ = true;
     if (responses_.undecided()) judged_ = std::min(judged_, responses_.since());
-    collector_.judged(responses_.undecided());
+    collector_.judged(responses_.hurries());
     take_over();
   }
 
