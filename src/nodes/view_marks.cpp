@@ -5,12 +5,12 @@
 
 #include <fmt/format.h>
 
+#include "faultline/alarms/alarm_keeper.h"
 #include "nodes/view_text.h"
 
 namespace faultline {
 namespace {
 
-constexpr double kNamed = 0.45;    // probability from which a cause is told as one (scripts/watch_alarms.py)
 constexpr double kGapIsError = 3;  // times its limit (gap_publisher.cpp)
 
 struct Graded {
