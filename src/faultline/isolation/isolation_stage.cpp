@@ -44,6 +44,11 @@ bool among(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
+bool is_one_cause(const Finding& f, const Finding& g) {
+  return (f.effect == g.effect && f.port == g.port) || among(f.equivalent, named(g.effect, g.port)) ||
+         among(g.equivalent, named(f.effect, f.port));
+}
+
 }  // namespace
 
 Finding meaning_of(const StageSpec& detector) {
@@ -322,6 +327,7 @@ void IsolationStage::decide_findings() {
     claim.on_bad_data = i.on_bad_data;
     claim.told_by_another =
         (result.detector >= 0 && watched_[static_cast<std::size_t>(result.detector)].raised) || told_by_another(i);
+    claim.explained = explained(i);
     claim.model_fits = model_fits_ || !i.isolator->rests_on_model();
     result.reason = reason_of(claim);
     const bool told = result.reason == Reason::told;
@@ -394,9 +400,20 @@ bool IsolationStage::told_by_another(const Isolated& i) const {
   if (!f.active || f.effect.empty()) return false;
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& other) {
     const Finding& g = finding(other);
-    return &other != &i && other.raised && g.active && !g.effect.empty() &&
-           ((f.effect == g.effect && f.port == g.port) || among(f.equivalent, named(g.effect, g.port)) ||
-            among(g.equivalent, named(f.effect, f.port)));
+    return &other != &i && other.raised && g.active && !g.effect.empty() && is_one_cause(f, g);
+  });
+}
+
+bool IsolationStage::explained(const Isolated& i) const {
+  const Finding& f = finding(i);
+  if (i.isolator->weighs_every_effect() || !f.active) return false;
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& other) {
+    const Finding& g = finding(other);
+    if (!other.isolator->weighs_every_effect() || !names_the_cause(other)) return false;
+    // The likeliest of a list that the table names is what both say.
+    const bool both = g.effect.empty() ? !g.equivalent.empty() && g.equivalent.front() == named(f.effect, f.port)
+                                       : is_one_cause(f, g);
+    return !both;
   });
 }
 

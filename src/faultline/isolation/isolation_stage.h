@@ -7,7 +7,8 @@
 // of a fault lists in `doubts`, with commas between; where one of those is itself off, that fault is not raised. An
 // isolator that overrules weighed every fault of the datasheet: while it names one, detections of faults, of sensors
 // without an effect and of unknown trouble that it does not confirm are not told; a detected fault waits for its
-// judgement. What both found is one alarm; what two isolators name is one too. reason.h has these rules as a table.
+// judgement. What both found is one alarm; what two isolators name is one too. One that weighed every effect of the
+// library has the say over one that knows the faults of a table. reason.h has these rules as a table.
 //
 // While the model does not fit (a detection of kind unknown), faults are withheld unless their isolator does without
 // that model. While the data are bad, faults already raised stay as they are.
@@ -87,6 +88,8 @@ class IsolationStage {
   bool follows(const Watched& w) const;  // from what another alarm tells
   // Whether another isolator's alarm already names the same cause.
   bool told_by_another(const Isolated& i) const;
+  // Whether an isolator that weighed every effect has another cause for what this one's table takes for one of its own.
+  bool explained(const Isolated& i) const;
   // The detector that found what the finding names, or what cannot be told from it; -1: none did.
   int detected(const Finding& finding) const;
 

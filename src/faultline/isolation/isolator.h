@@ -42,6 +42,8 @@ class Isolator {
   // measured. What a detector takes for something else is then not told, and what a detector found waits until the
   // isolator has judged that time.
   virtual bool overrules() const { return false; }
+  // Whether it weighed every effect of the library at every port, and not the faults of a table alone.
+  virtual bool weighs_every_effect() const { return false; }
   // Whether its findings are worth nothing where the rig's model does not explain the measurements.
   virtual bool rests_on_model() const { return true; }
   // Whether its findings rest on every channel of the rig, so that one that is off spoils them.

@@ -18,6 +18,7 @@ class ResponseIsolator : public Isolator {
 
   void reset() override { answer_.reset(); }
   bool overrules() const override { return !answer_.second(); }
+  bool weighs_every_effect() const override { return true; }
   bool rests_on_all_channels() const override { return true; }
   bool finds_all_explained() const override { return !answer_.second() && answer_.all_explained(); }
   double judged_until() const override { return answer_.judged_until(); }

@@ -1,0 +1,108 @@
+// Which of two isolators has the say: one that knows the faults of a table, and one that weighed every effect.
+#include <gtest/gtest.h>
+
+#include "faultline/isolation/isolation_stage.h"
+#include "faultline/isolation/isolator.h"
+
+namespace faultline {
+namespace {
+
+// Says what the test put here, for the isolator of its stage's name.
+struct Said {
+  Finding table, all;
+};
+Said said;
+
+class Table : public Isolator {
+ public:
+  Table(const Datasheet&, const StageSpec&) {}
+  void reset() override {}
+  void process(const Estimate&, const std::vector<bool>&, Finding& finding) override { finding = said.table; }
+  bool overrules() const override { return true; }
+};
+
+class All : public Table {
+ public:
+  using Table::Table;
+  void process(const Estimate&, const std::vector<bool>&, Finding& finding) override { finding = said.all; }
+  bool weighs_every_effect() const override { return true; }
+  double judged_until() const override { return 0; }  // long ago: what it found then stands until it says otherwise
+};
+
+FAULTLINE_ISOLATOR(says_table, {"says_table", make_isolator_of<Table>});
+FAULTLINE_ISOLATOR(says_all, {"says_all", make_isolator_of<All>});
+
+Finding found(const char* effect, const char* port, std::vector<std::string> equivalent = {}) {
+  Finding f;
+  f.active = true;
+  f.kind = *effect ? AlarmKind::fault : AlarmKind::unknown;
+  f.effect = effect;
+  f.port = port;
+  f.equivalent = std::move(equivalent);
+  return f;
+}
+
+class WhoHasTheSay : public ::testing::Test {
+ protected:
+  WhoHasTheSay() : stage_(sheet()) {
+    said = Said();
+    hear();
+  }
+  static Datasheet sheet() {
+    Datasheet sheet;
+    sheet.rig = "one";
+    sheet.isolators = {{"table", "says_table", Settings("test", {}, {}, {})},
+                       {"all", "says_all", Settings("test", {}, {}, {})}};
+    return sheet;
+  }
+  void hear() {
+    estimate_.time += 1;
+    const Assessment& heard = stage_.process(estimate_);
+    table_ = heard.isolators[0].reason;
+    all_ = heard.isolators[1].reason;
+  }
+
+  Estimate estimate_;
+  IsolationStage stage_;
+  Reason table_{}, all_{};
+};
+
+TEST_F(WhoHasTheSay, ATableAloneIsTold) {
+  said.table = found("scale", "transmission.pump");
+  hear();
+  EXPECT_EQ(table_, Reason::told);
+  EXPECT_EQ(all_, Reason::absent);
+}
+
+TEST_F(WhoHasTheSay, AnotherCauseEndsWhatTheTableTook) {
+  said.table = found("scale", "transmission.pump");
+  hear();
+  said.all = found("coulomb_friction", "force.shaft", {"load_force@force.shaft"});
+  hear();
+  EXPECT_EQ(table_, Reason::explained);
+  EXPECT_EQ(all_, Reason::told);
+  hear();
+  EXPECT_EQ(table_, Reason::explained);
+}
+
+TEST_F(WhoHasTheSay, AListWithoutTheTablesCauseFirstEndsIt) {
+  said.table = found("scale", "transmission.pump");
+  said.all = found("", "", {"coulomb_friction@force.shaft", "scale@transmission.pump"});
+  hear();
+  EXPECT_EQ(table_, Reason::explained);
+  said.all.equivalent = {"scale@transmission.pump", "coulomb_friction@force.shaft"};
+  hear();
+  EXPECT_EQ(table_, Reason::told);
+}
+
+TEST_F(WhoHasTheSay, OneCauseIsOneAlarm) {
+  said.table = found("scale", "transmission.pump");
+  hear();
+  said.all = found("scale", "transmission.motor", {"scale@transmission.pump"});
+  hear();
+  EXPECT_EQ(table_, Reason::told);
+  EXPECT_EQ(all_, Reason::told_by_another);
+}
+
+}  // namespace
+}  // namespace faultline
