@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <stdexcept>
 
 #include <gtest/gtest.h>
@@ -146,6 +147,33 @@ TEST(FaultResponses, AVelocityTransducerIsNoLeak) {
   ASSERT_FALSE(found.first.empty());
   EXPECT_EQ(found.first[0], "scale@sensor.velocity");
   EXPECT_NEAR(found.size, 0.7, 0.06);
+}
+
+// Its reading is held while its noise goes on, and comes loose again.
+TEST(FaultResponses, ATransducerThatIsStuckAndComesLoose) {
+  const double held_from = 8.3, held_to = 15.1;
+  Recording run = simulate(servo(), off_nominal("random", 36), 22);
+  const auto c = static_cast<std::size_t>(servo().channel("velocity"));
+  std::mt19937 generator(1);
+  std::normal_distribution<double> noise(0, servo().channels[c].noise_std);
+  const auto first = static_cast<std::size_t>(held_from / servo().sample_period);
+  for (std::size_t k = first; k < run.rows() && run.time[k] < held_to; ++k)
+    run.values[k * run.columns() + c] = run.row(first)[c] + noise(generator);
+  Judge judge(shipped());
+  bool told = false;
+  for (std::size_t k = 0; k < run.rows(); ++k) {
+    judge.add(run.time[k], run.row(k), true);
+    const std::string stuck = judge.responses.first().empty() ? "" : judge.responses.stuck();
+    if (run.time[k] < held_from || run.time[k] > held_to + 4) {
+      EXPECT_EQ(stuck, "") << run.time[k];
+    }
+    if (run.time[k] < held_from + 4 || run.time[k] > held_to) continue;
+    EXPECT_EQ(stuck, "sensor.velocity") << run.time[k];
+    if (told) continue;
+    told = true;
+    EXPECT_NEAR(judge.responses.since(), held_from, 1);
+  }
+  EXPECT_TRUE(told);
 }
 
 TEST(FaultResponses, TwoLeaksAtOnce) {

@@ -43,6 +43,7 @@ class ResponseIsolation : public ::testing::Test {
     ranking->first = first;
     ranking->second = second;
     ranking->doubt = doubt_;
+    ranking->stuck = stuck_;
     Estimate estimate;
     estimate.time = 11 + heard_;
     estimate.channel_status.assign(servo().channels.size(), ChannelStatus::good);
@@ -53,7 +54,7 @@ class ResponseIsolation : public ::testing::Test {
   }
 
   double heard_ = 0, left_ = 2;
-  std::string doubt_;
+  std::string doubt_, stuck_;
   Finding finding_;
   std::unique_ptr<Isolator> isolator_ = make_isolator(servo(), servo().isolators[0]);
 };
@@ -183,6 +184,18 @@ TEST_F(ResponseIsolation, AChannelThatIsNotWhatItIsCalledComesBeforeAnyFault) {
   EXPECT_TRUE(f.active);
   EXPECT_EQ(f.kind, AlarmKind::data);
   EXPECT_EQ(f.effect + f.port, "");
+  EXPECT_EQ(f.text, doubt_);
+  EXPECT_FALSE(f.has_size);
+}
+
+TEST_F(ResponseIsolation, AStuckTransducerIsNamed) {
+  doubt_ = "position: this transducer is stuck";
+  stuck_ = "sensor.position";
+  const Finding& f = hear({cause("orifice_leakage", kSeal, 3, 100)});
+  ASSERT_TRUE(f.active);
+  EXPECT_EQ(f.kind, AlarmKind::sensor);
+  EXPECT_EQ(f.effect, "stuck");
+  EXPECT_EQ(f.port, stuck_);
   EXPECT_EQ(f.text, doubt_);
   EXPECT_FALSE(f.has_size);
 }

@@ -199,6 +199,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   ranking.threshold = 15;
   ranking.evidence = 130.5;
   ranking.doubt = "position: its sign is turned";
+  ranking.stuck = "sensor.position";
   ranking.first = {leak, offset};
   ranking.second = {offset};
   Estimate estimate;
@@ -212,6 +213,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   EXPECT_EQ(back.ranking->threshold, 15);
   EXPECT_EQ(back.ranking->evidence, 130.5);
   EXPECT_EQ(back.ranking->doubt, ranking.doubt);
+  EXPECT_EQ(back.ranking->stuck, ranking.stuck);
   ASSERT_EQ(back.ranking->first.size(), 2u);
   ASSERT_EQ(back.ranking->second.size(), 1u);
   const RankedHypothesis& b = back.ranking->first[0];

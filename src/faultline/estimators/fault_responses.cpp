@@ -354,6 +354,13 @@ void FaultResponses::doubt_once_more() {
   confirmation_.give();
 }
 
+std::string FaultResponses::stuck() const {
+  if (!reading_.is_stuck()) return "";
+  for (const Port& port : sheet_.ports)
+    if (port.kind == PortKind::sensor && port.channel == sheet_.channels[reading_.one].name) return port.name;
+  return "";
+}
+
 void FaultResponses::look_beside(const Eigen::MatrixXd& before) {
   const double limit =
       std::max(settings_.threshold_evidence, settings_.second_evidence_fraction * first_.front().evidence);
@@ -405,7 +412,25 @@ void FaultResponses::judge(const Recording& recording) {
   if (!shows_ && power_of_two(stretches_)) look_what_shows();
 }
 
+// While a transducer is stuck no stretch is explained by a cause, so none speaks for the one that came nearest: whether
+// it is stuck still is all that is asked.
+bool FaultResponses::stays_stuck() {
+  if (!event_ || !reading_.is_stuck()) return false;
+  const bool given = confirmation_.given();
+  if (contradicts(sheet_, model_, *recent_.back(), {known_before_}, known_before_, reading_)) {
+    reading_ = {};
+    if (!given) return false;
+    recent_.erase(recent_.begin(), recent_.end() - 1);
+    end_event();
+    return false;
+  }
+  confirmation_.give();
+  pass_over();
+  return true;
+}
+
 void FaultResponses::judge_stretch() {
+  if (stays_stuck()) return;
   const bool growing = event_ && window_.stretches < settings_.recent_stretches;
   const unsigned age = event_ ? age_ + 1 : stretches_;
   const bool early = !event_ && stretches_ <= settings_.early_stretches;
@@ -536,9 +561,12 @@ void FaultResponses::find_healthy_or_fault() {
   // What one stretch has shown stays until another contradicts it: the next may not move enough.
   const Stretch& last = *recent_.back();
   const std::vector<ModelPoint> causes = explanations();
-  if (!reading_.text.empty() && contradicts(model_, last, causes, reading_)) reading_ = {};
-  if (reading_.text.empty()) reading_ = better_reading(sheet_, model_, last, causes, window_.change, before_);
+  const ModelPoint healthy = model_.known(point_, best_parameters(now.prior, model_.parameters()), {});
+  if (!reading_.text.empty() && contradicts(sheet_, model_, last, causes, healthy, reading_)) reading_ = {};
+  if (reading_.text.empty()) reading_ = better_reading(sheet_, model_, last, causes, healthy, window_.change, before_);
+  known_before_ = healthy;
   confirmation_.found(evidence_);
+  if (reading_.is_stuck() && reading_.lead >= kSureLead) confirmation_.give();
 }
 
 // ---- what could be seen

@@ -54,9 +54,12 @@ class FaultResponses {
   bool hurries() const { return undecided() && stretches_ > settings_.early_stretches; }
   // A channel that is not what it is called explains more (plausibility.h); empty: none does.
   const std::string& doubt() const { return reading_.text; }
+  // Port of the transducer that is stuck, where that is the doubt; else empty.
+  std::string stuck() const;
   // Faults at every place of the rig would have shown so far: it moved, or is held where all of them show.
   bool shows() const { return shows_; }
-  double since() const { return since_; }  // s, start of the first stretch that shows it
+  // s, start of the first stretch that shows it
+  double since() const { return reading_.is_stuck() ? reading_.since : since_; }
   // Of the best, refined or not; of a stretch not looked at closely, what there could be at most; of what is not
   // confirmed no more than the threshold. While no fault is there but residuals hold more than the rig without faults
   // explains (explained_ratio), or the model is far off it, at least weighed_from().
@@ -87,6 +90,7 @@ class FaultResponses {
   // Of the stretches that responded, beyond so much of each: evidence that no effect can exceed.
   double unexplained(double usual = 0) const;
   void judge_stretch();  // the latest
+  bool stays_stuck();    // so it needs no more judging
   void look_what_shows();
   void respond_all();
   void weigh_all();
@@ -139,6 +143,7 @@ class FaultResponses {
   KnownModel known_;
   Confirmation confirmation_;   // of the event
   OtherReading reading_;        // of the event
+  ModelPoint known_before_;     // of the rig, when the event was found
   Recording before_;            // the last stretch without the fault, where there is one
   std::deque<Recording> past_;  // healthy ones before the recent, newest last
   unsigned age_ = 0;            // of the event, in stretches

@@ -14,6 +14,9 @@ namespace {
 
 constexpr double kGain = 2.3, kLead = 1.2;  // logarithms: mean squares of one output by a factor of 10, of 3
 constexpr double kFarthest = 3;             // times the datasheet's value, or a third of it
+constexpr double kStill = 1.6;              // noises, root mean square: readings that do not move
+constexpr double kMoved = 3;                // noises, likewise: by what the model moves them all the same
+constexpr double kBeyondNoise = 4.5;        // noises: a reading from before the transducer was stuck
 constexpr int kFactors = 4, kHalvings = 4;  // factors tried on either side; how often what lies between is halved
 
 // L per segment; the first only fills memories.
@@ -113,6 +116,67 @@ double least_misfit(const StretchModel& model, const Stretch& stretch, const std
   return least;
 }
 
+// A course about its mean.
+struct Level {
+  double mean = 0, rms = 0;
+};
+
+template <class Values>
+Level level_of(std::size_t count, const Values& value) {
+  Level level;
+  double squares = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const double x = value(k), delta = x - level.mean;
+    level.mean += delta / static_cast<double>(k + 1);
+    squares += delta * (x - level.mean);
+  }
+  level.rms = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, count)));
+  return level;
+}
+
+// L of the stretch if the transducer of this output is stuck: of the model of a rig without it, and of its own readings
+// about their mean.
+double misfit_stuck(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
+                    const ModelPoint& healthy, std::size_t channel, double still) {
+  Datasheet rest = sheet;
+  rest.channels[channel].ground_truth = true;
+  try {
+    const StretchModel without(rest, model.settings());
+    return misfit(without, *without.prepare(stretch.run.recording), healthy) + std::log1p(still * still);
+  } catch (const InputError&) {  // it shows too little without
+    return kInfinity;
+  }
+}
+
+// The readings of an output about their mean, in noises.
+Level readings_of_output(const StretchModel& model, const Recording& recording, std::size_t output) {
+  const auto channel = static_cast<std::size_t>(model.output_channels()[output]);
+  return level_of(recording.rows(), [&](std::size_t k) { return recording.at(k, channel) / model.noise()[output]; });
+}
+
+// A transducer without supply reads zero. Where the datasheet has a scale for that, that is its name.
+bool scale_says_it(const Datasheet& sheet, std::size_t channel, double mean) {
+  constexpr double kZero = 3, kLeastFactor = 0.05;  // noises
+  if (std::abs(mean) > kZero) return false;
+  for (const Port& port : sheet.ports) {
+    if (port.kind != PortKind::sensor || port.channel != sheet.channels[channel].name) continue;
+    for (const FittingEffect& effect : port.effects) {
+      const auto factor = effect.effect == "scale" ? effect.bounds.find("factor") : effect.bounds.end();
+      if (factor != effect.bounds.end() && factor->second.minimum < kLeastFactor) return true;
+    }
+  }
+  return false;
+}
+
+// Since when the readings of a channel stay where they are; in a stretch in which nothing was wrong, or in this one.
+double stuck_since(const Recording& before, const Recording& now, std::size_t channel, double held, double noise) {
+  double since = now.time.front();
+  for (const Recording* recording : {&now, &before})
+    for (std::size_t k = recording->rows(); k-- > 0; since = recording->time[k])
+      if (std::abs(recording->at(k, channel) - held) > kBeyondNoise * noise) return since;
+  return since;
+}
+
 // The factor on a parameter that fits best, and L with it.
 std::pair<double, double> best_factor(const StretchModel& model, const Stretch& stretch, std::size_t parameter) {
   double step = std::log(kFarthest) / kFactors, at = 0, least = kInfinity;
@@ -136,7 +200,8 @@ std::pair<double, double> best_factor(const StretchModel& model, const Stretch& 
 }  // namespace
 
 OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
-                            const std::vector<ModelPoint>& faults, bool change, const Recording& before) {
+                            const std::vector<ModelPoint>& faults, const ModelPoint& healthy, bool change,
+                            const Recording& before) {
   OtherReading best;
   if (stretch.run.restarts.size() < 2) return best;
   double least =
@@ -151,6 +216,25 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
     best = reading;
     best.text = text_of(reading, sheet.channels);
   }
+  const Eigen::MatrixXf residuals = model.residuals(stretch, healthy);
+  for (std::size_t o = 0; o < model.outputs(); ++o) {
+    const Recording& recording = stretch.run.recording;
+    const auto channel = static_cast<std::size_t>(model.output_channels()[o]);
+    const Level read = readings_of_output(model, recording, o);
+    const double moved =
+        level_of(recording.rows(), [&](std::size_t k) {
+          return static_cast<double>(residuals(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(o)));
+        }).rms;
+    if (!(read.rms <= kStill) || !(moved >= kMoved) || scale_says_it(sheet, channel, read.mean)) continue;
+    const double found = misfit_stuck(sheet, model, stretch, healthy, channel, read.rms);
+    if (!(found < least)) continue;
+    best = of_channels(channel, channel);
+    best.of = OtherReading::Of::stuck;
+    best.lead = least - found;
+    least = found;
+    best.since = stuck_since(before, recording, channel, read.mean * model.noise()[o], model.noise()[o]);
+    best.text = sheet.channels[channel].name + ": this transducer is stuck";
+  }
   for (std::size_t i = 0; !change && i < sheet.parameters.size(); ++i) {
     const Parameter& parameter = sheet.parameters[i];
     if (!(parameter.tolerance > 0) || parameter.nominal == 0) continue;
@@ -159,17 +243,31 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
         (earlier && misfit_with(model, *earlier, i, factor) > as_it_was))
       continue;
     least = found;
-    best = {OtherReading::Of::parameter, 0, 0, i, factor, text_of(parameter.name, factor)};
+    best = {OtherReading::Of::parameter, 0, 0, 0, 0, i, factor, text_of(parameter.name, factor)};
   }
   return best;
 }
 
-bool contradicts(const StretchModel& model, const Stretch& stretch, const std::vector<ModelPoint>& faults,
-                 const OtherReading& reading) {
+bool contradicts(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
+                 const std::vector<ModelPoint>& faults, const ModelPoint& healthy, const OtherReading& reading) {
   if (stretch.run.restarts.size() < 2) return false;
-  const double found = reading.of == OtherReading::Of::parameter
-                           ? misfit_with(model, stretch, reading.parameter, reading.factor)
-                           : misfit_read_as(model, stretch.run.recording, reading);
+  double found = kInfinity;
+  switch (reading.of) {
+    case OtherReading::Of::channels:
+      found = misfit_read_as(model, stretch.run.recording, reading);
+      break;
+    case OtherReading::Of::parameter:
+      found = misfit_with(model, stretch, reading.parameter, reading.factor);
+      break;
+    case OtherReading::Of::stuck: {
+      const std::vector<int>& channels = model.output_channels();
+      const auto o = static_cast<std::size_t>(
+          std::find(channels.begin(), channels.end(), static_cast<int>(reading.one)) - channels.begin());
+      const double still = readings_of_output(model, stretch.run.recording, o).rms;
+      if (still > kStill) return true;
+      found = misfit_stuck(sheet, model, stretch, healthy, reading.one, still);
+    }
+  }
   return found > least_misfit(model, stretch, faults) + kLead;
 }
 

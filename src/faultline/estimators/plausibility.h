@@ -1,6 +1,7 @@
 // Are the channels of a recording what they are called, and is the datasheet this rig's? Before a fault is named, every
 // reading of it that a person at the bench gets wrong is tried: one channel with its sign turned, two of one unit
-// exchanged; and, of what was there from the beginning, one parameter far off its tolerance, as on another build.
+// exchanged; a transducer that is stuck, though its noise goes on; and, of what was there from the beginning, one
+// parameter far off its tolerance, as on another build.
 //
 //   L(reading) = sum over outputs and segments of ln(1 + mean square residual in noise variances)
 //
@@ -11,6 +12,8 @@
 // out of range is none; what stands still tells nothing. A parameter that would have to be more than three times the
 // datasheet's value, or less than a third, names nothing: the line then says that the model does not fit. A fault that
 // does what a parameter does fits as well, and keeps its name.
+// A transducer may be stuck where its readings stay within their noise though the model moves them. The model is then
+// run without it, as of a rig that has no such transducer, and the readings are held against their mean.
 #pragma once
 
 #include <string>
@@ -19,23 +22,32 @@
 
 namespace faultline {
 
-// Two channels exchanged, one with its sign turned (`one` and `other` are the same), or one parameter `factor` times
-// the datasheet's.
+// Two channels exchanged, one with its sign turned (`one` and `other` are the same), one stuck, or one parameter
+// `factor` times the datasheet's.
 struct OtherReading {
-  enum class Of { channels, parameter } of = Of::channels;
+  enum class Of { channels, stuck, parameter } of = Of::channels;
   std::size_t one = 0, other = 0;
+  double since = 0;  // s, from when on `one` is stuck
+  double lead = 0;   // of that over all else, in logarithms
   std::size_t parameter = 0;
   double factor = 1;
   std::string text;  // one line; empty: no reading
+  bool is_stuck() const { return !text.empty() && of == Of::stuck; }
 };
 
+// `lead` from which one stretch is enough to tell that a transducer is stuck: mean squares of one output by a factor of
+// 55. With less the next must say the same.
+constexpr double kSureLead = 4;
+
 // Which reading of the stretch fits better than each of `faults`: ways in which what was found may explain it.
-// `change`: the fault came in the run. `before`: a stretch in which it was not seen; without rows where there is none.
+// `healthy`: the rig as it was known before. `change`: the fault came in the run. `before`: a stretch in which it was
+// not seen; without rows where there is none.
 OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
-                            const std::vector<ModelPoint>& faults, bool change, const Recording& before);
+                            const std::vector<ModelPoint>& faults, const ModelPoint& healthy, bool change,
+                            const Recording& before);
 
 // Whether a stretch says of a reading that others had shown that one of `faults` is better by `kLead`.
-bool contradicts(const StretchModel& model, const Stretch& stretch, const std::vector<ModelPoint>& faults,
-                 const OtherReading& reading);
+bool contradicts(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
+                 const std::vector<ModelPoint>& faults, const ModelPoint& healthy, const OtherReading& reading);
 
 }  // namespace faultline

@@ -74,6 +74,8 @@ class StretchModel {
   std::size_t free_parameters() const { return free_.size(); }
   Eigen::Index parameters() const { return static_cast<Eigen::Index>(free_.size() + nuisance_.size()); }  // in theta
   std::size_t outputs() const { return model_.outputs().size(); }
+  const std::vector<int>& output_channels() const { return model_.outputs(); }
+  const std::vector<double>& noise() const { return sigma_; }  // of each output
   std::size_t segment_rows() const { return segment_rows_; }
   Eigen::MatrixXd no_sums() const;
 

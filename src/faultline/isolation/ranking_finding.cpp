@@ -184,8 +184,10 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
     finding.equivalent.insert(finding.equivalent.begin(), chosen->name());
   }
   if (!heard_->doubt.empty()) {
-    finding.kind = AlarmKind::data;
-    finding.effect = finding.port = "";
+    const bool stuck = !heard_->stuck.empty();
+    finding.kind = stuck ? AlarmKind::sensor : AlarmKind::data;
+    finding.effect = stuck ? "stuck" : "";
+    finding.port = heard_->stuck;
     finding.equivalent.clear();
     finding.text = heard_->doubt;
   } else if (finding.kind != AlarmKind::unknown && at_bound(*chosen)) {
@@ -196,7 +198,7 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
         fmt::format("No fault of the datasheet explains it; nearest is {} at its largest {}, {:.3g}{}", chosen->name(),
                     chosen->size_name, chosen->size(), chosen->size_unit == "1" ? "" : " " + chosen->size_unit);
   }
-  finding.has_size = !finding.effect.empty();
+  finding.has_size = !finding.effect.empty() && heard_->stuck.empty();
   finding.size_name = chosen->size_name;
   finding.size_unit = chosen->size_unit;
   finding.none = chosen->none;
