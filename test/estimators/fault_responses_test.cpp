@@ -176,6 +176,22 @@ TEST(FaultResponses, ATransducerThatIsStuckAndComesLoose) {
   EXPECT_TRUE(told);
 }
 
+TEST(FaultResponses, AValveThatNoLongerFollowsItsCommand) {
+  SimulationSetup setup = off_nominal("random", 37);
+  setup.effects.push_back(parse_effect("stuck@command.valve_command:from=8.3"));
+  const Recording run = simulate(servo(), setup, 12);
+  Judge judge(shipped());
+  for (std::size_t k = 0; k < run.rows(); ++k) {
+    judge.add(run.time[k], run.row(k), true);
+    if (run.time[k] < 8.3) {
+      EXPECT_TRUE(judge.responses.first().empty());
+    }
+  }
+  EXPECT_FALSE(judge.responses.first().empty());
+  EXPECT_EQ(judge.responses.stuck(), "command.valve_command");
+  EXPECT_NEAR(judge.responses.since(), 8.3, 2);
+}
+
 TEST(FaultResponses, TwoLeaksAtOnce) {
   const Found found = look("random", 34, 8, 18,
                            {"orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8",

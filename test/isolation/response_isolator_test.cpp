@@ -186,6 +186,8 @@ TEST_F(ResponseIsolation, AChannelThatIsNotWhatItIsCalledComesBeforeAnyFault) {
   EXPECT_EQ(f.effect + f.port, "");
   EXPECT_EQ(f.text, doubt_);
   EXPECT_FALSE(f.has_size);
+  stuck_ = "command.valve_command";
+  EXPECT_EQ(hear({cause("orifice_leakage", kSeal, 3, 101)}).kind, AlarmKind::fault);
 }
 
 TEST_F(ResponseIsolation, AStuckTransducerIsNamed) {

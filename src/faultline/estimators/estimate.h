@@ -64,7 +64,7 @@ struct Ranking {
   std::vector<RankedHypothesis> first;   // what is wrong; empty: nothing is
   std::vector<RankedHypothesis> second;  // what else is wrong, beside the best of the first
   std::string doubt;  // a channel that is not what it is called explains more than all of them; empty: none does
-  std::string stuck;  // port of the transducer that is stuck, where that is the doubt
+  std::string stuck;  // port of the transducer or the command that is stuck, where that is the doubt
 };
 
 struct Estimate {

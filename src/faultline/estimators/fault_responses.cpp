@@ -357,7 +357,9 @@ void FaultResponses::doubt_once_more() {
 std::string FaultResponses::stuck() const {
   if (!reading_.is_stuck()) return "";
   for (const Port& port : sheet_.ports)
-    if (port.kind == PortKind::sensor && port.channel == sheet_.channels[reading_.one].name) return port.name;
+    if ((port.kind == PortKind::sensor || port.kind == PortKind::command) &&
+        port.channel == sheet_.channels[reading_.one].name)
+      return port.name;
   return "";
 }
 

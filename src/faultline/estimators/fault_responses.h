@@ -54,7 +54,7 @@ class FaultResponses {
   bool hurries() const { return undecided() && stretches_ > settings_.early_stretches; }
   // A channel that is not what it is called explains more (plausibility.h); empty: none does.
   const std::string& doubt() const { return reading_.text; }
-  // Port of the transducer that is stuck, where that is the doubt; else empty.
+  // Port of the transducer or the command that is stuck, where that is the doubt; else empty.
   std::string stuck() const;
   // Faults at every place of the rig would have shown so far: it moved, or is held where all of them show.
   bool shows() const { return shows_; }

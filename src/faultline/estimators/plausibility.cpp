@@ -177,24 +177,49 @@ double stuck_since(const Recording& before, const Recording& now, std::size_t ch
   return since;
 }
 
-// The factor on a parameter that fits best, and L with it.
-std::pair<double, double> best_factor(const StretchModel& model, const Stretch& stretch, std::size_t parameter) {
-  double step = std::log(kFarthest) / kFactors, at = 0, least = kInfinity;
-  const auto consider = [&](double logarithm) {
-    const double found = misfit_with(model, stretch, parameter, std::exp(logarithm));
+// Where in -farthest..farthest L is least, and how much it is: steps, and halves of the best.
+template <class Misfit>
+std::pair<double, double> best_within(double farthest, const Misfit& misfit) {
+  double step = farthest / kFactors, at = 0, least = kInfinity;
+  const auto consider = [&](double x) {
+    const double found = misfit(x);
     if (!(found < least)) return;
     least = found;
-    at = logarithm;
+    at = x;
   };
-  for (int i = -kFactors; i <= kFactors; ++i)
-    if (i != 0) consider(i * step);
+  for (int i = -kFactors; i <= kFactors; ++i) consider(i * step);
   for (int i = 0; i < kHalvings; ++i) {
     step /= 2;
     const double middle = at;
     consider(middle - step);
     consider(middle + step);
   }
-  return {std::exp(at), least};
+  return {at, least};
+}
+
+// The factor on a parameter that fits best, and L with it.
+std::pair<double, double> best_factor(const StretchModel& model, const Stretch& stretch, std::size_t parameter) {
+  const auto [logarithm, least] =
+      best_within(std::log(kFarthest), [&](double x) { return misfit_with(model, stretch, parameter, std::exp(x)); });
+  return {std::exp(logarithm), least};
+}
+
+// L of the stretch if what this command drives stands still at `held`.
+double misfit_held(const StretchModel& model, Recording recording, const ModelPoint& healthy, std::size_t command,
+                   double held) {
+  for (std::size_t row = 0; row < recording.rows(); ++row) recording.values[row * recording.columns() + command] = held;
+  try {
+    return misfit(model, *model.prepare(recording), healthy);
+  } catch (const InputError&) {  // nothing to run
+    return kInfinity;
+  }
+}
+
+bool can_be_stuck(const Datasheet& sheet, const Port& port) {
+  return port.kind == PortKind::command && !port.channel.empty() &&
+         sheet.channels[static_cast<std::size_t>(sheet.channel(port.channel))].role == Role::command &&
+         std::any_of(port.effects.begin(), port.effects.end(),
+                     [](const FittingEffect& effect) { return effect.effect == "stuck"; });
 }
 
 }  // namespace
@@ -235,6 +260,28 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
     best.since = stuck_since(before, recording, channel, read.mean * model.noise()[o], model.noise()[o]);
     best.text = sheet.channels[channel].name + ": this transducer is stuck";
   }
+  for (const Port& port : sheet.ports) {
+    if (!can_be_stuck(sheet, port)) continue;
+    const Recording& recording = stretch.run.recording;
+    const auto channel = static_cast<std::size_t>(sheet.channel(port.channel));
+    const Recording& shown = before.rows() > 0 ? before : recording;
+    double low = kInfinity, high = -kInfinity;  // of what it was commanded before
+    for (std::size_t row = 0; row < shown.rows(); ++row) {
+      low = std::min(low, shown.at(row, channel));
+      high = std::max(high, shown.at(row, channel));
+    }
+    const double middle = 0.5 * (low + high);
+    const auto [from_middle, found] = best_within(
+        0.5 * (high - low), [&](double x) { return misfit_held(model, recording, healthy, channel, middle + x); });
+    if (!(found < least)) continue;
+    best = of_channels(channel, channel);
+    best.of = OtherReading::Of::stuck;
+    best.lead = least - found;
+    least = found;
+    best.held = middle + from_middle;
+    best.since = recording.time.front();
+    best.text = fmt::format("{}: this command is no longer followed: what it drives is stuck", port.channel);
+  }
   for (std::size_t i = 0; !change && i < sheet.parameters.size(); ++i) {
     const Parameter& parameter = sheet.parameters[i];
     if (!(parameter.tolerance > 0) || parameter.nominal == 0) continue;
@@ -243,7 +290,7 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
         (earlier && misfit_with(model, *earlier, i, factor) > as_it_was))
       continue;
     least = found;
-    best = {OtherReading::Of::parameter, 0, 0, 0, 0, i, factor, text_of(parameter.name, factor)};
+    best = {OtherReading::Of::parameter, 0, 0, 0, 0, 0, i, factor, text_of(parameter.name, factor)};
   }
   return best;
 }
@@ -260,6 +307,10 @@ bool contradicts(const Datasheet& sheet, const StretchModel& model, const Stretc
       found = misfit_with(model, stretch, reading.parameter, reading.factor);
       break;
     case OtherReading::Of::stuck: {
+      if (sheet.channels[reading.one].role == Role::command) {
+        found = misfit_held(model, stretch.run.recording, healthy, reading.one, reading.held);
+        break;
+      }
       const std::vector<int>& channels = model.output_channels();
       const auto o = static_cast<std::size_t>(
           std::find(channels.begin(), channels.end(), static_cast<int>(reading.one)) - channels.begin());

@@ -13,7 +13,8 @@
 // datasheet's value, or less than a third, names nothing: the line then says that the model does not fit. A fault that
 // does what a parameter does fits as well, and keeps its name.
 // A transducer may be stuck where its readings stay within their noise though the model moves them. The model is then
-// run without it, as of a rig that has no such transducer, and the readings are held against their mean.
+// run without it, as of a rig that has no such transducer, and the readings are held against their mean. What a command
+// drives may be stuck at anything that was commanded before, where the datasheet says that it can be stuck.
 #pragma once
 
 #include <string>
@@ -27,6 +28,7 @@ namespace faultline {
 struct OtherReading {
   enum class Of { channels, stuck, parameter } of = Of::channels;
   std::size_t one = 0, other = 0;
+  double held = 0;   // of a command that is stuck: in its unit
   double since = 0;  // s, from when on `one` is stuck
   double lead = 0;   // of that over all else, in logarithms
   std::size_t parameter = 0;

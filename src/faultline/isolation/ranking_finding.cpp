@@ -185,7 +185,9 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
   }
   if (!heard_->doubt.empty()) {
     const bool stuck = !heard_->stuck.empty();
-    finding.kind = stuck ? AlarmKind::sensor : AlarmKind::data;
+    const auto stuck_at = ports_.find(heard_->stuck);
+    const bool command = stuck_at != ports_.end() && stuck_at->second.kind == PortKind::command;
+    finding.kind = !stuck ? AlarmKind::data : command ? AlarmKind::fault : AlarmKind::sensor;
     finding.effect = stuck ? "stuck" : "";
     finding.port = heard_->stuck;
     finding.equivalent.clear();
