@@ -45,23 +45,40 @@ double quiet_excess(const ResidualModel& model) {
   return options.quiet_excess_variances * (noisy + (1 - noisy) / std::max(1.0, count > 0 ? ratio / count : 1.0));
 }
 
-// Parameters that lie as far from the datasheet as they may, in one sentence; empty: none.
-std::string told_at_bounds(const Datasheet& sheet, const ModelChange& model, const GapOptions& options) {
-  std::string names;
-  int count = 0;
+// Parameters that lie as far from the datasheet as they may.
+std::vector<std::string> at_bounds(const Datasheet& sheet, const std::vector<double>& parameters,
+                                   const GapOptions& options) {
+  std::vector<std::string> names;
   const double highest = options.linearisation.parameter_bound_tolerances;
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
     const Parameter& p = sheet.parameters[i];
     if (p.tolerance <= 0) continue;
-    const double z = (model.parameters[i] - p.nominal) / (p.nominal * p.tolerance);
-    if (z < 0.999 * highest && z > 0.999 * lowest_deviation(p, highest)) continue;
-    names += (count++ > 0 ? ", " : "") + p.name;
+    const double z = (parameters[i] - p.nominal) / (p.nominal * p.tolerance);
+    if (z >= 0.999 * highest || z <= 0.999 * lowest_deviation(p, highest)) names.push_back(p.name);
   }
+  return names;
+}
+
+// The same in one sentence; empty: none.
+std::string told_at_bounds(const Datasheet& sheet, const ModelChange& model, const GapOptions& options) {
+  const std::vector<std::string> names = at_bounds(sheet, model.parameters, options);
   if (names.empty()) return {};
+  const bool several = names.size() > 1;
   return fmt::format(
       "{} {} as far from the datasheet as {} may go, at most {:.2g} tolerances: correct the datasheet or its "
       "tolerance, unless what the model lacks bends {}",
-      names, count > 1 ? "lie" : "lies", count > 1 ? "they" : "it", highest, count > 1 ? "them" : "it");
+      fmt::join(names, ", "), several ? "lie" : "lies", several ? "they" : "it",
+      options.linearisation.parameter_bound_tolerances, several ? "them" : "it");
+}
+
+// Those of the refit alone.
+std::vector<std::string> at_bounds(const Datasheet& sheet, const GapResult& result, const GapOptions& options) {
+  std::vector<double> parameters = sheet.nominal();
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    const auto factor = result.gap[1].parameters.find(sheet.parameters[i].name);
+    if (factor != result.gap[1].parameters.end()) parameters[i] *= factor->second;
+  }
+  return at_bounds(sheet, parameters, options);
 }
 
 // Sizes of what was found that lie beyond the datasheet's ranges, in one sentence; empty: none.
@@ -289,7 +306,20 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   return result;
 }
 
-// Step 6. Nothing where no cause that began is told.
+// Step 6: a cause that is found where the parameters stay nearer to the datasheet; nothing where none is.
+std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                         const std::vector<SegmentedRun>& holdout, const GapSettings& nearer,
+                                         const GapProgress& progress, const std::vector<std::string>& at_bounds,
+                                         double bound_tolerances) {
+  GapResult result = diagnose_all(sheet, sheet, runs, holdout, nearer, progress);
+  if (result.verdict != "named") return std::nullopt;
+  result.remarks.push_back(
+      fmt::format("a refit without a cause explains the runs only with {} {:.2g} tolerances from the datasheet at once",
+                  fmt::join(at_bounds, ", "), bound_tolerances));
+  return result;
+}
+
+// Step 7. Nothing where no cause that began is told.
 std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                         const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
                                         const GapProgress& progress) {
@@ -347,7 +377,22 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     };
     again = [&](double done, const std::string& text) { forward(kFirstShare + (1 - kFirstShare) * done, text); };
   }
-  GapResult result = diagnose_all(sheet, sheet, runs, holdout, settings, forward);
+  GapSettings used = settings;
+  GapResult result = diagnose_all(sheet, sheet, runs, holdout, used, forward);
+  if (result.verdict == "none" || result.verdict == "miscalibrated") {
+    const GapOptions& options = settings.options;
+    const std::vector<std::string> far = at_bounds(sheet, result, options);
+    if (far.size() >= options.nearer.at_bounds) {
+      if (forward) forward(kFirstShare, "asking again with parameters nearer to the datasheet");
+      used.options.linearisation.parameter_bound_tolerances = options.nearer.bound_tolerances;
+      std::optional<GapResult> nearer =
+          diagnose_nearer(sheet, runs, holdout, used, again, far, options.linearisation.parameter_bound_tolerances);
+      if (nearer)
+        result = std::move(*nearer);
+      else
+        used = settings;
+    }
+  }
   // What closes all from the beginning on did not begin, unless it is a stuck sensor, which takes a moment of its own.
   const bool closed = result.verdict == "named" &&
                       result.shrink_refit >= settings.options.verdict.closed_shrink_fraction &&
@@ -355,7 +400,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
                                    [](const NamedEffect& e) { return e.effect == "stuck"; });
   if (result.verdict != "none" && !closed) {
     if (forward) forward(kFirstShare, "looking since when");
-    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, settings, again)) {
+    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, used, again)) {
       since->runs = std::move(names);
       result = std::move(*since);
     }

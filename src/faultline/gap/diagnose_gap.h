@@ -6,7 +6,9 @@
 // 3. The best are fitted together with the parameters on one part of the runs and scored on the other, both ways round.
 // 4. The winner joins the model; a second and third effect must pay in the same way.
 // 5. Rivals within two standard errors of the winner form the set that cannot be told apart.
-// 6. Where the model explains the runs up to some moment only (onset.h), all this is asked again of what follows, of
+// 6. Where no cause is told because the refit takes several parameters to their bounds, all this is asked again with
+//    bounds that lie nearer: a name that is found then lets them go back, and is told.
+// 7. Where the model explains the runs up to some moment only (onset.h), all this is asked again of what follows, of
 //    the rig as it was before; a name that what was before contradicts is told with its date.
 // Deterministic: no random numbers but the bootstrap's, which are seeded.
 #pragma once

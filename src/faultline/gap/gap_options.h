@@ -143,6 +143,12 @@ struct GapOptions {
         0.03;  // of an effect's gain that a rival may be behind to be tried again beside the others
   } search;
 
+  // diagnose_gap.h, step 6.
+  struct Nearer {
+    std::size_t at_bounds = 2;    // parameters of a refit that tells no cause: a rig of which so many lie there is rare
+    double bound_tolerances = 2;  // of all parameters then
+  } nearer;
+
   // run_agreement.h: whether the runs are of one rig.
   struct Agreement {
     double gain_fraction = 0.5;           // of what the model leaves that parameters of each run's own must win,
@@ -321,6 +327,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.least_free_fraction);
   FAULTLINE_OPTION(search.further_free_fraction);
   FAULTLINE_OPTION(search.close_rival_gain_fraction);
+  FAULTLINE_OPTION(nearer.at_bounds);
+  FAULTLINE_OPTION(nearer.bound_tolerances);
   FAULTLINE_OPTION(agreement.gain_fraction);
   FAULTLINE_OPTION(agreement.least_excess_variances);
   FAULTLINE_OPTION(agreement.apart_standard_errors);
