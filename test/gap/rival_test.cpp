@@ -66,8 +66,8 @@ TEST(Rivals, AValueBeyondItsRangeIsToldAndOneAtItsBoundMarked) {
   }
 }
 
-// A cause for which a refit can make up, but only with several parameters as far off as they may be at once: the gain is
-// 1.823 times the datasheet's, and two parameters of 10 % reach 1.8225 times at 3.5 tolerances each.
+// A cause for which a refit can make up, but only with several parameters as far off as they may be at once: the gain
+// is 1.823 times the datasheet's, and two parameters of 10 % reach 1.8225 times at 3.5 tolerances each.
 GapResult diagnose_scaled(std::size_t at_bounds) {
   Datasheet sheet = two_gains();
   for (const char* gain : {"input_gain", "output_gain"})

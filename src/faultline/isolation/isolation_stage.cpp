@@ -410,8 +410,9 @@ bool IsolationStage::explained(const Isolated& i) const {
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& other) {
     const Finding& g = finding(other);
     if (!other.isolator->weighs_every_effect() || !names_the_cause(other)) return false;
-    // The likeliest of a list that the table names is what both say.
-    const bool both = g.effect.empty() ? !g.equivalent.empty() && g.equivalent.front() == named(f.effect, f.port)
+    // The likeliest of a list that the table names, or cannot tell from what it names, is what both say.
+    const bool both = g.effect.empty() ? !g.equivalent.empty() && (g.equivalent.front() == named(f.effect, f.port) ||
+                                                                   among(f.equivalent, g.equivalent.front()))
                                        : is_one_cause(f, g);
     return !both;
   });
