@@ -212,7 +212,10 @@ def picture(judgements, sheet, alarms, end, label):
     first, first_out = leading(judgements, "first", told)
     second, second_out = leading(judgements, "second", told_beside, 3)
     cause = first[0] if first else None
-    rows, name, unit = sizes_of(judgements, cause, end) if cause else (np.zeros((0, 5)), "", "")
+    # What explains more than all of them is told, and the size of what came nearest means nothing.
+    doubt = judgements[-1].get("doubt")
+    sized = cause and not doubt
+    rows, name, unit = sizes_of(judgements, cause, end) if sized else (np.zeros((0, 5)), "", "")
     strip = 0.44
     heights = (
         [1.15] + [strip * len(causes) + 0.1 for causes in (first, second) if causes] + ([1.25] if len(rows) else [])
@@ -232,7 +235,9 @@ def picture(judgements, sheet, alarms, end, label):
             first_out,
             sheet,
             end,
-            "What is it? Causes and their rank; the paler, the less of the leader's evidence",
+            "None of these causes: {}. They came nearest".format(doubt)
+            if doubt
+            else "What is it? Causes and their rank; the paler, the less of the leader's evidence",
         )
     if second:
         _strips(

@@ -123,7 +123,8 @@ Json judgement_json(const Judgement& judgement, double start) {
           {"threshold", ranking.threshold},
           {"evidence", finite(ranking.evidence)},
           {"first", hypotheses_json(ranking.first)},
-          {"second", hypotheses_json(ranking.second)}};
+          {"second", hypotheses_json(ranking.second)},
+          {"doubt", ranking.first.empty() || ranking.doubt.empty() ? Json() : Json(ranking.doubt)}};
 }
 
 Json report_json(const RecordingFacts& facts, const Diagnosis& diagnosis, const Verdict& verdict,

@@ -281,6 +281,13 @@ class WholeReport(ReportCase):
         self.assertIn("threshold 15", page)
         self.assertNotIn("How much?", page)
 
+    def test_what_is_told_instead_of_all_causes_has_no_size_of_theirs(self):
+        rankings = make_rankings()
+        rankings[-1]["doubt"] = "position: this transducer is stuck"
+        page = self.page(dict(make_answer(), rankings=rankings))
+        self.assertIn("None of these causes: position: this transducer is stuck", page)
+        self.assertNotIn("How much?", page)
+
     def test_unknown_rig_stands_for_itself(self):
         page = self.page(dict(make_answer(), rig="no_such_rig"))
         self.assertIn("no_such_rig", page)

@@ -354,15 +354,6 @@ void FaultResponses::doubt_once_more() {
   confirmation_.give();
 }
 
-std::string FaultResponses::stuck() const {
-  if (!reading_.is_stuck()) return "";
-  for (const Port& port : sheet_.ports)
-    if ((port.kind == PortKind::sensor || port.kind == PortKind::command) &&
-        port.channel == sheet_.channels[reading_.one].name)
-      return port.name;
-  return "";
-}
-
 void FaultResponses::look_beside(const Eigen::MatrixXd& before) {
   const double limit =
       std::max(settings_.threshold_evidence, settings_.second_evidence_fraction * first_.front().evidence);

@@ -55,7 +55,7 @@ class FaultResponses {
   // A channel that is not what it is called explains more (plausibility.h); empty: none does.
   const std::string& doubt() const { return reading_.text; }
   // Port of the transducer or the command that is stuck, where that is the doubt; else empty.
-  std::string stuck() const;
+  std::string stuck() const { return stuck_port(sheet_, reading_); }
   // Faults at every place of the rig would have shown so far: it moved, or is held where all of them show.
   bool shows() const { return shows_; }
   // s, start of the first stretch that shows it

@@ -224,6 +224,15 @@ bool can_be_stuck(const Datasheet& sheet, const Port& port) {
 
 }  // namespace
 
+std::string stuck_port(const Datasheet& sheet, const OtherReading& reading) {
+  if (!reading.is_stuck()) return "";
+  for (const Port& port : sheet.ports)
+    if ((port.kind == PortKind::sensor || port.kind == PortKind::command) &&
+        port.channel == sheet.channels[reading.one].name)
+      return port.name;
+  return "";
+}
+
 OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
                             const std::vector<ModelPoint>& faults, const ModelPoint& healthy, bool change,
                             const Recording& before) {

@@ -37,6 +37,9 @@ struct OtherReading {
   bool is_stuck() const { return !text.empty() && of == Of::stuck; }
 };
 
+// Port of the transducer or the command that a reading says is stuck; empty: it says no such thing.
+std::string stuck_port(const Datasheet& sheet, const OtherReading& reading);
+
 // `lead` from which one stretch is enough to tell that a transducer is stuck: mean squares of one output by a factor of
 // 55. With less the next must say the same.
 constexpr double kSureLead = 4;
