@@ -2,6 +2,7 @@
 // Exit status: 0 the job ran, 2 bad usage, bad input or an output that cannot be written, 128 + signal interrupted, 1 a
 // fault of the program itself.
 #include <fcntl.h>
+#include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -29,6 +30,14 @@ void open_standard_streams() {
       ::_exit(2);
 }
 
+// What one judgement frees the next asks for again, in a thread of its own. By default such blocks go back to the system
+// each time, and threads that follow one another fill heaps of their own: a tenth of the time of `diagnose`.
+void keep_freed_memory() {
+  ::mallopt(M_ARENA_MAX, 1);
+  ::mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  ::mallopt(M_TRIM_THRESHOLD, 256 << 20);
+}
+
 int complain(const std::string& subcommand, const std::string& message, int status) {
   std::fprintf(stderr, "faultline%s%s: %s\n", subcommand.empty() ? "" : " ", subcommand.c_str(),
                faultline::printable(message).c_str());
@@ -47,6 +56,7 @@ int finish(const std::string& subcommand) {
 int main(int count, char** arguments) {
   using namespace faultline;
   open_standard_streams();
+  keep_freed_memory();
   CLI::App app("faultline: fault diagnosis and sim-to-real gap diagnosis for fluid-power test rigs", "faultline");
   app.require_subcommand(1);
   app.footer("Example: faultline rigs --json rigs.json");

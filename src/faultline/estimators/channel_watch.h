@@ -39,7 +39,6 @@ class ChannelWatch {
   bool command_, watched_, rounded_ = false;
   std::size_t count_ = 0;                            // equal readings that are frozen
   std::array<double, kAround + kBlock> readings_{};  // of a block, after the last ones of the block before
-  std::array<double, kBlock> sixth_{};
   std::array<int, kBlocks> spikes_{};
   std::size_t count_read_ = 0, same_ = 0, longest_ = 0, equal_ = 0, ends_ = 0, block_ = 0;
   int noisy_ = 0, quiet_ = 0;  // blocks on end
