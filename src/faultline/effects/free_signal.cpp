@@ -1,8 +1,8 @@
 // Free signal: what passes a port, plus or times what nothing explains.
 //
 // value: added to signals, boundary values [of what passes], forces against the motion [N, N m], flows [m^3/s] and heat
-// to ambient [W/K]; a fraction added to openings, moduli and what is handed on (times 1 + value). Linear; at a sensor
-// undone exactly. No rig is said to have it: the gap diagnoser reconstructs the value over time that would close a gap
+// to ambient [W/K]; a fraction added to openings, moduli and what is handed on (times 1 + value), and to a heat flux
+// where the datasheet lists nothing but its scale. Linear; at a sensor undone exactly. No rig is said to have it: the gap diagnoser reconstructs the value over time that would close a gap
 // at a place (gap/stochastic_model.h), so no datasheet lists it.
 
 #include "faultline/rig/effect.h"
@@ -37,7 +37,12 @@ class FreeSignal : public Effect {
     return note(flow, shaft_angle), flow * (1 + parameter(0));
   }
   void coupling(Coupling& coupling) const override { coupling.factor += parameter(0); }
-  void heat(HeatPath& path) const override { path.loss += parameter(0); }
+  void heat(HeatPath& path) const override {
+    if (context().only_scaled)
+      path.factor *= 1 + parameter(0);
+    else
+      path.loss += parameter(0);
+  }
   Passed passed() const override { return passed_; }
 
  private:

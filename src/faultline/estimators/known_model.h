@@ -4,7 +4,8 @@
 //   misfit = sum over segments of  weight |C r_w|^2
 //
 // r_w: residuals of the model with all that is known in it, start states projected out; C: the first cosines of each
-// output over a segment (stretch_model.h). What any effect could explain of a stretch is at most what its misfit has
+// output over a segment (stretch_model.h); weight: one over their mean square, which is what the model is usually off
+// by, or over twice the most that was usual so far, so that what grows beyond does not become the usual. What any effect could explain of a stretch is at most what its misfit has
 // beyond the usual one: that of noise and of the model's usual error, the median over healthy stretches that were
 // looked at closely.
 //
@@ -27,6 +28,7 @@ class KnownModel {
 
   void forget_misfits() {  // of healthy stretches: the model is linear around another point
     misfits_.clear();
+    squares_.clear();
     inexplicable_.clear();
   }
   void forget_starts() { lately_.clear(); }  // nothing is borrowed from stretches before
@@ -45,16 +47,20 @@ class KnownModel {
   double inexplicable() const;                  // of a stretch; 0 where nothing was weighed
 
  private:
+  // The largest mean square of what healthy segments leave, times kBeyondUsual.
+  double most_usual() const;
   double misfit(const Stretch& stretch, const Eigen::MatrixXf& residuals, const StartProjection& starts) const;
   // One run; the start states' part is borrowed from a stretch before where that leaves less than `enough`, else more
   // runs find the stretch's own.
   double misfit(const Stretch& stretch, double enough);
+  void keep_starts(std::shared_ptr<const StartProjection> starts);
 
   const StretchModel& model_;
   ModelPoint known_;
   double usual_ = 0;  // misfit of what holds nothing but that
   double healthy_ = 0;
-  std::deque<double> misfits_, inexplicable_;                  // of healthy stretches
+  double with_fault_ = 0;                                      // largest mean square of a segment then; 0: no fault
+  std::deque<double> misfits_, squares_, inexplicable_;        // of healthy stretches; squares_: largest of a segment
   std::deque<std::shared_ptr<const StartProjection>> lately_;  // of stretches before
 };
 

@@ -134,6 +134,26 @@ Level level_of(std::size_t count, const Values& value) {
   return level;
 }
 
+// Where in -farthest..farthest L is least, and how much it is: steps, and halves of the best.
+template <class Misfit>
+std::pair<double, double> best_within(double farthest, const Misfit& misfit) {
+  double step = farthest / kFactors, at = 0, least = kInfinity;
+  const auto consider = [&](double x) {
+    const double found = misfit(x);
+    if (!(found < least)) return;
+    least = found;
+    at = x;
+  };
+  for (int i = -kFactors; i <= kFactors; ++i) consider(i * step);
+  for (int i = 0; i < kHalvings; ++i) {
+    step /= 2;
+    const double middle = at;
+    consider(middle - step);
+    consider(middle + step);
+  }
+  return {at, least};
+}
+
 // L of the stretch if the transducer of this output is stuck: of the model of a rig without it, and of its own readings
 // about their mean.
 double misfit_stuck(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
@@ -146,6 +166,35 @@ double misfit_stuck(const Datasheet& sheet, const StretchModel& model, const Str
   } catch (const InputError&) {  // it shows too little without
     return kInfinity;
   }
+}
+
+// What the model leaves of an output about its mean, in noises.
+double moved_by_model(const StretchModel& model, const Stretch& stretch, const ModelPoint& point, std::size_t output) {
+  const Eigen::MatrixXf residuals = model.residuals(stretch, point);
+  return level_of(
+             static_cast<std::size_t>(residuals.rows()),
+             [&](std::size_t k) {
+               return static_cast<double>(residuals(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(output)));
+             })
+      .rms;
+}
+
+// Whether the transducer shows what the model does and is off by a constant, however large: that is not stuck.
+bool follows_shifted(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
+                     const ModelPoint& healthy, std::size_t output) {
+  const Channel& c = sheet.channels[static_cast<std::size_t>(model.output_channels()[output])];
+  const auto port = std::find_if(sheet.ports.begin(), sheet.ports.end(),
+                                 [&](const Port& p) { return p.kind == PortKind::sensor && p.channel == c.name; });
+  if (port == sheet.ports.end()) return false;
+  const auto shifted = [&](double value) {
+    ModelPoint point = healthy;
+    point.effects.push_back({"offset", port->name, {value}});
+    return point;
+  };
+  const double best = best_within(0.5 * (c.maximum - c.minimum), [&](double value) {
+                        return least_misfit(model, stretch, {shifted(value)});
+                      }).first;
+  return moved_by_model(model, stretch, shifted(best), output) < kMoved;
 }
 
 // The readings of an output about their mean, in noises.
@@ -175,26 +224,6 @@ double stuck_since(const Recording& before, const Recording& now, std::size_t ch
     for (std::size_t k = recording->rows(); k-- > 0; since = recording->time[k])
       if (std::abs(recording->at(k, channel) - held) > kBeyondNoise * noise) return since;
   return since;
-}
-
-// Where in -farthest..farthest L is least, and how much it is: steps, and halves of the best.
-template <class Misfit>
-std::pair<double, double> best_within(double farthest, const Misfit& misfit) {
-  double step = farthest / kFactors, at = 0, least = kInfinity;
-  const auto consider = [&](double x) {
-    const double found = misfit(x);
-    if (!(found < least)) return;
-    least = found;
-    at = x;
-  };
-  for (int i = -kFactors; i <= kFactors; ++i) consider(i * step);
-  for (int i = 0; i < kHalvings; ++i) {
-    step /= 2;
-    const double middle = at;
-    consider(middle - step);
-    consider(middle + step);
-  }
-  return {at, least};
 }
 
 // The factor on a parameter that fits best, and L with it.
@@ -250,18 +279,15 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
     best = reading;
     best.text = text_of(reading, sheet.channels);
   }
-  const Eigen::MatrixXf residuals = model.residuals(stretch, healthy);
   for (std::size_t o = 0; o < model.outputs(); ++o) {
     const Recording& recording = stretch.run.recording;
     const auto channel = static_cast<std::size_t>(model.output_channels()[o]);
     const Level read = readings_of_output(model, recording, o);
-    const double moved =
-        level_of(recording.rows(), [&](std::size_t k) {
-          return static_cast<double>(residuals(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(o)));
-        }).rms;
-    if (!(read.rms <= kStill) || !(moved >= kMoved) || scale_says_it(sheet, channel, read.mean)) continue;
+    if (!(read.rms <= kStill) || scale_says_it(sheet, channel, read.mean) ||
+        !(moved_by_model(model, stretch, healthy, o) >= kMoved))
+      continue;
     const double found = misfit_stuck(sheet, model, stretch, healthy, channel, read.rms);
-    if (!(found < least)) continue;
+    if (!(found < least) || follows_shifted(sheet, model, stretch, healthy, o)) continue;
     best = of_channels(channel, channel);
     best.of = OtherReading::Of::stuck;
     best.lead = least - found;

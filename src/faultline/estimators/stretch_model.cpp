@@ -136,9 +136,9 @@ std::vector<LinearSegment> StretchModel::linear(const Stretch& stretch, const Mo
                    settings_.jobs);
 }
 
-double StretchModel::weight_of(const Eigen::VectorXd& residuals) const {
+double StretchModel::weight_of(const Eigen::VectorXd& residuals, double most) const {
   const double mean_square = residuals.squaredNorm() / static_cast<double>(residuals.size());
-  return 1 / (settings_.inflation_variances * std::max(1.0, mean_square));
+  return 1 / (settings_.inflation_variances * std::max(1.0, std::min(mean_square, most)));
 }
 
 void StretchModel::respond(Stretch& stretch, const ModelPoint& point) const {

@@ -104,7 +104,8 @@ class StretchModel {
   // One run, and the start states' part as seen from a change.
   Eigen::MatrixXf residuals(const Stretch& stretch, const ModelPoint& known) const;
   std::shared_ptr<const StartProjection> starts_at(const ModelChange& base, const SegmentedRun& run) const;
-  double weight_of(const Eigen::VectorXd& residuals) const;  // of a segment
+  // Of a segment: one over its mean square or, if that is more than `most`, over that.
+  double weight_of(const Eigen::VectorXd& residuals, double most = kInfinity) const;
   // |C r|^2 of a segment, C: the first cosines (DCT-II) of each output. What an effect does to an output is as smooth
   // as the plant and lies in C; noise is white and hardly does.
   double smooth_square(const Eigen::VectorXd& residuals) const;

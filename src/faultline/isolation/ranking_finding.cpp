@@ -68,7 +68,10 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
 void RankingFinding::weigh(Finding& finding) {
   const std::vector<RankedHypothesis>& ranked = options_.second ? heard_->second : heard_->first;
   too_small_ = false;
-  if (ranked.empty() || (options_.second && !heard_->doubt.empty())) {
+  // Beside a cause that cannot be large enough, what else is found makes up for the rest of it.
+  const bool of_first = options_.second && !ranked.empty() &&
+                        (!heard_->doubt.empty() || (!heard_->first.empty() && at_bound(heard_->first.front())));
+  if (ranked.empty() || of_first) {
     offset_port_.clear();
     finding.active = held_ = drifts_ = false;
     told_ = named_ = -1;
@@ -89,7 +92,7 @@ void RankingFinding::weigh(Finding& finding) {
     return;
   }
   if (best.order == told_ && best.evidence == told_evidence_) return;
-  if (drifts_ && best.order == named_ && at_bound(best)) return;
+  if (drifts_ && heard_->doubt.empty() && best.port == finding.port && drifts_beyond(ranked)) return;
   told_ = best.order;
   told_evidence_ = best.evidence;
   follow_offset(ranked);
@@ -209,6 +212,13 @@ void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding&
       chosen->sizes(std::hypot(options_.std_ratio * chosen->std, options_.model_error_fraction * chosen->amplitude));
   finding.low = sizes.low;
   finding.high = sizes.high;
+}
+
+// What drifts leaves the range of its offset behind, where others at its place follow it for a while.
+bool RankingFinding::drifts_beyond(const std::vector<RankedHypothesis>& ranked) const {
+  return std::all_of(ranked.begin(), ranked.end(), [&](const RankedHypothesis& h) {
+    return h.port != offset_port_ || h.effect != "offset" || at_bound(h);
+  });
 }
 
 const Bounds* RankingFinding::bounds_of(const RankedHypothesis& h) const {

@@ -34,11 +34,12 @@ struct EffectParameter {
 
 // Where an effect works: what it may need to know of its port.
 struct PortContext {
-  double range = 1;         // full scale of what passes, for curves
-  double noise_std = 0;     // of the channel, for signal ports
-  double step = 1e-3;       // s, time between calls of signal()
-  double transition = 1e3;  // pressure drop below which leaks turn laminar: Pa, or the port's drop_unit
-  std::uint64_t seed = 0;   // for effects that draw random numbers
+  double range = 1;          // full scale of what passes, for curves
+  double noise_std = 0;      // of the channel, for signal ports
+  double step = 1e-3;        // s, time between calls of signal()
+  double transition = 1e3;   // pressure drop below which leaks turn laminar: Pa, or the port's drop_unit
+  std::uint64_t seed = 0;    // for effects that draw random numbers
+  bool only_scaled = false;  // heat: the datasheet lists nothing there that leaves or takes heat, only a factor of it
   // s, when the effect starts to grow; NaN: it does not grow, it is there from time 0 at the size that is set.
   double start = std::numeric_limits<double>::quiet_NaN();
 };

@@ -34,6 +34,10 @@ PortContext context_of(const Datasheet& sheet, const Port& port, const EffectSpe
   context.range = port.range;
   context.step = step;
   context.seed = seed;
+  context.only_scaled =
+      port.kind == PortKind::heat && std::none_of(port.effects.begin(), port.effects.end(), [](const FittingEffect& e) {
+        return e.effect == "heat_loss" || e.effect == "heat_capacity";
+      });
   if (!port.drop_unit.empty()) context.transition = kTransitionShare * port.range;
   if (grows(spec)) context.start = spec.from;
   const int channel = port.channel.empty() ? -1 : find_channel(sheet.channels, port.channel);
