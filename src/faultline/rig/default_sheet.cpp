@@ -35,7 +35,7 @@ constexpr double kSegment = 2;
 constexpr double kSegmentSettling = 0.4;
 constexpr double kModeSettles = 3;  // scales, after which one mode has settled
 // Residuals of a model within its tolerances are nearly white once these are adjusted.
-constexpr double kInflation = 5;
+constexpr double kInflation = 30;
 constexpr double kEffort = 2e4;        // samples of the model per second of recording that the responses may cost
 constexpr double kLongestLatency = 1;  // s: what a judgement takes
 // Times the mean square that a filter expects: of a rig that is one tolerance off it is up to twice that
@@ -132,10 +132,20 @@ class Completer {
     return {{"gap", rounded(kGap * period_)}, {"jump", rounded(kGap * period_)}};
   }
 
-  double segment() const {  // samples
-    return std::clamp(
-        std::ceil(std::max(kSegment * test_.scales.slowest_s, kSegmentSettling * test_.scales.settling_s) / period_),
-        kLeastSegment, kMostSegment);
+  // Samples. No longer than a run of the datasheet's own allows, but for states that no channel shows.
+  double segment() const {
+    const double wanted = std::max(kSegment * test_.scales.slowest_s, kSegmentSettling * test_.scales.settling_s);
+    const double allowed =
+        std::max(own_run() / (kJudgements * (kSegments + 1)), kSegment * test_.scales.hidden_s);
+    return std::clamp(std::ceil(std::min(wanted, allowed) / period_), kLeastSegment, kMostSegment);
+  }
+  // s; infinite where the datasheet has no profile.
+  double own_run() const {
+    double shortest = kInfinity;
+    if (!lacks("profiles"))
+      for (const Profile& profile : sheet_.profiles)
+        if (profile.duration > 0) shortest = std::min(shortest, profile.duration);
+    return shortest;
   }
   // s, between the stretches that the responses look at.
   double every() const {

@@ -93,6 +93,7 @@ class Tester {
     TimeScales& scales = result_.scales;
     scales.fastest_s = fastest_.empty() ? period_ : median(fastest_);
     scales.slowest_s = std::max(slowest_.empty() ? kNoModePeriods * period_ : median(slowest_), scales.fastest_s);
+    if (!hidden_.empty()) scales.hidden_s = median(hidden_);
     scales.settling_s = settled_.empty() ? kModeSettles * scales.slowest_s : median(settled_);
     return std::move(result_);
   }
@@ -233,6 +234,12 @@ class Tester {
     const Modes modes = modes_of(jacobian, period_);
     if (modes.slowest > 0) slowest_.push_back(modes.slowest);
     if (modes.fastest > 0) fastest_.push_back(modes.fastest);
+    std::vector<Eigen::Index> unseen;
+    for (std::size_t i = 0; i < sheet_.states.size(); ++i)
+      if (sheet_.states[i].channel < 0) unseen.push_back(static_cast<Eigen::Index>(i));
+    if (!unseen.empty())
+      if (const double hidden = modes_of(jacobian(unseen, unseen), period_).slowest; hidden > 0)
+        hidden_.push_back(hidden);
     result_.scales.integrators = std::max(result_.scales.integrators, modes.integrators);
     result_.points.push_back({{state.data(), state.data() + sheet_.states.size()}, shown_});
   }
@@ -265,7 +272,7 @@ class Tester {
   std::vector<double> channels_, shown_;
   std::vector<double> low_, high_, half_;            // per state
   std::vector<double> last_, before_, bend_;         // per channel
-  std::vector<double> slowest_, fastest_, settled_;  // s
+  std::vector<double> slowest_, fastest_, settled_, hidden_;  // s
   std::vector<double> way_;                          // states of the present level, one row a period
   StepTest result_;
 };

@@ -15,6 +15,8 @@
 //                 mode that decays: 100 sample periods.
 //   fastest       1/|lambda|, of modes that a sample period can follow (1/|lambda| >= period); faster ones are over
 //                 within a sample and say nothing of lengths. Without any: the sample period.
+//   hidden        the slowest of the states that no channel shows, the others held: the slowest mode of J without the
+//                 rows and columns of those. 0: there are none, or none that decays.
 //   settling      after a step, until every state that it moved stays within 5 % of its way; median over the levels
 //                 that came to rest. Of one mode three times its scale, of a chain of equal modes, which no eigenvalue
 //                 shows to be slow together, many times. Where no level comes to rest: three times the slowest scale.
@@ -30,7 +32,7 @@
 namespace faultline {
 
 struct TimeScales {
-  double slowest_s = 0, fastest_s = 0, settling_s = 0;
+  double slowest_s = 0, fastest_s = 0, settling_s = 0, hidden_s = 0;
   int integrators = 0;  // most at any point
 };
 
