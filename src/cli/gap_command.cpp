@@ -250,6 +250,16 @@ std::string where(const GapResult& result) {
   return text;
 }
 
+std::string with_sizes(const NamedEffect& effect) {
+  std::string text = effect.effect + "@" + effect.port + ":";
+  const char* separator = "";
+  for (const auto& [name, value] : effect.parameters) {
+    text += fmt::format("{}{}={:.4g}{}", separator, name, value, is_at_bound(effect, name) ? " (at its bound)" : "");
+    separator = ",";
+  }
+  return text;
+}
+
 void print_result(const GapResult& result) {
   fmt::print("{}: {}\n{}\n", result.rig, result.verdict, result.sentence);
   fmt::print("\n{:<22} {:>12} {:>12} {:>12} {:>12} {:>12}\n", "rms over a segment", "noise", "nominal", "refit",
@@ -268,12 +278,12 @@ void print_result(const GapResult& result) {
     fmt::print("\n{:>6} {:>10}  cause\n", "p", "gain");
     for (std::size_t i = 0; i < std::min<std::size_t>(result.ranked.size(), 5); ++i) {
       const RankedCause& cause = result.ranked[i];
-      std::string parameters;
-      for (const auto& [name, value] : cause.effect.parameters)
-        parameters += fmt::format("{}{}={:.4g}{}", parameters.empty() ? "" : ",", name, value,
-                                  is_at_bound(cause.effect, name) ? " (at its bound)" : "");
-      fmt::print("{:>6.2f} {:>10.0f}  {}@{}:{}\n", cause.effect.probability, cause.gain, cause.effect.effect,
-                 cause.effect.port, parameters);
+      fmt::print("{:>6.2f} {:>10.0f}  {}\n", cause.effect.probability, cause.gain, with_sizes(cause.effect));
+    }
+    // Sizes beside each other, where those above are each one's alone.
+    if (result.effects.size() > 1) {
+      fmt::print("\ntogether:\n");
+      for (const NamedEffect& effect : result.effects) fmt::print("  {}\n", with_sizes(effect));
     }
     if (!result.effects.empty())
       fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n",

@@ -45,11 +45,15 @@ int AlarmBook::raise(AlarmKind kind, const std::string& effect, const std::strin
 
 void AlarmBook::tell(int& number, const Finding& f, double time) {
   const AlarmLevel level = f.kind == AlarmKind::unknown ? AlarmLevel::warning : AlarmLevel::error;
+  const auto renames = [&] { return at(number).effect != f.effect || at(number).port != f.port; };
+  // Another cause, which began after this alarm was raised, is another alarm.
+  if (number >= 0 && !f.effect.empty() && renames() && f.since > at(number).raised) end(number, time);
   if (number < 0) number = raise(f.kind, f.effect, f.port, level, f.since, time, f.text);
   Alarm& alarm = at(number);
   alarm.until = time;
   if (alarm.effect != f.effect || alarm.port != f.port || alarm.size_name != f.size_name)
     sizes_[static_cast<std::size_t>(number)] = Size();
+  if (!f.effect.empty() && renames()) alarm.since = f.since;
   if (alarm.effect != f.effect || alarm.port != f.port || alarm.kind != f.kind || alarm.text != f.text) {
     alarm.kind = f.kind;
     alarm.effect = f.effect;

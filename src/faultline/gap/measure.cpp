@@ -241,19 +241,21 @@ void describe(const Datasheet& sheet, GapResult& result, const std::string& left
       part += fmt::format("{}{} at {}", part.empty() ? "" : " and ", e.effect, e.port);
     }
     const double typical = result.evidence.typical_shrink;
+    const char* close = result.effects.size() > 1 ? "close" : "closes";
     if (!result.sentence.empty() && typical > 0 && result.shrink_refit < kHeldByFew * typical)
       result.sentence += fmt::format(
-          " closes {:.0f} % of what the refit leaves in a typical segment; most of the gap is in a few segments, in "
-          "which "
+          " {} {:.0f} % of what the refit leaves in a typical segment; most of the gap is in a few segments, in which "
           "something else is missing.",
-          100 * typical);
+          close, 100 * typical);
     else if (!result.sentence.empty())
-      result.sentence += fmt::format(" closes {:.0f} % of what the refit leaves.", 100 * result.shrink_refit);
+      result.sentence += fmt::format(" {} {:.0f} % of what the refit leaves.", close, 100 * result.shrink_refit);
     if (!rounded.empty())
       result.sentence +=
           (result.sentence.empty() ? "" : " ") + rounded + ": it is in the noise, which no model closes.";
     if (!result.equivalent.empty())
-      result.sentence += fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
+      result.sentence += result.equivalent.size() == 1
+                             ? " One other effect explains these runs as well."
+                             : fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
   } else {
     std::string found;
     for (const NamedEffect& e : result.effects)

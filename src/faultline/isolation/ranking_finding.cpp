@@ -80,7 +80,6 @@ void RankingFinding::weigh(Finding& finding) {
   if (!held_) {
     held_ = true;
     judgements_ = 0;
-    finding.since = heard_->since;
   }
   if (++judgements_ < options_.confirm_judgements) return;
   const RankedHypothesis& best = ranked.front();
@@ -96,6 +95,7 @@ void RankingFinding::weigh(Finding& finding) {
   told_ = best.order;
   told_evidence_ = best.evidence;
   follow_offset(ranked);
+  finding.since = heard_->since;  // another cause may have begun at another time
   write(ranked, finding);
   tell_drift(finding);
 }

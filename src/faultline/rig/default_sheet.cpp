@@ -34,8 +34,9 @@ constexpr double kSegment = 2;
 // At least of the settling time: a rig may settle later than its slowest mode says.
 constexpr double kSegmentSettling = 0.4;
 constexpr double kModeSettles = 3;  // scales, after which one mode has settled
-// Residuals of a model within its tolerances are nearly white once these are adjusted.
-constexpr double kInflation = 30;
+// Of variances: a model is always a little wrong, and what is left of it is not independent. But the values of a stretch
+// over their inflation are the most evidence that it can give, which must do for a fault (threshold: 30).
+constexpr double kMostInflation = 30, kLeastInflation = 5, kEvidence = 45;
 constexpr double kEffort = 2e4;        // samples of the model per second of recording that the responses may cost
 constexpr double kLongestLatency = 1;  // s: what a judgement takes
 // Times the mean square that a filter expects: of a rig that is one tolerance off it is up to twice that
@@ -135,8 +136,7 @@ class Completer {
   // Samples. No longer than a run of the datasheet's own allows, but for states that no channel shows.
   double segment() const {
     const double wanted = std::max(kSegment * test_.scales.slowest_s, kSegmentSettling * test_.scales.settling_s);
-    const double allowed =
-        std::max(own_run() / (kJudgements * (kSegments + 1)), kSegment * test_.scales.hidden_s);
+    const double allowed = std::max(own_run() / (kJudgements * (kSegments + 1)), kSegment * test_.scales.hidden_s);
     return std::clamp(std::ceil(std::min(wanted, allowed) / period_), kLeastSegment, kMostSegment);
   }
   // s; infinite where the datasheet has no profile.
@@ -146,6 +146,12 @@ class Completer {
       for (const Profile& profile : sheet_.profiles)
         if (profile.duration > 0) shortest = std::min(shortest, profile.duration);
     return shortest;
+  }
+  double inflation() const {
+    double outputs = 0;
+    for (const Channel& channel : sheet_.channels) outputs += channel.role == Role::output && !channel.ground_truth;
+    // The first segment only fills memories.
+    return std::clamp((kSegments - 1) * segment() * outputs / kEvidence, kLeastInflation, kMostInflation);
   }
   // s, between the stretches that the responses look at.
   double every() const {
@@ -166,7 +172,7 @@ class Completer {
     numbers.erase("gap");  // what the responses learnt of the rig outlasts a longer one
     numbers["segment"] = segment() * period_;
     numbers["segments"] = kSegments;
-    numbers["inflation"] = kInflation;
+    numbers["inflation"] = rounded(inflation());
     numbers["every"] = rounded(1.005 * every());  // never below what a stretch takes
     numbers["confirmed"] =
         0;  // few stretches see a fault here, and of states without a channel those of its onset alone
