@@ -55,6 +55,35 @@ TEST(AlarmBook, DistanceCountsFromTheSizeThatIsNoEffect) {
   EXPECT_EQ(after(book, {sized(100, 90, 112, 0.9, infinite), sized(9000, 4500, infinite, 0.9, infinite)}).size, 100);
 }
 
+// Since when it is wrong belongs to the cause; one that began later than the alarm was raised is another alarm.
+TEST(AlarmBook, AnotherCauseHasABeginningOfItsOwn) {
+  AlarmBook book(10);
+  int alarm = -1;
+  Finding offset = sized(1, 0, 2, 0.9), leak = sized(5, 4, 6, 0.9), friction = sized(7, 6, 8, 0.9);
+  offset.effect = "offset";
+  offset.since = 1;
+  leak.since = 3;
+  friction.effect = "coulomb_friction";
+  friction.since = 8;
+  friction.equivalent = {"orifice_leakage@flow.a_b"};
+  book.tell(alarm, offset, 4);
+  book.tell(alarm, leak, 6);
+  ASSERT_EQ(book.report.alarms.size(), 1u);
+  EXPECT_EQ(book.report.alarms[0].since, 3);
+  book.tell(alarm, friction, 9);  // the same among others
+  ASSERT_EQ(book.report.alarms.size(), 1u);
+  EXPECT_EQ(book.report.alarms[0].since, 3);
+  offset.since = 10;
+  book.tell(alarm, offset, 12);
+  ASSERT_EQ(book.report.alarms.size(), 2u);
+  EXPECT_FALSE(book.report.alarms[0].active);
+  EXPECT_EQ(book.report.alarms[0].effect, "coulomb_friction");
+  EXPECT_EQ(book.report.alarms[0].until, 12);
+  EXPECT_TRUE(book.report.alarms[1].active);
+  EXPECT_EQ(book.report.alarms[1].since, 10);
+  EXPECT_EQ(book.report.alarms[1].raised, 12);
+}
+
 TEST(AlarmBook, WithoutAnIntervalTheConfidenceDecidesThenTheLatest) {
   AlarmBook book(10);
   EXPECT_EQ(after(book, {sized(2, 2, 2, 0.5), sized(7, 7, 7, 0.9), sized(3, 3, 3, 0.6)}).size, 7);

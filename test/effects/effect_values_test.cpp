@@ -451,6 +451,17 @@ TEST(EffectValues, LineAndHeat) {
   Line line;
   effect_of("line_inertia@line.a:inertance=4e6")->line(line);
   EXPECT_EQ(line.inertance, 4e6);
+  HeatPath scaled;
+  PortContext context;
+  const EffectType& free = *find_effect_type("free_signal");
+  for (const bool only_scaled : {false, true}) {
+    context.only_scaled = only_scaled;
+    auto effect = free.make();
+    effect->configure({0.25}, {0}, context);
+    effect->heat(scaled);
+  }
+  EXPECT_EQ(scaled.loss, 0.25);  // where heat is lost; else a fraction of the flux
+  EXPECT_EQ(scaled.factor, 1.25);
   HeatPath heat;
   effect_of("heat_loss@heat.a:coefficient=30")->heat(heat);
   effect_of("heat_capacity@heat.a:capacity=700")->heat(heat);

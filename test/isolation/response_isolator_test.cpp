@@ -216,6 +216,21 @@ TEST_F(ResponseIsolation, TheSecondIsConfirmedFirst) {
   EXPECT_TRUE(make_isolator(servo(), servo().isolators[0])->overrules());
 }
 
+// What the first lacks is made up for by another, which is no fault.
+TEST_F(ResponseIsolation, BesideACauseAtItsBoundThereIsNoSecond) {
+  isolator_ = make_isolator(servo(), servo().isolators[1]);
+  RankedHypothesis first = cause("orifice_leakage", kSeal, 3, 100);
+  RankedHypothesis friction = cause("viscous_friction", "force.piston", 1, 50);
+  friction.full = 600;
+  hear({first}, {friction});
+  EXPECT_TRUE(hear({first}, {friction}).active);
+  const Port& seal = servo().port(kSeal);
+  const auto leak = std::find_if(seal.effects.begin(), seal.effects.end(),
+                                 [](const FittingEffect& e) { return e.effect == "orifice_leakage"; });
+  first.amplitude = leak->bounds.at("coefficient").maximum / first.full;
+  EXPECT_FALSE(hear({first}, {friction}).active);
+}
+
 TEST_F(ResponseIsolation, AStageThatRanksNothingIsRefused) {
   Estimate estimate;
   isolator_->process(estimate, {}, finding_);  // it has not spoken yet
@@ -277,8 +292,18 @@ TEST_F(ResponseIsolation, AnOffsetThatGrowsWithTimeIsADrift) {
   const Finding step = tell({90000, 170000, 180000, 175000, 182000});
   EXPECT_EQ(step.effect, "offset");
   EXPECT_EQ(step.equivalent, std::vector<std::string>{"scale@" + port.name});
-  // Beyond the largest offset it goes on to be one.
+  // Beyond the largest offset it goes on to be one, though a scale follows it further.
   EXPECT_EQ(tell({100000, 150000, 200000, 250000, 300000}).effect, "drift");
+  RankedHypothesis scale = cause("scale", port.name, 4, 200), offset = cause("offset", port.name, 3, 150);
+  scale.size_name = "factor";
+  scale.none = 1;
+  scale.full = 1.1;
+  scale.kind = offset.kind = AlarmKind::sensor;
+  offset.size_name = "value";
+  offset.full = 3e5;
+  offset.amplitude = 1;
+  EXPECT_EQ(hear({scale, offset}).effect, "drift");
+  EXPECT_EQ(hear({cause("orifice_leakage", kSeal, 5, 300)}).effect, "orifice_leakage");
 }
 
 // However many effects explain it there.

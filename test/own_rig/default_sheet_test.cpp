@@ -2,6 +2,7 @@
 #include <fstream>
 #include <sstream>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "faultline/rig/default_sheet.h"
@@ -84,6 +85,26 @@ TEST(Defaults, DetectorsOfWhatIsMeasured) {
   EXPECT_EQ(names(own_rig("two_tanks").detectors),
             (std::vector<std::string>{"model_fit", "frozen_lower_level", "noisy_lower_level"}));
   EXPECT_EQ(own_rig("fast_valve").detectors.size(), 7u);
+}
+
+double of_responses(const Datasheet& sheet, const char* key) {
+  return sheet.estimators[sheet.estimator("responses")].settings.number(key, 0, 1e9);
+}
+
+// A stretch must be able to show a fault, and a run of the datasheet's own must hold some; a level that no channel shows
+// takes its time all the same.
+TEST(Defaults, StretchesFitTheRigAndItsRuns) {
+  const Datasheet tanks = own_rig("two_tanks"), valve = own_rig("fast_valve");
+  EXPECT_EQ(of_responses(tanks, "inflation"), 5);  // few readings
+  EXPECT_GT(of_responses(valve, "inflation"), 5);
+  EXPECT_LE(of_responses(valve, "inflation"), 30);
+  const double wanted = of_responses(valve, "segment");
+  const Datasheet shorter = read_text_of(text_of(own_rig_file("fast_valve")) +
+                                         fmt::format("profiles:\n  - {{name: own, duration: {:g}, meaning: short, "
+                                                     "commands: {{coil_voltage: {{shape: steps, low: 2, high: 8, "
+                                                     "shortest: 0.01, longest: 0.1}}}}}}\n",
+                                                     24 * wanted));
+  EXPECT_LT(of_responses(shorter, "segment"), wanted);
 }
 
 TEST(Defaults, ParametersWithATolerance) {

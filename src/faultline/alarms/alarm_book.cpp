@@ -1,6 +1,8 @@
 #include "faultline/alarms/alarm_book.h"
 
+#include <algorithm>
 #include <cmath>
+#include <string>
 #include <utility>
 
 namespace faultline {
@@ -14,6 +16,16 @@ double certainty_of(const Alarm& alarm, double none) {
   const double width = std::abs(effect(alarm.high) - effect(alarm.low));
   const double certainty = std::abs(effect(alarm.size)) / width;
   return width > 0 && std::isfinite(certainty) ? certainty : 0;
+}
+
+// Neither the same nor one that the other could not be told from.
+bool is_another_cause(const Alarm& alarm, const Finding& f) {
+  if (alarm.effect.empty() || f.effect.empty() || (alarm.effect == f.effect && alarm.port == f.port)) return false;
+  const std::string before = alarm.effect + "@" + alarm.port, now = f.effect + "@" + f.port;
+  const auto among = [](const std::vector<std::string>& names, const std::string& name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  return !among(alarm.equivalent, now) && !among(f.equivalent, before);
 }
 
 }  // namespace
@@ -45,15 +57,15 @@ int AlarmBook::raise(AlarmKind kind, const std::string& effect, const std::strin
 
 void AlarmBook::tell(int& number, const Finding& f, double time) {
   const AlarmLevel level = f.kind == AlarmKind::unknown ? AlarmLevel::warning : AlarmLevel::error;
-  const auto renames = [&] { return at(number).effect != f.effect || at(number).port != f.port; };
-  // Another cause, which began after this alarm was raised, is another alarm.
-  if (number >= 0 && !f.effect.empty() && renames() && f.since > at(number).raised) end(number, time);
+  const bool another = number >= 0 && is_another_cause(at(number), f);
+  // One that began after this alarm was raised is another alarm.
+  if (another && f.since > at(number).raised) end(number, time);
   if (number < 0) number = raise(f.kind, f.effect, f.port, level, f.since, time, f.text);
   Alarm& alarm = at(number);
   alarm.until = time;
   if (alarm.effect != f.effect || alarm.port != f.port || alarm.size_name != f.size_name)
     sizes_[static_cast<std::size_t>(number)] = Size();
-  if (!f.effect.empty() && renames()) alarm.since = f.since;
+  if (another) alarm.since = f.since;
   if (alarm.effect != f.effect || alarm.port != f.port || alarm.kind != f.kind || alarm.text != f.text) {
     alarm.kind = f.kind;
     alarm.effect = f.effect;
