@@ -280,12 +280,19 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
         fmt::format("few data: what is left is worth {:.2g} independent values beyond the parameters, and the "
                     "intervals are wider for it; give more or longer runs",
                     errors.freedom));
+  std::string held;  // what has a tolerance and was not estimated may be what is off
+  for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
+    const Parameter& p = sheet.parameters[i];
+    if (p.tolerance > 0 && p.nominal != 0 && std::find(free.begin(), free.end(), i) == free.end())
+      held += (held.empty() ? "" : ", ") + p.name;
+  }
   for (std::size_t i = 0; i < after.size(); ++i)
     if (after[i] > options.wrong_model_ratio * noise[i])
-      result.remarks.push_back(
-          fmt::format("{}: what is left is {:.2g} times the noise; the model lacks something (faultline gap), and the "
-                      "estimates make up for it as far as they can",
-                      result.channels[i].channel, after[i] / noise[i]));
+      result.remarks.push_back(fmt::format(
+          "{}: what is left is {:.2g} times the noise; the model lacks something (faultline gap){}, and the "
+          "estimates make up for it as far as they can",
+          result.channels[i].channel, after[i] / noise[i],
+          held.empty() ? "" : ", or a parameter is off that has a tolerance and is not estimated: " + held));
   for (const FittedParameter& p : result.parameters)
     if (p.at_bound)
       result.remarks.push_back(
