@@ -30,8 +30,8 @@ void open_standard_streams() {
       ::_exit(2);
 }
 
-// What one judgement frees the next asks for again, in a thread of its own. By default such blocks go back to the system
-// each time, and threads that follow one another fill heaps of their own: a tenth of the time of `diagnose`.
+// What one judgement frees the next asks for again, in a thread of its own. By default such blocks go back to the
+// system each time, and threads that follow one another fill heaps of their own: a tenth of the time of `diagnose`.
 void keep_freed_memory() {
   ::mallopt(M_ARENA_MAX, 1);
   ::mallopt(M_MMAP_THRESHOLD, 32 << 20);

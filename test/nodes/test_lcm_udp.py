@@ -130,12 +130,14 @@ def inside_mixed():
         words = ["python3", str(HERE.parent / "listen.py"), rig, "30", str(heard), "sample", "diagnostics"]
         listener = graph.start(words)
         driver = graph.node("rig_driver_node", "driver", rig=rig, lcm_url=URL, wait_for="/listener")
-        for k, seconds in enumerate((14, 8), 1):
+        for k, seconds in enumerate((20, 8), 1):
             more = {"output": "lcm", "lcm_url": URL, "start": 1000.0 * k, "duration": seconds, "seed": k}
             last = graph.node("rig_simulator_node", f"simulator_{k}", rig=rig, **more)
             if k == 1:
                 first = last
-                time.sleep(2)
+                late = time.monotonic() + 20
+                while not (heard.exists() and heard.stat().st_size > 0) and time.monotonic() < late:
+                    time.sleep(0.05)  # until it is heard: the first counts
         graph.wait(first, 40)
         for process in (driver, listener):
             graph.end(process)

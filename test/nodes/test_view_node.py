@@ -24,7 +24,7 @@ RUNS = {
     "hydraulic_drive": ("hydraulic_drive_motor_efficiency", 3, "spool", 0.05),
     "control_valve": ("control_valve_healthy", 3, "piston", 0.3),
     "pump_cylinder": ("pump_cylinder_leak", 1.5, "piston", 0.1),
-    "cooling_circuit": ("cooling_circuit_small_leak", 2, "valve_plug", 0),
+    "cooling_circuit": ("cooling_circuit_small_leak", 1, "valve_plug", 0),
 }
 
 

@@ -91,8 +91,7 @@ double of_responses(const Datasheet& sheet, const char* key) {
   return sheet.estimators[sheet.estimator("responses")].settings.number(key, 0, 1e9);
 }
 
-// A stretch must be able to show a fault, and a run of the datasheet's own must hold some; a level that no channel shows
-// takes its time all the same.
+// A stretch must be able to show a fault, and a run of the datasheet's own must hold some.
 TEST(Defaults, StretchesFitTheRigAndItsRuns) {
   const Datasheet tanks = own_rig("two_tanks"), valve = own_rig("fast_valve");
   EXPECT_EQ(of_responses(tanks, "inflation"), 5);  // few readings

@@ -2,8 +2,9 @@
 //
 // value: added to signals, boundary values [of what passes], forces against the motion [N, N m], flows [m^3/s] and heat
 // to ambient [W/K]; a fraction added to openings, moduli and what is handed on (times 1 + value), and to a heat flux
-// where the datasheet lists nothing but its scale. Linear; at a sensor undone exactly. No rig is said to have it: the gap diagnoser reconstructs the value over time that would close a gap
-// at a place (gap/stochastic_model.h), so no datasheet lists it.
+// where the datasheet lists nothing but its scale. Linear; at a sensor undone exactly. No rig is said to have it: the
+// gap diagnoser reconstructs the value over time that would close a gap at a place (gap/stochastic_model.h), so no
+// datasheet lists it.
 
 #include "faultline/rig/effect.h"
 

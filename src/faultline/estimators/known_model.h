@@ -5,9 +5,9 @@
 //
 // r_w: residuals of the model with all that is known in it, start states projected out; C: the first cosines of each
 // output over a segment (stretch_model.h); weight: one over their mean square, which is what the model is usually off
-// by, or over twice the most that was usual so far, so that what grows beyond does not become the usual. What any effect could explain of a stretch is at most what its misfit has
-// beyond the usual one: that of noise and of the model's usual error, the median over healthy stretches that were
-// looked at closely.
+// by, or over twice the most that was usual so far, so that what grows beyond does not become the usual. What any
+// effect could explain of a stretch is at most what its misfit has beyond the usual one: that of noise and of the
+// model's usual error, the median over healthy stretches that were looked at closely.
 //
 // What a stretch leaves beyond white noise (StretchModel::beyond_noise) bounds what any effect could explain, but the
 // model's usual error is in it too. Stretches that were weighed and held no fault tell how much of it no cause

@@ -26,7 +26,7 @@ namespace faultline {
 namespace {
 
 constexpr double kFirstShare = 0.96;  // of the progress, before it is asked since when
-constexpr double kMuchLeft = 1.5;       // times the noise
+constexpr double kMuchLeft = 1.5;     // times the noise
 constexpr double kMuchNoise = 10;     // times the datasheet's
 
 // Excess that small unmodelled things leave where nothing is missing. They have a size of their own, so the noisier

@@ -34,8 +34,8 @@ constexpr double kSegment = 2;
 // At least of the settling time: a rig may settle later than its slowest mode says.
 constexpr double kSegmentSettling = 0.4;
 constexpr double kModeSettles = 3;  // scales, after which one mode has settled
-// Of variances: a model is always a little wrong, and what is left of it is not independent. But the values of a stretch
-// over their inflation are the most evidence that it can give, which must do for a fault (threshold: 30).
+// Of variances: a model is always a little wrong, and what is left of it is not independent. But the values of a
+// stretch over their inflation are the most evidence that it can give, which must do for a fault (threshold: 30).
 constexpr double kMostInflation = 30, kLeastInflation = 5, kEvidence = 45;
 constexpr double kEffort = 2e4;        // samples of the model per second of recording that the responses may cost
 constexpr double kLongestLatency = 1;  // s: what a judgement takes

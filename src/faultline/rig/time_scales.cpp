@@ -270,10 +270,10 @@ class Tester {
   bool running_ = false;
   double time_ = 0;
   std::vector<double> channels_, shown_;
-  std::vector<double> low_, high_, half_;            // per state
-  std::vector<double> last_, before_, bend_;         // per channel
+  std::vector<double> low_, high_, half_;                     // per state
+  std::vector<double> last_, before_, bend_;                  // per channel
   std::vector<double> slowest_, fastest_, settled_, hidden_;  // s
-  std::vector<double> way_;                          // states of the present level, one row a period
+  std::vector<double> way_;                                   // states of the present level, one row a period
   StepTest result_;
 };
 
