@@ -308,7 +308,7 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
     const double middle = 0.5 * (low + high);
     const auto [from_middle, found] = best_within(
         0.5 * (high - low), [&](double x) { return misfit_held(model, recording, healthy, channel, middle + x); });
-    if (!(found < std::min(least, as_it_was))) continue;  // nothing else is wrong then
+    if (!(found < least)) continue;
     best = of_channels(channel, channel);
     best.of = OtherReading::Of::stuck;
     best.lead = least - found;

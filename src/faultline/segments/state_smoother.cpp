@@ -44,8 +44,10 @@ class Smoother {
   }
 
   // Log likelihood of the innovations over at most `rows` rows of a stretch; keeps what backwards() needs if `keep`.
-  double forwards(const Stretched& stretch, double q, std::size_t rows, bool keep) {
+  // `anew`: linearised along this course, else along that of the last call that was, over the same rows.
+  double forwards(const Stretched& stretch, double q, std::size_t rows, bool keep, bool anew) {
     passed_.clear();
+    if (anew) linear_.clear();
     Eigen::VectorXd x = shown(model_, run_, stretch.first, propagation_.own_start(run_.recording, stretch.first));
     Eigen::MatrixXd p = sizes_.cwiseAbs2().asDiagonal();
     double likelihood = 0;
@@ -55,10 +57,14 @@ class Smoother {
       now.before = x;
       now.before_covariance = p;
       const std::size_t from = std::min(k, stretch.last - 2);  // the last row has no step of its own
-      Eigen::MatrixXd h;
-      propagation_.jacobians(run_.recording, from, x, steps_, now.f, h);
+      if (anew) {
+        linear_.emplace_back();
+        propagation_.jacobians(run_.recording, from, x, steps_, linear_.back().f, linear_.back().h);
+      }
+      if (linear_.size() <= k - stretch.first) return -kInfinity;  // that course ended here
+      const auto& [f, h] = linear_[k - stretch.first];
       const Step here = propagation_.step(run_.recording, from, x);
-      if (!finite(now.f) || !finite(h) || !here.outputs.allFinite()) return -kInfinity;
+      if (!finite(f) || !finite(h) || !here.outputs.allFinite()) return -kInfinity;
       for (Eigen::Index o = 0; o < h.rows(); ++o) {
         const auto output = static_cast<std::size_t>(o);
         const auto c = static_cast<std::size_t>(model_.outputs()[output]);
@@ -75,7 +81,7 @@ class Smoother {
       now.after_covariance = p;
       if (k + 1 < stretch.last) {
         x = propagation_.step(run_.recording, k, x).next;
-        p = now.f * p * now.f.transpose();
+        p = f * p * f.transpose();
         p.diagonal() += q * process_;
         p = 0.5 * (p + p.transpose().eval());
       }
@@ -90,8 +96,9 @@ class Smoother {
         *std::max_element(run_.stretches.begin(), run_.stretches.end(),
                           [](const Stretched& a, const Stretched& b) { return a.last - a.first < b.last - b.first; });
     double best = 1, most = -kInfinity;
+    forwards(longest, best, kLikelihoodRows, false, true);
     for (int power = kLeastPower; power <= kMostPower; ++power) {
-      const double likelihood = forwards(longest, std::pow(10, power), kLikelihoodRows, false);
+      const double likelihood = forwards(longest, std::pow(10, power), kLikelihoodRows, false, false);
       if (likelihood <= most) continue;
       most = likelihood;
       best = std::pow(10, power);
@@ -112,7 +119,7 @@ class Smoother {
       } else {
         const Passed& next = passed_[i + 1];
         const Eigen::LDLT<Eigen::MatrixXd> predicted(next.before_covariance);
-        const Eigen::MatrixXd c = predicted.solve(now.f * now.after_covariance).transpose();
+        const Eigen::MatrixXd c = predicted.solve(linear_[i].f * now.after_covariance).transpose();
         x = now.after + c * (x - next.before);
         p = now.after_covariance + c * (p - next.before_covariance) * c.transpose();
       }
@@ -123,7 +130,10 @@ class Smoother {
  private:
   struct Passed {
     Eigen::VectorXd before, after;  // the correction
-    Eigen::MatrixXd before_covariance, after_covariance, f;
+    Eigen::MatrixXd before_covariance, after_covariance;
+  };
+  struct Linear {
+    Eigen::MatrixXd f, h;
   };
 
   // Largest magnitude of each state, measured or in the model's own course.
@@ -178,6 +188,7 @@ class Smoother {
   Propagation propagation_;
   Eigen::VectorXd sizes_, steps_, process_;
   std::vector<Passed> passed_;
+  std::vector<Linear> linear_;  // per row of the stretch
 };
 
 }  // namespace
@@ -218,7 +229,7 @@ StateCourse smooth_states(const SegmentModel& model, const ModelChange& change, 
   Smoother smoother(model, change, run, noise);
   const double q = smoother.best_q();
   const auto pass = [&](const Stretched& stretch, double noise_ratio, bool means) {
-    smoother.forwards(stretch, noise_ratio, stretch.last - stretch.first, true);
+    smoother.forwards(stretch, noise_ratio, stretch.last - stretch.first, true, means);
     smoother.backwards(stretch, [&](std::size_t row, const Eigen::VectorXd& mean, const Eigen::MatrixXd& covariance) {
       const auto at = std::lower_bound(rows.begin(), rows.end(), row);
       if (at == rows.end() || *at != row) return;
