@@ -323,16 +323,18 @@ void IsolationStage::decide_findings() {
     Claim claim;
     claim.kind = result.finding.kind;
     claim.holds = result.finding.active;
-    claim.raised = i.raised;
+    const bool watched = told_by_watch(i);
+    claim.raised = i.raised && !watched;
     claim.on_bad_data = i.on_bad_data;
-    claim.told_by_another =
-        (result.detector >= 0 && watched_[static_cast<std::size_t>(result.detector)].raised) || told_by_another(i);
+    claim.told_by_another = watched ||
+                            (result.detector >= 0 && watched_[static_cast<std::size_t>(result.detector)].raised) ||
+                            told_by_another(i);
     claim.explained = explained(i);
     claim.model_fits = model_fits_ || !i.isolator->rests_on_model();
     result.reason = reason_of(claim);
     const bool told = result.reason == Reason::told;
     if (told && !i.raised) i.raised_at = assessment_.time;
-    i.raised = told;
+    i.raised = told || (watched && i.raised);  // what it explains is explained, whoever tells it
     if (result.reason != Reason::told_by_another) i.told_for = result.detector;
   }
 }
@@ -377,8 +379,11 @@ bool IsolationStage::judgement_awaited(const Watched& w) const {
 }
 
 bool IsolationStage::told_by_isolator(std::size_t detector) const {
+  const Watched& w = watched_[detector];
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
-    return i.raised && names_the_cause(i) && detected(finding(i)) == static_cast<int>(detector);
+    const Finding& f = finding(i);
+    if (!i.raised || f.effect.empty() || !names_the_cause(i)) return false;
+    return w.of_transducer ? is_named(w.named, f.effect, f.port) : detected(f) == static_cast<int>(detector);
   });
 }
 
@@ -393,6 +398,14 @@ bool IsolationStage::follows(const Watched& w) const {
     const bool cause = f.kind == AlarmKind::fault || (f.kind == AlarmKind::sensor && !plain);
     return i.raised && f.active && cause && !f.effect.empty() && detection(w).since > f.since - kSameOnset;
   });
+}
+
+// What watches a transducer has told the same.
+bool IsolationStage::told_by_watch(const Isolated& i) const {
+  const Finding& f = finding(i);
+  return f.active && !f.effect.empty() && std::any_of(watched_.begin(), watched_.end(), [&](const Watched& w) {
+           return w.of_transducer && w.raised && is_named(w.named, f.effect, f.port);
+         });
 }
 
 bool IsolationStage::told_by_another(const Isolated& i) const {

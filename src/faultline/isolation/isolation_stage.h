@@ -88,6 +88,7 @@ class IsolationStage {
   bool follows(const Watched& w) const;  // from what another alarm tells
   // Whether another isolator's alarm already names the same cause.
   bool told_by_another(const Isolated& i) const;
+  bool told_by_watch(const Isolated& i) const;
   // Whether an isolator that weighed every effect has another cause for what this one's table takes for one of its own.
   bool explained(const Isolated& i) const;
   // The detector that found what the finding names, or what cannot be told from it; -1: none did.

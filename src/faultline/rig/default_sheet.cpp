@@ -45,7 +45,8 @@ constexpr double kFit = 5;
 constexpr double kFitSamples = 20;  // at least, over which that is averaged
 constexpr double kFrozenPerHour = 1e-3, kFewestEqual = 5, kMostEqual = 1000;
 constexpr double kRounded = 2;       // resolutions over noise, from which equal readings are nothing unusual
-constexpr double kNoisyWindow = 10;  // samples
+// Of how long the model's own motion bends, and windows more: a recording moves otherwise than the step test.
+constexpr double kBendReserve = 1.5, kBendWindows = 2;
 constexpr double kHold = 100;        // sample periods after which an alarm of a transducer is over
 constexpr double kGap = 100;         // sample periods without a sample, after which estimators begin anew
 
@@ -188,7 +189,7 @@ class Completer {
       const bool measured = channel.role == Role::output || channel.role == Role::input;
       if (!measured || channel.ground_truth || channel.noise_std <= 0) continue;
       if (channel.resolution <= kRounded * channel.noise_std) add_frozen(channel);
-      add_noisy(channel, test_.bend[c]);
+      add_noisy(channel, test_.bends[c]);
     }
     sheet_.defaulted.insert("detectors");
   }
@@ -232,15 +233,16 @@ class Completer {
                                          words(channel, "stuck", "stuck"))});
   }
 
-  void add_noisy(const Channel& channel, double bend) {
-    const double healthy = std::sqrt(channel.noise_std * channel.noise_std +
-                                     channel.resolution * channel.resolution / 12 + bend * bend / 6);
+  void add_noisy(const Channel& channel, const Bends& bends) {
+    const double noise =
+        std::sqrt(channel.noise_std * channel.noise_std + channel.resolution * channel.resolution / 12);
+    const double lasts = kBendReserve * bends.samples + kBendWindows * kNoisyWindow;  // samples
     sheet_.detectors.push_back({"noisy_" + channel.name, "noisy",
                                 settings("noisy_" + channel.name,
-                                         {{"noise", rounded(healthy)},
-                                          {"limit", 3},
+                                         {{"noise", rounded(bends.noise * noise)},
+                                          {"limit", kNoisyLimit},
                                           {"window", kNoisyWindow},
-                                          {"minimum_time", 0},
+                                          {"minimum_time", rounded(lasts * period_)},
                                           {"release_time", rounded(kHold * period_)}},
                                          words(channel, "noise", "noisy"))});
   }

@@ -24,7 +24,8 @@ constexpr double kNoModePeriods = 100;  // sample periods: as a sampling rate is
 constexpr double kSettled = 0.05;       // of a state's way
 constexpr double kMoved = 0.1;          // of what a state moves through in the test, from which a step moved it
 constexpr double kModeSettles = 3;      // scales, to 5 %
-constexpr double kBendWindow = 10;      // samples
+constexpr double kLongestBend = 50;     // samples
+constexpr std::size_t kNoises = 16;     // that a watch is tried with: up to 3e4 times the channel's
 constexpr int kFirstPoint = 4, kPointRatio = 4;  // sample periods; from one point to the next
 
 double median(std::vector<double> values) {
@@ -54,6 +55,38 @@ Modes modes_of(const Eigen::MatrixXd& jacobian, double period) {
   return modes;
 }
 
+// The detector of noise, as the model's own motion goes by, set for several noises at once.
+class BendWatch {
+ public:
+  BendWatch(double noise, double resolution) : least_(noise * noise + resolution * resolution / 12) {}
+  void take(double square) {
+    double own = least_;
+    for (Noise& n : noises_) {
+      const double limit = kNoisyLimit * kNoisyLimit * own;
+      n.mean += (std::min(square, limit * kNoisyWindow / 3) - n.mean) / kNoisyWindow;
+      n.beyond = n.mean > limit ? n.beyond + 1 : 0;
+      n.longest = std::max(n.longest, n.beyond);
+      own *= 4;
+    }
+  }
+  Bends bends() const {
+    Bends bends;
+    for (const Noise& n : noises_) {
+      bends.samples = n.longest;
+      if (n.longest <= kLongestBend) break;
+      bends.noise *= 2;
+    }
+    return bends;
+  }
+
+ private:
+  struct Noise {
+    double mean = 0, beyond = 0, longest = 0;  // samples
+  };
+  double least_;
+  std::array<Noise, kNoises> noises_;
+};
+
 class Tester {
  public:
   explicit Tester(const Datasheet& sheet)
@@ -74,9 +107,9 @@ class Tester {
     low_.assign(states_, kInfinity);
     high_.assign(states_, -kInfinity);
     half_.resize(states_);
-    bend_.resize(sheet.channels.size());
-    before_ = last_ = bend_;
-    result_.bend.resize(sheet.channels.size());
+    before_.resize(sheet.channels.size());
+    last_ = before_;
+    for (const Channel& channel : sheet.channels) bends_.emplace_back(channel.noise_std, channel.resolution);
     result_.lowest.resize(n);
     result_.highest.resize(n);
   }
@@ -89,7 +122,7 @@ class Tester {
       result_.lowest[i] = std::min(low_[i], high_[i]);
       result_.highest[i] = std::max(low_[i], high_[i]);
     }
-    for (std::size_t c = 0; c < bend_.size(); ++c) result_.bend[c] = std::sqrt(result_.bend[c]);
+    for (const BendWatch& watch : bends_) result_.bends.push_back(watch.bends());
     TimeScales& scales = result_.scales;
     scales.fastest_s = fastest_.empty() ? period_ : median(fastest_);
     scales.slowest_s = std::max(slowest_.empty() ? kNoModePeriods * period_ : median(slowest_), scales.fastest_s);
@@ -188,9 +221,7 @@ class Tester {
       const double second = shown_[c] - 2 * last_[c] + before_[c];
       before_[c] = last_[c];
       last_[c] = shown_[c];
-      if (rows_ < 3) continue;
-      bend_[c] += (second * second - bend_[c]) / kBendWindow;
-      result_.bend[c] = std::max(result_.bend[c], bend_[c]);
+      if (rows_ >= 3) bends_[c].take(second * second / 6);
     }
     return inside;
   }
@@ -271,7 +302,8 @@ class Tester {
   double time_ = 0;
   std::vector<double> channels_, shown_;
   std::vector<double> low_, high_, half_;                     // per state
-  std::vector<double> last_, before_, bend_;                  // per channel
+  std::vector<double> last_, before_;                         // per channel
+  std::vector<BendWatch> bends_;                              // likewise
   std::vector<double> slowest_, fastest_, settled_, hidden_;  // s
   std::vector<double> way_;                                   // states of the present level, one row a period
   StepTest result_;

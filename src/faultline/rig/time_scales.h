@@ -36,6 +36,15 @@ struct TimeScales {
   int integrators = 0;  // most at any point
 };
 
+// Of a watch of a transducer's noise by second differences (detectors/noisy.cpp), as it is set for any rig.
+constexpr double kNoisyLimit = 3, kNoisyWindow = 10;  // samples
+
+// What such a watch sees of the model's own motion: set for `noise` times the channel's it is beyond its limit for no
+// longer than `samples`. The least noise of 1, 2, 4, ... of which that is no more than 50.
+struct Bends {
+  double noise = 1, samples = 0;
+};
+
 struct StepTest {
   struct Point {
     std::vector<double> state;     // the datasheet's states
@@ -44,7 +53,7 @@ struct StepTest {
   TimeScales scales;
   std::vector<Point> points;            // at which J was taken
   std::vector<double> lowest, highest;  // per state of the datasheet, over the test
-  std::vector<double> bend;             // per channel, root mean square of x_k - 2 x_{k-1} + x_{k-2} where largest
+  std::vector<Bends> bends;             // per channel
   double low_fraction = 0.1,
          high_fraction = 0.9;  // of the commands' ranges: levels that leave every output in its range
 };
