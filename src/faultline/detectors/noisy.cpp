@@ -1,8 +1,9 @@
 // Noisy: a transducer whose white noise is larger than it was.
 //   v' = (min((x_k - 2 x_{k-1} + x_{k-2})^2/6, limit^2 own^2 window/3) - v)/window;  condition: v > limit^2 own^2
-// own^2: the mean of these squares while there is no alarm (own_level.h), from noise^2 to limit^2 noise^2; noise^2
-// where they are more than that. So a transducer that is noisier than its datasheet within `limit` is one in good
+// own^2: the mean of these squares while there is no alarm (own_level.h), from noise^2 to 2 limit^2 noise^2; noise^2
+// where they are more than that. So a transducer that is noisier than its datasheet within 1.4 `limit` is one in good
 // order, and what is told is that it became noisier, or that it was too noisy from the start.
+// What is noisy stays so while v > limit^2 own^2/2: means of a few squares scatter by half of themselves.
 // Each square is capped, so that a step, which makes two of them large, is not yet noise; four large ones within the
 // window are. Second differences leave slow signals out: a ramp gives nothing, a sine of frequency f gives
 // (2 pi f T)^4/6 of its square.
@@ -20,6 +21,9 @@
 namespace faultline {
 namespace {
 
+constexpr double kStill = 0.5;  // of the limit, of mean squares
+constexpr double kWidest = 2;   // limits, likewise: the mean of the first squares is known to a quarter
+
 class Noisy : public Detector {
  public:
   explicit Noisy(const Settings& s)
@@ -32,7 +36,7 @@ class Noisy : public Detector {
 
   void reset() override {
     started_ = false;
-    own_ = OwnLevel(variance_, limit_);
+    own_ = OwnLevel(variance_, kWidest * limit_);
     persistence_.reset();
   }
 
@@ -67,7 +71,7 @@ class Noisy : public Detector {
     const double own = own_.level(), limit = limit_ * own;
     const double capped = std::min(square, limit * window_ / 3);
     mean_ += (capped - mean_) / window_;
-    const bool beyond = mean_ > limit;
+    const bool beyond = mean_ > (persistence_.active() ? kStill * limit : limit);
     if (!beyond) own_.follow(capped);
     const bool active = persistence_.update(estimate.time, beyond);
     detection = Detection();
@@ -100,7 +104,7 @@ class Noisy : public Detector {
   std::string quantity_, unit_;
   Arming arming_;
   double variance_, limit_, window_;  // limit_: of mean squares
-  OwnLevel own_{variance_, limit_};
+  OwnLevel own_{variance_, kWidest* limit_};
   Persistence persistence_;
   bool started_ = false;
   std::size_t at_ = 0;

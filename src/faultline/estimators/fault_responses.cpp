@@ -43,12 +43,14 @@ FaultResponses::FaultResponses(const Datasheet& sheet, const ResponseSettings& s
       point_(model_.nominal()),
       reference_(model_.no_sums()),
       known_(model_),
+      lost_(settings),
       confirmation_(settings) {
   reset();
 }
 
 void FaultResponses::reset() {
   event_ = explained_ = shows_ = false;
+  lost_.reset();
   confirmation_.withdraw();
   recent_.clear();
   point_ = model_.nominal();
@@ -89,7 +91,10 @@ Eigen::VectorXd FaultResponses::theta() const {
   return best_parameters(all, model_.parameters());
 }
 
-void FaultResponses::know_healthy() { known_.learn_healthy(point_, theta(), recent_); }
+void FaultResponses::know_healthy() {
+  if (lost()) return;  // what is not understood is not the usual
+  known_.learn_healthy(point_, theta(), recent_);
+}
 
 double FaultResponses::unexplained(const Stretch& stretch) const {
   const Eigen::VectorXd theta = this->theta();
@@ -151,6 +156,7 @@ bool FaultResponses::says_nothing_new() {
     most = std::max(most, beyond);
   }
   if (!event_) {
+    lost_.hear(last.begin, latest);
     if (latest <= news || most <= suspicion) {
       evidence_ = std::min(most, suspicion);
       return true;
@@ -189,7 +195,7 @@ void FaultResponses::weigh_all() {
 
 void FaultResponses::learn_parameters() {
   const bool calm = evidence_ < settings_.suspicion_fraction * settings_.threshold_evidence;
-  if (event_ || (stretches_ > settings_.early_stretches && !(calm && power_of_two(stretches_)))) return;
+  if (event_ || lost() || (stretches_ > settings_.early_stretches && !(calm && power_of_two(stretches_)))) return;
   for (std::size_t i = 0; i < settings_.parameter_moves && relinearise(); ++i) {
   }
 }
@@ -267,17 +273,22 @@ void FaultResponses::keep_healthy(const Recording& recording) {
 
 void FaultResponses::forget_oldest() {
   if (recent_.size() <= settings_.recent_stretches) return;
-  if (!event_ && recent_.front()->responded) {
-    const double kept = 1 - 1 / settings_.memory_stretches;
-    const double left = unexplained(*recent_.front()) - known_.inexplicable();
-    doubt_ = kept * doubt_ + (recent_.front()->weighed ? 0 : std::max(0.0, left));
-    reference_ = kept * reference_ + recent_.front()->sums;
-  } else if (window_.change && recent_.size() > window_.stretches + 1 && recent_.front()->responded) {
-    // Of before the fault: without it the parameters would be free to explain a part of the fault.
-    reference_ += recent_.front()->sums;
-  }
-  if (!event_) keep_healthy(recent_.front()->run.recording);
+  if (!lost()) remember_oldest();
   recent_.erase(recent_.begin());
+}
+
+void FaultResponses::remember_oldest() {
+  const Stretch& oldest = *recent_.front();
+  if (!event_ && oldest.responded) {
+    const double kept = 1 - 1 / settings_.memory_stretches;
+    const double left = unexplained(oldest) - known_.inexplicable();
+    doubt_ = kept * doubt_ + (oldest.weighed ? 0 : std::max(0.0, left));
+    reference_ = kept * reference_ + oldest.sums;
+  } else if (window_.change && recent_.size() > window_.stretches + 1 && oldest.responded) {
+    // Of before the fault: without it the parameters would be free to explain a part of the fault.
+    reference_ += oldest.sums;
+  }
+  if (!event_) keep_healthy(oldest.run.recording);
 }
 
 // ---- hypotheses
@@ -519,9 +530,11 @@ void FaultResponses::find_healthy_or_fault() {
   }
   // Screening takes the model's answer for linear and so finds too much, never too little by far.
   evidence_ = screened.empty() ? 0 : screened.front().evidence;
-  const double limit = (event_ ? settings_.release_fraction : 1.0) * settings_.threshold_evidence;
+  const double limit = event_ ? settings_.release_fraction * settings_.threshold_evidence
+                              : std::max(settings_.threshold_evidence, lost_.least());
   if (evidence_ < limit) {
-    if (!event_) known_.learn_inexplicable((unexplained() - doubt_ - evidence_) / static_cast<double>(recent_.size()));
+    if (!event_ && !lost())
+      known_.learn_inexplicable((unexplained() - doubt_ - evidence_) / static_cast<double>(recent_.size()));
     end_event();
     return;
   }
@@ -544,7 +557,8 @@ void FaultResponses::find_healthy_or_fault() {
   if (!second_.empty()) know_fault(now);
   if (!event_ || window_.stretches < suspected) {
     const std::size_t healthy = recent_.size() - window_.stretches;
-    since_ = recent_[healthy]->begin;
+    since_ = lost() ? std::min(lost_.since(), recent_[healthy]->begin) : recent_[healthy]->begin;
+    lost_.reset();
     if (window_.change && healthy > 0) before_ = recent_[healthy - 1]->run.recording;
     event_ = true;
     young_ = window_.change && stretches_ <= settings_.early_stretches;

@@ -30,6 +30,7 @@
 #include "faultline/estimators/confirmation.h"
 #include "faultline/estimators/fault_search.h"
 #include "faultline/estimators/known_model.h"
+#include "faultline/estimators/lost_model.h"
 #include "faultline/estimators/plausibility.h"
 
 namespace faultline {
@@ -59,12 +60,15 @@ class FaultResponses {
   // Faults at every place of the rig would have shown so far: it moved, or is held where all of them show.
   bool shows() const { return shows_; }
   // s, start of the first stretch that shows it
-  double since() const { return reading_.is_stuck() ? reading_.since : since_; }
+  double since() const { return lost() ? lost_.since() : reading_.is_stuck() ? reading_.since : since_; }
+  // No cause was found for what the model does not follow, stretch after stretch.
+  bool lost() const { return !event_ && !explained_ && lost_.lost(); }
   // Of the best, refined or not; of a stretch not looked at closely, what there could be at most; of what is not
   // confirmed no more than the threshold. While no fault is there but residuals hold more than the rig without faults
-  // explains (explained_ratio), or the model is far off it, at least weighed_from().
+  // explains (explained_ratio), or the model is far off it, at least weighed_from(); where it is lost, the threshold.
   double evidence() const {
     if (event_) return confirmation_.given() ? evidence_ : std::min(evidence_, settings_.threshold_evidence);
+    if (lost()) return std::max(lost_.evidence(), settings_.threshold_evidence);
     return explained_ ? evidence_ : std::max(evidence_, weighed_from(settings_));
   }
   std::uint64_t runs() const { return model_.runs(); }  // of the model so far
@@ -101,6 +105,7 @@ class FaultResponses {
   Eigen::MatrixXd known_from(const Eigen::VectorXd& step) const;
   void move(const Eigen::VectorXd& step);
   void forget_oldest();
+  void remember_oldest();
   double speaks_for() const;  // evidence of the latest stretch alone for the fault, as it was found
   bool over() const { return speaks_for() < -settings_.over_evidence; }  // it no longer shows it
   void doubt_once_more();
@@ -141,6 +146,7 @@ class FaultResponses {
   std::map<std::size_t, double> candidates_;  // amplitudes of the hypotheses that explained the fault best
   double since_ = 0, evidence_ = 0, refined_at_ = 0, refined_amplitude_ = 0;
   KnownModel known_;
+  LostModel lost_;
   Confirmation confirmation_;   // of the event
   OtherReading reading_;        // of the event
   ModelPoint known_before_;     // of the rig, when the event was found

@@ -85,7 +85,7 @@ class ResponseEstimator : public Estimator {
     estimate.observed = begun ? 0 : 1;
     // Here only now and then; readers may keep it, so it is never written again.
     auto ranking = std::make_shared<Ranking>(ranking_);
-    ranking->since = estimate.time - (ranking_.first.empty() ? 0 : time_ - ranking_.since);
+    ranking->since = estimate.time - (ranking_.first.empty() && !lost_ ? 0 : time_ - ranking_.since);
     ranking->judged_until = estimate.time - (time_ - judged_);
     estimate.ranking = std::move(ranking);
   }
@@ -104,6 +104,7 @@ class ResponseEstimator : public Estimator {
   // What was worked out; the worker may then go on with the next stretch.
   void take_over() {
     ranking_.since = responses_.since();
+    lost_ = responses_.lost();
     ranking_.threshold = settings_.threshold_evidence;
     ranking_.evidence = responses_.evidence();
     ranking_.shows = responses_.shows();
@@ -140,7 +141,7 @@ class ResponseEstimator : public Estimator {
   StretchCollector collector_;
   FaultResponses responses_;  // the worker's while work_ is valid, but for hypotheses()
   std::future<void> work_;
-  bool news_ = false;
+  bool news_ = false, lost_ = false;
   double time_ = 0, judged_ = 0, ended_ = 0;  // s since the stage began
   std::vector<bool> needed_, drives_;         // the model: commands and inputs
   std::vector<double> values_;

@@ -352,6 +352,8 @@ bool IsolationStage::explained(const Watched& w) const {
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     const Finding& f = finding(i);
     if (!names_the_cause(i)) return false;
+    // No cause, which is what the detector says too.
+    if (f.kind == AlarmKind::unknown && f.equivalent.empty() && w.meaning.kind == AlarmKind::unknown) return true;
     // No single cause, yet all were weighed: what is not among the nearest is none.
     if (f.kind == AlarmKind::unknown)
       return w.meaning.kind == AlarmKind::fault && !f.equivalent.empty() && !among(f.equivalent, w.named);

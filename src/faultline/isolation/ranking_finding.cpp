@@ -73,8 +73,10 @@ void RankingFinding::weigh(Finding& finding) {
                         (!heard_->doubt.empty() || (!heard_->first.empty() && at_bound(heard_->first.front())));
   if (ranked.empty() || of_first) {
     offset_port_.clear();
-    finding.active = held_ = drifts_ = false;
+    held_ = drifts_ = false;
     told_ = named_ = -1;
+    finding.active = !options_.second && heard_->first.empty() && heard_->evidence > heard_->threshold;
+    if (finding.active) tell_lost(finding);
     return;
   }
   if (!held_) {
@@ -98,6 +100,17 @@ void RankingFinding::weigh(Finding& finding) {
   finding.since = heard_->since;  // another cause may have begun at another time
   write(ranked, finding);
   tell_drift(finding);
+}
+
+// There is as much to explain as a fault takes, and no cause.
+void RankingFinding::tell_lost(Finding& finding) const {
+  finding.kind = AlarmKind::unknown;
+  finding.effect = finding.port = "";
+  finding.equivalent.clear();
+  finding.has_size = false;
+  finding.confidence = 1;
+  finding.since = heard_->since;
+  finding.text = "Something changed, and none of the effects that are weighed explains it";
 }
 
 // Of the transducer whose offset explains most, be it named or not: which of several causes it is may show late.
