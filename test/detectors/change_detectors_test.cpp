@@ -235,13 +235,34 @@ TEST(NoisyDetector, TakesARigsOwnNoiseForItsOwn) {
   const auto other = make("noisy", settings);
   Feeder bad(*other);
   int told = 0;
-  for (int k = 0; k < 20000; ++k) told += bad.feed(4 * random.normal());
+  for (int k = 0; k < 20000; ++k) told += bad.feed(6 * random.normal());
   EXPECT_GT(told, 19000);
-  EXPECT_NEAR(bad.detection.size, std::sqrt(15), 0.4);  // of the stretches that are beyond
+  EXPECT_NEAR(bad.detection.size, std::sqrt(35), 0.4);
   const auto quieter = make("noisy", settings);
   Feeder quiet(*quieter);
   for (int k = 0; k < 20000; ++k) ASSERT_FALSE(quiet.feed(0.2 * random.normal()));
   for (int k = 0; k < 20000; ++k) ASSERT_FALSE(quiet.feed(random.normal()));  // no more than the datasheet's
+}
+
+// Noise beside the limit neither comes and goes nor, from the first sample on, counts for more than it is.
+TEST(NoisyDetector, BesideTheLimitItDoesNotFlicker) {
+  const std::map<std::string, double> settings = {{"noise", 1}, {"limit", 3}, {"window", 10}, {"release_time", 0.5}};
+  const auto always = make("noisy", settings);
+  Feeder from_the_start(*always);
+  Random random(10);
+  for (int k = 0; k < 20000; ++k) ASSERT_FALSE(from_the_start.feed(3 * random.normal())) << k;
+  const auto later = make("noisy", settings);
+  Feeder run(*later);
+  for (int k = 0; k < 5000; ++k) ASSERT_FALSE(run.feed(random.normal())) << k;
+  int raised = 0;
+  bool told = false;
+  for (int k = 0; k < 20000; ++k) {
+    const bool now = run.feed(3.2 * random.normal());
+    raised += now && !told;
+    told = now;
+  }
+  EXPECT_TRUE(told);
+  EXPECT_EQ(raised, 1);
 }
 
 TEST(InnovationTest, TakesTheNoiseOfTheRigForGranted) {

@@ -1,6 +1,7 @@
 // Which of two isolators has the say: one that knows the faults of a table, and one that weighed every effect.
 #include <gtest/gtest.h>
 
+#include "faultline/detectors/detector.h"
 #include "faultline/isolation/isolation_stage.h"
 #include "faultline/isolation/isolator.h"
 
@@ -10,8 +11,16 @@ namespace {
 // Says what the test put here, for the isolator of its stage's name.
 struct Said {
   Finding table, all;
+  bool watch = false;
 };
 Said said;
+
+class Watch : public Detector {
+ public:
+  Watch(const Datasheet&, const StageSpec&) {}
+  void reset() override {}
+  void process(const Estimate&, Detection& detection) override { detection.active = said.watch; }
+};
 
 class Table : public Isolator {
  public:
@@ -29,6 +38,7 @@ class All : public Table {
   double judged_until() const override { return 0; }  // long ago: what it found then stands until it says otherwise
 };
 
+FAULTLINE_DETECTOR(says_watch, {"says_watch", make_detector_of<Watch>});
 FAULTLINE_ISOLATOR(says_table, {"says_table", make_isolator_of<Table>});
 FAULTLINE_ISOLATOR(says_all, {"says_all", make_isolator_of<All>});
 
@@ -51,6 +61,9 @@ class WhoHasTheSay : public ::testing::Test {
   static Datasheet sheet() {
     Datasheet sheet;
     sheet.rig = "one";
+    sheet.detectors = {
+        {"watch", "says_watch",
+         Settings("test", {}, {}, {{"kind", "sensor"}, {"effect", "stuck"}, {"port", "sensor.a"}, {"text", "stuck"}})}};
     sheet.isolators = {{"table", "says_table", Settings("test", {}, {}, {})},
                        {"all", "says_all", Settings("test", {}, {}, {})}};
     return sheet;
@@ -60,11 +73,12 @@ class WhoHasTheSay : public ::testing::Test {
     const Assessment& heard = stage_.process(estimate_);
     table_ = heard.isolators[0].reason;
     all_ = heard.isolators[1].reason;
+    watch_ = heard.detectors[0].reason;
   }
 
   Estimate estimate_;
   IsolationStage stage_;
-  Reason table_{}, all_{};
+  Reason table_{}, all_{}, watch_{};
 };
 
 TEST_F(WhoHasTheSay, ATableAloneIsTold) {
@@ -102,6 +116,28 @@ TEST_F(WhoHasTheSay, OneCauseIsOneAlarm) {
   hear();
   EXPECT_EQ(table_, Reason::told);
   EXPECT_EQ(all_, Reason::told_by_another);
+}
+
+// The isolator had another cause until it saw what the detector had told already, or saw it first.
+TEST_F(WhoHasTheSay, OneStuckTransducerIsOneAlarm) {
+  said.all = found("scale", "command.valve");
+  hear();
+  said.watch = true;
+  hear();
+  EXPECT_EQ(watch_, Reason::told);
+  EXPECT_EQ(all_, Reason::told);
+  said.all = found("stuck", "sensor.a");
+  hear();
+  EXPECT_EQ(watch_, Reason::told);
+  EXPECT_EQ(all_, Reason::told_by_another);
+  said.watch = false;
+  hear();
+  EXPECT_EQ(watch_, Reason::absent);
+  EXPECT_EQ(all_, Reason::told);
+  said.watch = true;
+  hear();
+  EXPECT_EQ(watch_, Reason::told_by_another);
+  EXPECT_EQ(all_, Reason::told);
 }
 
 }  // namespace

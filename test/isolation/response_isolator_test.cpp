@@ -87,6 +87,20 @@ TEST_F(ResponseIsolation, WhatIsNotConfirmedIsUndecided) {
   EXPECT_TRUE(std::isnan(isolator_->undecided_since()));
 }
 
+TEST_F(ResponseIsolation, MoreThanAFaultTakesAndNoCauseIsTold) {
+  left_ = 40;
+  const Finding& f = hear({});
+  ASSERT_TRUE(f.active);
+  EXPECT_EQ(f.kind, AlarmKind::unknown);
+  EXPECT_TRUE(f.effect.empty());
+  EXPECT_TRUE(f.equivalent.empty());
+  EXPECT_FALSE(f.has_size);
+  EXPECT_EQ(f.since, 7);
+  EXPECT_EQ(hear({cause("orifice_leakage", kSeal, 3, 100)}).effect, "orifice_leakage");
+  left_ = 2;
+  EXPECT_FALSE(hear({}).active);
+}
+
 TEST_F(ResponseIsolation, RivalsWithinTheMarginAreEquivalent) {
   // 2 % of the evidence, at least 3: 4.
   const Finding& f = hear({cause("orifice_leakage", kSeal, 3, 200), cause("laminar_leakage", kOutside, 8, 196.5),

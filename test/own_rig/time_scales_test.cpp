@@ -44,6 +44,20 @@ TEST(TimeScales, AChainIsSlowerThanItsModes) {
   EXPECT_NEAR(test.scales.settling_s, 13.7, 1.5);
 }
 
+// The chamber follows a step of the coil within few samples; a tank's level never bends.
+TEST(TimeScales, HowLongTheModelsOwnMotionLooksLikeNoise) {
+  const Datasheet tanks = own_rig("two_tanks"), valve = own_rig("fast_valve");
+  const StepTest slow = step_test(tanks), fast = step_test(valve);
+  ASSERT_EQ(slow.bends.size(), tanks.channels.size());
+  const Bends& level = slow.bends[static_cast<std::size_t>(tanks.channel("lower_level"))];
+  EXPECT_EQ(level.noise, 1);
+  EXPECT_EQ(level.samples, 0);
+  for (const Bends& bends : fast.bends) {
+    EXPECT_GE(bends.noise, 1);
+    EXPECT_LE(bends.samples, 50);
+  }
+}
+
 TEST(TimeScales, RigWithoutEquations) {
   Datasheet sheet = own_rig("two_tanks");
   sheet.rig = "steam_engine";

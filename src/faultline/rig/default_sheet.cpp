@@ -44,11 +44,11 @@ constexpr double kLongestLatency = 1;  // s: what a judgement takes
 constexpr double kFit = 5;
 constexpr double kFitSamples = 20;  // at least, over which that is averaged
 constexpr double kFrozenPerHour = 1e-3, kFewestEqual = 5, kMostEqual = 1000;
-constexpr double kRounded = 2;       // resolutions over noise, from which equal readings are nothing unusual
+constexpr double kRounded = 2;  // resolutions over noise, from which equal readings are nothing unusual
 // Of how long the model's own motion bends, and windows more: a recording moves otherwise than the step test.
 constexpr double kBendReserve = 1.5, kBendWindows = 2;
-constexpr double kHold = 100;        // sample periods after which an alarm of a transducer is over
-constexpr double kGap = 100;         // sample periods without a sample, after which estimators begin anew
+constexpr double kHold = 100;  // sample periods after which an alarm of a transducer is over
+constexpr double kGap = 100;   // sample periods without a sample, after which estimators begin anew
 
 double rounded(double value) { return std::stod(fmt::format("{:.3g}", value)); }
 // Of a command, whose range may be narrow against its values.
@@ -253,7 +253,7 @@ class Completer {
       if (stage.empty() && spec.type == "fault_response") stage = spec.name;
     if (stage.empty()) return;
     const std::map<std::string, double> numbers = {
-        {"rival", 0.02}, {"rival_least", 3}, {"most_rivals", 6}, {"model_error", 0.1}};
+        {"rival", 0.02}, {"rival_least", 3}, {"most_rivals", 6}, {"model_error", 0.1}, {"least_share", 0.02}};
     sheet_.isolators.push_back({"fault", "response", settings("fault", numbers, {{"stage", stage}})});
     std::map<std::string, double> second = numbers;
     second["place"] = 2;
