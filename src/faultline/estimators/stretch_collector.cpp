@@ -94,4 +94,26 @@ std::unique_ptr<Recording> StretchCollector::add(double time, const double* chan
   return nullptr;
 }
 
+bool moves(const Datasheet& sheet, const Recording& stretch) {
+  constexpr double kMoves = 3;          // a nuisance in a transducer is up to twice its noise
+  constexpr double kLeastShare = 0.01;  // of the range: what a controller makes of noise is less
+  const std::size_t width = sheet.channels.size(), rows = stretch.time.size();
+  for (std::size_t c = 0; c < width; ++c) {
+    const Channel& channel = sheet.channels[c];
+    if (channel.role == Role::setpoint || channel.ground_truth) continue;
+    double count = 0, mean = 0, squares = 0;
+    for (std::size_t row = 0; row < rows; ++row) {
+      const double value = stretch.values[row * width + c];
+      if (!std::isfinite(value)) continue;
+      const double off = value - mean;
+      mean += off / ++count;
+      squares += off * (value - mean);
+    }
+    const double sigma = std::hypot(channel.noise_std, channel.resolution / std::sqrt(12.0));
+    const double most = std::max(kMoves * sigma, kLeastShare * (channel.maximum - channel.minimum));
+    if (count > 1 && squares / count > most * most) return true;
+  }
+  return false;
+}
+
 }  // namespace faultline

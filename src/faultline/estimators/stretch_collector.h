@@ -41,4 +41,7 @@ class StretchCollector {
   double due_ = 0;                          // ... and when the next of those every `every_s`
 };
 
+// Whether a command or a transducer does more in a stretch than its noise, as standard deviations go.
+bool moves(const Datasheet& sheet, const Recording& stretch);
+
 }  // namespace faultline
