@@ -72,7 +72,7 @@ class Noisy : public Detector {
     const double capped = std::min(square, limit * window_ / 3);
     mean_ += (capped - mean_) / window_;
     const bool beyond = mean_ > (persistence_.active() ? kStill * limit : limit);
-    if (!beyond) own_.follow(capped);
+    if (!beyond && !persistence_.active()) own_.follow(capped);
     const bool active = persistence_.update(estimate.time, beyond);
     detection = Detection();
     detection.active = active;
