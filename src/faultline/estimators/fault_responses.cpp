@@ -134,8 +134,8 @@ bool FaultResponses::says_nothing_new() {
     most = std::max(most, beyond);
   }
   if (!event_) {
-    lost_.hear(last.begin, latest);
     if (latest <= news || most <= suspicion) {
+      lost_.hear(last.begin, latest);
       evidence_ = std::min(most, suspicion);
       return true;
     }
@@ -463,6 +463,7 @@ void FaultResponses::judge_stretch() {
   }
   const double left = unexplained();
   explained_ = !event_ && left < settings_.explained_ratio * settings_.threshold_evidence && !far_off(*recent_.back());
+  if (!event_) lost_.hear(recent_.back()->begin, explained_ ? 0 : known_.beyond(*recent_.back()));
   // Now and then causes are weighed for less, so that what no cause explains is known anew.
   const double explicable = due ? left : unexplained(known_.inexplicable());
   if (!event_ && settings_.refresh_stretches > 1 && explicable < weighed_from(settings_)) {

@@ -17,7 +17,8 @@ class LostModel {
         strange_(settings.lost_fraction * settings.threshold_evidence),
         stretches_(settings.lost_stretches) {}
 
-  // A stretch that began at `begin` [s], with so much beyond what is usual.
+  // A stretch that began at `begin` [s], with so much beyond what is usual; 0 of one that the rig without faults explains
+  // once its parameters are learnt anew.
   void hear(double begin, double beyond) {
     if (beyond <= (lost() ? new_ : strange_)) return reset();
     if (count_++ == 0) since_ = begin;
