@@ -17,8 +17,8 @@ class LostModel {
         strange_(settings.lost_fraction * settings.threshold_evidence),
         stretches_(settings.lost_stretches) {}
 
-  // A stretch that began at `begin` [s], with so much beyond what is usual; 0 of one that the rig without faults explains
-  // once its parameters are learnt anew.
+  // A stretch that began at `begin` [s], with so much beyond what is usual; 0 of one that parameters, learnt anew,
+  // explain.
   void hear(double begin, double beyond) {
     if (beyond <= (lost() ? new_ : strange_)) return reset();
     if (count_++ == 0) since_ = begin;
@@ -27,8 +27,7 @@ class LostModel {
   void reset() { *this = LostModel(new_, strange_, stretches_); }
 
   bool lost() const { return count_ >= stretches_; }
-  bool strange() const { return count_ > 0; }  // what may become that
-  double since() const { return since_; }      // s
+  double since() const { return since_; }  // s
   double evidence() const { return evidence_; }
   // What a cause must explain at least to be the one: half of what came in over as many stretches.
   double least() const {
