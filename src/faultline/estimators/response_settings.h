@@ -45,7 +45,7 @@ struct ResponseSettings {
   double weighed_fraction = 0.6;       // ... and below which, beyond white noise, causes are not weighed: none is told
   double followed_fraction = 0.02;     // of the evidence of a fault that is known: misfit from which it is followed
   // The same beyond what is usual, that no cause explains, from which in so many stretches in a row the model has lost
-  // the rig: of healthy rigs two in a row reach it (10 h), a ripple of three noise widths does in four.
+  // the rig. Found on few runs: a healthy servo actuator reached it in two (10 h), a ripple of a supply in all.
   double lost_fraction = 0.75;
   std::size_t lost_stretches = 4;
   double least_nuisance_amplitude = 0.05;  // of a nuisance effect, from which it is in the model of what is known
