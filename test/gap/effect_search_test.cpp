@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "faultline/gap/size_search.h"
+#include "rigs/pump_cylinder/runs.h"
 #include "rigs/servo_actuator/runs.h"
 
 namespace faultline {
@@ -42,10 +43,10 @@ std::vector<SegmentedRun> runs_with(const std::vector<std::string>& effects, dou
 }
 
 // Candidates at these ports only.
-GapSettings among(const std::vector<std::string>& ports) {
+GapSettings among(const Datasheet& sheet, const std::vector<std::string>& ports) {
   GapSettings settings;
   settings.jobs = 2;
-  for (const Port& port : servo().ports)
+  for (const Port& port : sheet.ports)
     if (std::find(ports.begin(), ports.end(), port.name) == ports.end())
       for (const FittingEffect& fitting : port.effects) settings.without.push_back(fitting.effect + "@" + port.name);
   return settings;
@@ -56,7 +57,7 @@ const GapProgress kSilent;
 
 EffectSearch search_among(const std::vector<std::string>& ports, const std::vector<std::string>& effects,
                           double noisy = 0) {
-  const GapSettings settings = among(ports);
+  const GapSettings settings = among(servo(), ports);
   GapTrials work(servo(), runs_with(effects, noisy), kFolds, {0, 1}, settings, kSilent);
   return search_effects(work, 3, 0.05);
 }
@@ -79,7 +80,7 @@ TEST(Narrow, FindsTheDeepestOfSeveralValleys) {
 
 // Candidates that only do harm, from sizes that one round of fitting does not bring back.
 TEST(GapTrials, TheBestIsScoredWhereNoneWins) {
-  const GapSettings settings = among({"force.piston", "flow.chamber_a_tank"});
+  const GapSettings settings = among(servo(), {"force.piston", "flow.chamber_a_tank"});
   GapTrials work(servo(), runs_with({}), kFolds, {0, 1}, settings, kSilent);
   ModelChange nominal;
   nominal.parameters = servo().nominal();
@@ -101,7 +102,7 @@ TEST(GapTrials, TheBestIsScoredWhereNoneWins) {
 
 // A refit that stands beside the rig: what an effect wins with better parameters is the parameters'.
 TEST(GapTrials, AModelBesideTheRigIsBetterWithoutTheEffect) {
-  const GapSettings settings = among({"force.piston"});
+  const GapSettings settings = among(servo(), {"force.piston"});
   GapTrials work(servo(), runs_with({}), kFolds, {0, 1}, settings, kSilent);
   ModelChange beside;
   beside.parameters = servo().nominal();
@@ -134,7 +135,7 @@ TEST(EffectSearch, FindsBothOfTwoBesideQuietTransducers) {
                      parse_effect("offset@sensor.chamber_b_pressure:value=6000")};
     runs.push_back(cut_run(servo(), profile, simulate(quiet, setup, 6), kSegment));
   }
-  const GapSettings settings = among({"restriction.valve", "sensor.chamber_b_pressure"});
+  const GapSettings settings = among(servo(), {"restriction.valve", "sensor.chamber_b_pressure"});
   GapTrials work(servo(), std::move(runs), kFolds, {0, 1}, settings, kSilent);
   const EffectSearch search = search_effects(work, 3, 0.05);
   EXPECT_NE(found(search).find("deadband@restriction.valve"), std::string::npos) << found(search);
@@ -150,12 +151,11 @@ TEST(EffectSearch, OfTwoLawsTheOneIsTakenThatDoesBestInBoth) {
     setup.effects = {parse_effect("orifice_leakage@flow.chamber_a_chamber_b:coefficient=3e-9")};
     runs.push_back(cut_run(servo(), profile, simulate(servo(), setup, 12), kSegment));
   }
-  const GapSettings settings = among({"flow.chamber_a_chamber_b"});
+  const GapSettings settings = among(servo(), {"flow.chamber_a_chamber_b"});
   GapTrials work(servo(), std::move(runs), kFolds, {0, 1}, settings, kSilent);
   EXPECT_EQ(found(search_effects(work, 1, 0.05)), "orifice_leakage@flow.chamber_a_chamber_b ");
 }
 
-// From a starting point far off, the play has a valley that a Gauss-Newton step does not find.
 // A spring of twice what the datasheet thinks of: what the end of its range leaves is no second effect's.
 TEST(EffectSearch, ASizeMayLieBeyondTheRange) {
   const EffectSearch search = search_among({"force.piston"}, {"load_force@force.piston:constant=0,stiffness=2e4"});
@@ -163,6 +163,7 @@ TEST(EffectSearch, ASizeMayLieBeyondTheRange) {
   EXPECT_NEAR(search.base.effects.front().effect.parameters[1], 2e4, 1e3);
 }
 
+// From a starting point far off, the play has a valley that a Gauss-Newton step does not find.
 TEST(EffectSearch, FindsAPlay) {
   const EffectSearch search =
       search_among({"transmission.rod", "compliance.chambers"}, {"backlash@transmission.rod:gap=0.003"});
@@ -199,10 +200,26 @@ TEST(EffectSearch, GoesOnWhileTheGapIsLarge) {
   EXPECT_NE(found(search).find("ripple@source.supply_pressure"), std::string::npos) << found(search);
 }
 
+// From sample to sample the second lag is no likelier than what it takes away; over segments it closes all that is left.
+TEST(EffectSearch, FindsALagBesideALag) {
+  const std::vector<std::string> effects = {"lag@command.pump2_speed:time_constant=0.003",
+                                            "lag@sensor.chamber_b_pressure:time_constant=0.03"};
+  std::vector<SegmentedRun> runs;
+  for (const char* profile : {"multisine", "varied_steps"}) {
+    SimulationSetup setup = cylinder_off_nominal(profile, 21 + runs.size());
+    setup.parameters = draw_parameters(cylinder(), 21);
+    for (const std::string& effect : effects) setup.effects.push_back(parse_effect(effect));
+    runs.push_back(cut_run(cylinder(), profile, simulate(cylinder(), setup, 8), kSegment));
+  }
+  const GapSettings settings = among(cylinder(), {"command.pump2_speed", "sensor.chamber_b_pressure"});
+  GapTrials work(cylinder(), std::move(runs), kFolds, {0, 1}, settings, kSilent);
+  EXPECT_EQ(found(search_effects(work, 3, 0.05)), "lag@command.pump2_speed lag@sensor.chamber_b_pressure ");
+}
+
 // An oil column that is not worth it alone, in what a leak leaves, is on trial until the leak is found beside it; where
 // both together are not worth it either, all is as it was before.
 TEST(EffectSearch, WhatIsNotWorthItAloneMayBeWithAnother) {
-  GapSettings settings = among({"line.valve_cylinder", "flow.chamber_a_chamber_b"});
+  GapSettings settings = among(servo(), {"line.valve_cylinder", "flow.chamber_a_chamber_b"});
   settings.without.push_back("orifice_leakage");
   const auto search_with = [&](double evidence_fraction, int most_effects) {
     settings.options.search.evidence_fraction = evidence_fraction;
