@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "faultline/gap/input_noise.h"
 #include "faultline/gap/missing_signal.h"
@@ -157,22 +155,19 @@ double closes(const GapTrials& work, const EffectSearch& now, const Structure& b
 bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch& now, const Structure& best,
           double quiet_variances) {
   const GapOptions::Search& options = work.options().search;
-  const double half = work.options().verdict.hidden_shrink_fraction;
-  // Of what restarts hide the likelihood says too much: beside others it must close as much of what they leave as a
-  // first one must of the gap (verdict.h).
-  if (!now.base.effects.empty() && !restarts_freely(best.fit.effects.back().effect) && closes(work, now, best) < half)
-    return false;
-  if (&certain != &now && closes(work, certain, best) < half) return false;
-  // The likelihood takes each step of the model as straight. What a play does with what it remembers is not, and it
-  // may be unlikely from sample to sample that closes all of a gap over segments which its fit did not see.
-  const double left = mean_excess(best.held_out, work.held_out_values()), share = closes(work, now, best);
   const GapOptions::Verdict& verdict = work.options().verdict;
-  if (!restarts_freely(best.fit.effects.back().effect)) {
-    if (left < quiet_variances && share > verdict.closed_shrink_fraction) return true;
-    if (now.base.effects.empty() && share > verdict.hidden_closed_fraction &&
-        mean_excess(now.losses, work.held_out_values()) > verdict.material_excess_variances)
-      return true;
-  }
+  const bool first = now.base.effects.empty(), hidden = !restarts_freely(best.fit.effects.back().effect);
+  const double share = closes(work, now, best), left = mean_excess(best.held_out, work.held_out_values());
+  // Beside others a cause closes a good part of what they leave: less is what a cause leaves that is not quite what the
+  // rig has. Of what restarts hide the likelihood says too much: it must close as much as a first one must of the gap.
+  if (!first && share < (hidden ? verdict.hidden_shrink_fraction : options.further_closed_fraction)) return false;
+  if (&certain != &now && closes(work, certain, best) < verdict.hidden_shrink_fraction) return false;
+  // The likelihood takes each step of the model as straight. What a play does with what it remembers is not, and it
+  // may be unlikely from sample to sample that closes all of a large gap, or all that others leave, over segments which
+  // its fit did not see.
+  const bool large = mean_excess(now.losses, work.held_out_values()) > verdict.material_excess_variances;
+  if (hidden && (large || !first) && left < quiet_variances && share > verdict.closed_shrink_fraction) return true;
+  if (hidden && large && first && share > verdict.hidden_closed_fraction) return true;
   const double loss = loss_of(work, now.noise, best);
   const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
   return won > options.evidence_fraction * certain.after.loss && won > options.further_evidence_fraction * before;
@@ -341,8 +336,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
   std::optional<Certain> certain;
   for (int round = 0; round < most_effects;) {
     const double excess = typical_excess(search.score, values);
-    static const double kk = getenv("KK") ? atof(getenv("KK")) : 1e9;
-    const bool large = excess > work.options().verdict.material_excess_variances || excess > kk * quiet_variances;
+    const bool large = excess > work.options().verdict.material_excess_variances;
     if (excess < quiet_variances || !more_to_find(work.options().search, search, large)) break;
     const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
     const std::vector<Structure> screened = work.screen(search.base, from, from + 0.5 * width);
@@ -362,13 +356,6 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     if (round == 0) {
       search.ranked = structures;
       search.ranked.insert(search.ranked.end(), rest.begin(), rest.end());
-    }
-    if (getenv("DBG")) {
-      const EffectSearch& cert = certain ? certain->search : search;
-      const auto& b = best.fit.effects.back();
-      const double loss = loss_of(work, search.noise, best);
-      fmt::print(stderr, "DECIDE {} {}@{} {} closes {:.4f} of {:.4f} left {:.4f} typ {:.4f} to {:.4f} quiet {:.4f} certain {:.1f} before {:.1f} won {:.1f} free {:.1f}@{} free_before {:.1f} restarts {} trial {} gains {} pays {}\n", round, b.effect.effect, b.effect.port, fmt::join(b.effect.parameters, ","), closes(work, search, best), mean_excess(search.losses, values), mean_excess(best.held_out, values), excess, typical_excess(best.score, values), quiet_variances, cert.after.loss, cert.before.loss - cert.after.loss, cert.after.loss - loss, search.after.places.front().gain, search.after.places.front().port, search.before.places.front().gain, restarts_freely(b.effect), bool(certain), gains(work, search, best), pays(work, cert, search, best, quiet_variances));
-      for (const Structure& s : structures) fmt::print(stderr, "   {}@{} {} quick {:.1f} score {:.2f} (base {:.2f}) closes {:.3f}\n", s.fit.effects.back().effect.effect, s.fit.effects.back().effect.port, fmt::join(s.fit.effects.back().effect.parameters, ","), s.quick, sum(s.score), sum(search.score), closes(work, search, s));
     }
     if (!gains(work, search, best)) break;
     if (pays(work, certain ? certain->search : search, search, best, quiet_variances)) {
