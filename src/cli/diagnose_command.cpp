@@ -180,9 +180,7 @@ void print_report(const RecordingFacts& facts, const Diagnosis& diagnosis, const
     std::string line = fmt::format("{:>9.2f} {:>9} {:>9.2f}  {:<8} {}", alarm.since - facts.start,
                                    alarm.active ? "end" : fmt::format("{:.2f}", alarm.until - facts.start),
                                    alarm.raised - facts.start, to_string(alarm.kind), place);
-    if (alarm.has_size)
-      line += fmt::format("{}{}={:.3g} {} (90 %: {:.3g} to {:.3g})", place.empty() ? "" : " ", alarm.size_name,
-                          alarm.size, alarm.size_unit, alarm.low, alarm.high);
+    if (alarm.has_size) line += fmt::format("{}{}={}", place.empty() ? "" : " ", alarm.size_name, told_size(alarm));
     fmt::print("{}{}{}\n", line, place.empty() && !alarm.has_size ? "" : ": ", alarm.text);
   }
 }

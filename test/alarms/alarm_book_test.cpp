@@ -35,6 +35,22 @@ const Alarm& after(AlarmBook& book, const std::vector<Finding>& findings) {
   return book.report.alarms.back();
 }
 
+TEST(ToldSize, HasTheDigitsThatTellItsBoundsApart) {
+  Alarm alarm;
+  EXPECT_EQ(told_size(alarm), "");
+  alarm.has_size = true;
+  alarm.size_unit = "1";
+  alarm.size = 1.0123, alarm.low = 1.0101, alarm.high = 1.0145;
+  EXPECT_EQ(told_size(alarm), "1.012 (90 %: 1.01 to 1.014)");
+  alarm.size_unit = "bar";
+  alarm.size = 20, alarm.low = 15.5, alarm.high = 24.51;
+  EXPECT_EQ(told_size(alarm), "20 bar (90 %: 15.5 to 24.5)");
+  alarm.low = 20 - 1e-9, alarm.high = 20 + 1e-9;  // no more than six
+  EXPECT_EQ(told_size(alarm), "20 bar (90 %: 20 to 20)");
+  alarm.low = alarm.high = 20;
+  EXPECT_EQ(told_size(alarm), "20 bar");
+}
+
 TEST(AlarmBook, TheMostCertainSizeIsLeft) {
   AlarmBook book(10);
   const Alarm& leak =

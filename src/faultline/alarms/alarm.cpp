@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <tuple>
 
+#include <fmt/format.h>
+
 namespace faultline {
 namespace {
 
@@ -24,6 +26,19 @@ const Alarm* first_of(const AlarmReport& report, const Counts& counts) {
 }
 
 }  // namespace
+
+std::string told_size(const Alarm& alarm) {
+  if (!alarm.has_size) return {};
+  const std::string unit = alarm.size_unit == "1" || alarm.size_unit.empty() ? "" : " " + alarm.size_unit;
+  if (!(alarm.low < alarm.high)) return fmt::format("{:.3g}{}", alarm.size, unit);
+  std::string size, low, high;
+  for (int digits = 3; digits <= 6 && (size == low || size == high || low == high); ++digits) {
+    size = fmt::format("{:.{}g}", alarm.size, digits);
+    low = fmt::format("{:.{}g}", alarm.low, digits);
+    high = fmt::format("{:.{}g}", alarm.high, digits);
+  }
+  return fmt::format("{}{} (90 %: {} to {})", size, unit, low, high);
+}
 
 AlarmLevel worst(const AlarmReport& report) {
   AlarmLevel level = AlarmLevel::ok;

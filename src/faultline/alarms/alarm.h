@@ -58,6 +58,10 @@ struct AlarmReport {
   double undecided_since = std::numeric_limits<double>::quiet_NaN();
 };
 
+// The size with its unit and its bounds, with as many digits as tell them apart, three at least and six at most; empty
+// where it has none.
+std::string told_size(const Alarm& alarm);
+
 // Worst first: stale data hides everything else, then errors, then warnings.
 AlarmLevel worst(const AlarmReport& report);
 

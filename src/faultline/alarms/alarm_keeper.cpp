@@ -12,12 +12,6 @@
 namespace faultline {
 namespace {
 
-std::string size_text(const Alarm& alarm) {
-  if (!alarm.has_size) return "";
-  return fmt::format(" {:.3g}{}{} (90 %: {:.3g} to {:.3g})", alarm.size, alarm.size_unit == "1" ? "" : " ",
-                     alarm.size_unit == "1" ? "" : alarm.size_unit, alarm.low, alarm.high);
-}
-
 std::string name_of(const Finding& finding) { return finding.effect + "@" + finding.port; }
 
 bool same_words(const Finding& a, const Finding& b) {
@@ -275,7 +269,7 @@ std::string AlarmKeeper::verdict() const {
   }
   const auto active =
       std::count_if(report.alarms.begin(), report.alarms.end(), [](const Alarm& alarm) { return alarm.active; });
-  std::string text = first->text + size_text(*first) + ".";
+  std::string text = first->text + (first->has_size ? " " : "") + told_size(*first) + ".";
   if (active > 1) text += fmt::format(" {} more alarm{}.", active - 1, active > 2 ? "s" : "");
   return text;
 }

@@ -44,11 +44,7 @@ std::string seconds(double time) {
 std::string text_of(const Alarm& alarm, double start) {
   std::string text = alarm.text;
   while (!text.empty() && text.back() == '.') text.pop_back();
-  if (alarm.has_size) {
-    const std::string unit = alarm.size_unit == "1" || alarm.size_unit.empty() ? "" : " " + alarm.size_unit;
-    text += fmt::format(", {:.3g}{}", alarm.size, unit);
-    if (alarm.low < alarm.high) text += fmt::format(" (90 %: {:.3g} to {:.3g})", alarm.low, alarm.high);
-  }
+  if (alarm.has_size) text += ", " + told_size(alarm);
   text += fmt::format(", since {} s", seconds(alarm.since - start));
   text += alarm.active ? ", still there at the end" : fmt::format(", until {} s", seconds(alarm.until - start));
   return text;
