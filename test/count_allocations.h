@@ -21,6 +21,14 @@ __attribute__((noinline)) void* operator new(std::size_t size) {
   return memory;
 }
 __attribute__((noinline)) void* operator new[](std::size_t size) { return operator new(size); }
+// std::stable_sort takes its buffer by these.
+__attribute__((noinline)) void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  ++count;
+  return std::malloc(size > 0 ? size : 1);
+}
+__attribute__((noinline)) void* operator new[](std::size_t size, const std::nothrow_t& nothrow) noexcept {
+  return operator new(size, nothrow);
+}
 __attribute__((noinline)) void operator delete(void* memory) noexcept { std::free(memory); }
 __attribute__((noinline)) void operator delete[](void* memory) noexcept { std::free(memory); }
 __attribute__((noinline)) void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }

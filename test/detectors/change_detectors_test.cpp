@@ -128,8 +128,9 @@ TEST(CusumDetector, ARestoredReferenceNeedsNoLearning) {
     while (!run.feed(9)) ++delay;
     EXPECT_EQ(delay, 4);  // 1.5 a sample up to 5, from the first on
     detector->reset();    // forgets what it saw, not what it was told
+    ASSERT_TRUE(detector->reference().has_value());
+    EXPECT_EQ(detector->reference()->numbers, std::vector<double>{7});
   }
-  EXPECT_EQ(detector->reference()->numbers, std::vector<double>{7});
   const auto given = make("cusum", {{"change", 1}, {"threshold_changes", 5}, {"reference", 7}});
   EXPECT_FALSE(given->reference().has_value());
   EXPECT_THROW(given->restore(*learner->reference()), InputError);
@@ -165,6 +166,7 @@ TEST(RedlineDetector, ARestoredReferenceHoldsForItsFirstArming) {
 
   const auto detector = make("redline", settings, true);
   detector->restore(*learner->reference());
+  ASSERT_TRUE(detector->reference().has_value());  // before the first sample, too
   Feeder run(*detector);
   for (int k = 0; k < 300; ++k) ASSERT_FALSE(run.feed(0, 0));
   int delay = 0;

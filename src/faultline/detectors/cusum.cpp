@@ -88,8 +88,9 @@ class Cusum : public Detector {
   }
 
   std::optional<Reference> reference() const override {
-    if (learn_ <= 0 || !started_ || learning_ > 0) return {};
-    return Reference{"cusum", kReferenceVersion, {quantity_}, {reference_}};
+    const bool learnt = learn_ > 0 && started_ && learning_ <= 0;
+    if (!learnt && !restored_) return {};
+    return Reference{"cusum", kReferenceVersion, {quantity_}, {learnt ? reference_ : *restored_}};
   }
   void restore(const Reference& reference) override {
     if (learn_ <= 0) throw InputError("its reference is given in the datasheet and not learnt");

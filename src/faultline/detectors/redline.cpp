@@ -68,8 +68,9 @@ class Redline : public Detector {
   }
 
   std::optional<Reference> reference() const override {
-    if (!reference_) return {};
-    return Reference{"redline", kReferenceVersion, {quantity_}, {*reference_}};
+    const std::optional<double> known = reference_ ? reference_ : restored_;
+    if (!known) return {};
+    return Reference{"redline", kReferenceVersion, {quantity_}, {*known}};
   }
   void restore(const Reference& reference) override {
     if (learn_ <= 0) throw InputError("its expected value is given in the datasheet and not learnt");

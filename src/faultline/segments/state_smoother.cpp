@@ -203,7 +203,9 @@ std::vector<int> hidden_states(const SegmentModel& model, const SegmentedRun& ru
   const Eigen::VectorXd steps = difference_steps(model.sheet(), start.cwiseAbs());
   std::vector<double> lasting;  // samples
   for (std::size_t i = 0; i < kJudgedRows; ++i) {
-    const std::size_t row = run.restarts[i * (run.segments() - 1) / (kJudgedRows - 1)];
+    // The last segment may be the last row alone; a step begins before it.
+    const std::size_t row =
+        std::min(run.restarts[i * (run.segments() - 1) / (kJudgedRows - 1)], run.recording.rows() - 2);
     Eigen::MatrixXd f, h;
     propagation.jacobians(run.recording, row, shown(model, run, row, start), steps, f, h);
     Eigen::MatrixXd own(static_cast<Eigen::Index>(hidden.size()), static_cast<Eigen::Index>(hidden.size()));
