@@ -200,7 +200,7 @@ TEST(EffectSearch, GoesOnWhileTheGapIsLarge) {
   EXPECT_NE(found(search).find("ripple@source.supply_pressure"), std::string::npos) << found(search);
 }
 
-// From sample to sample the second lag is no likelier than what it takes away; over segments it closes all that is left.
+// From sample to sample the second lag is not likely; over segments it closes all that is left.
 TEST(EffectSearch, FindsALagBesideALag) {
   const std::vector<std::string> effects = {"lag@command.pump2_speed:time_constant=0.003",
                                             "lag@sensor.chamber_b_pressure:time_constant=0.03"};
