@@ -124,8 +124,8 @@ struct GapOptions {
     // ... and a further one of what those before it won: what one leaves because it is not quite what the rig has is
     // small against what it explains (development).
     double further_evidence_fraction = 0.03;
-    // Of what effects found leave on segments that no fit saw, what a further one must close (development, truths at
-    // random of three rigs: of 6 that closed less 1 was in the truth, of 23 that closed more 11, most others by nature).
+    // Of what effects found leave on segments that no fit saw, what a further one must close (development, at random,
+    // three rigs: of 6 that closed less 1 was in the truth, of 23 that closed more 11, most others by its nature).
     double further_closed_fraction = 0.25;
     // Of what an effect wins, what the noise of measured inputs may give: three times as much is the rig's.
     double input_noise_fraction = 0.25;
