@@ -102,7 +102,7 @@ template <int States, int Order>
 void DividedDifferenceFilter<States, Order>::correct_differences(const double* y, const int* rows, int m) {
   const int second = Order == 2 ? n_ : 0;
   first_.resize(m, n_);
-  second_.resize(m, second);
+  if (Order == 2) second_.resize(m, n_);
   model_.observe(state_.data(), y_middle_.data());
   y_mean_ = Order == 2 ? Outputs((kStepSquared - n_) / kStepSquared * y_middle_) : y_middle_;
   for (int p = 0; p < n_; ++p) {
