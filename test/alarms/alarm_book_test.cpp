@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "faultline/alarms/diagnosis.h"
+
 namespace faultline {
 namespace {
 
@@ -49,6 +51,29 @@ TEST(ToldSize, HasTheDigitsThatTellItsBoundsApart) {
   EXPECT_EQ(told_size(alarm), "20 bar (90 %: 20 to 20)");
   alarm.low = alarm.high = 20;
   EXPECT_EQ(told_size(alarm), "20 bar");
+}
+
+TEST(Verdict, SaysSinceWhenAFaultThatComesAndGoesWasThereFirst) {
+  AlarmReport report;
+  const auto add = [&](const char* port, double since, double until) {
+    Alarm alarm;
+    alarm.kind = AlarmKind::fault;
+    alarm.effect = "clogging";
+    alarm.port = port;
+    alarm.text = "clogged";
+    alarm.since = alarm.raised = since;
+    alarm.until = until;
+    alarm.active = until == 60;
+    report.alarms.push_back(alarm);
+  };
+  add("restriction.other", 5, 8);
+  add("restriction.valve", 43, 60);
+  EXPECT_EQ(verdict_of(report, 0, 60).sentence, "clogged, since 43.0 s, still there at the end; 1 more alarm.");
+  add("restriction.valve", 31, 35);
+  add("restriction.valve", 17, 19);
+  EXPECT_EQ(
+      verdict_of(report, 0, 60).sentence,
+      "clogged, since 43.0 s, still there at the end; the same 2 times before, first since 17.0 s; 1 more alarm.");
 }
 
 TEST(AlarmBook, TheMostCertainSizeIsLeft) {

@@ -1,5 +1,6 @@
 #include "faultline/alarms/diagnosis.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -50,6 +51,18 @@ std::string text_of(const Alarm& alarm, double start) {
   return text;
 }
 
+// Alarms of the same cause that began earlier, as it comes and goes; the first one first.
+std::vector<const Alarm*> same_before(const AlarmReport& report, const Alarm& alarm) {
+  std::vector<const Alarm*> before;
+  if (alarm.effect.empty()) return before;
+  for (const Alarm& other : report.alarms)
+    if (&other != &alarm && other.kind == alarm.kind && other.effect == alarm.effect && other.port == alarm.port &&
+        other.since < alarm.since)
+      before.push_back(&other);
+  std::sort(before.begin(), before.end(), [](const Alarm* a, const Alarm* b) { return a->since < b->since; });
+  return before;
+}
+
 }  // namespace
 
 Diagnosis::Diagnosis(const Datasheet& sheet) : estimators_(stages_of(sheet)), alarms_(sheet) {
@@ -98,7 +111,12 @@ Verdict verdict_of(const AlarmReport& report, double start, double end) {
     return {VerdictKind::healthy, sentence + "."};
   }
   std::string sentence = text_of(*first, start);
-  const std::size_t more = report.alarms.size() - 1;
+  const std::vector<const Alarm*> before = same_before(report, *first);
+  if (!before.empty())
+    sentence += fmt::format("; the same{} before, first since {} s",
+                            before.size() > 1 ? fmt::format(" {} times", before.size()) : "",
+                            seconds(before.front()->since - start));
+  const std::size_t more = report.alarms.size() - 1 - before.size();
   if (more > 0) sentence += fmt::format("; {} more alarm{}", more, more > 1 ? "s" : "");
   return {verdict_of(first->kind), sentence + "."};
 }

@@ -89,6 +89,7 @@ std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedR
   in_parallel(result.size(), jobs, [&](std::size_t g) {
     result[g].residual = starts.residual(run, residuals[0], g);
     result[g].columns = starts.whitened(columns, g);
+    if (columns.empty()) result[g].columns.resize(result[g].residual.size(), 0);
   });
   if (at_model != nullptr) *at_model = std::move(residuals[0]);
   return result;

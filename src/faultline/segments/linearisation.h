@@ -46,7 +46,7 @@ struct Direction {
   double size = 1;
 };
 
-// One segment: w, and W with a column per direction.
+// One segment: w, and W with a column per direction, as many rows as w has also where there is none.
 struct LinearSegment {
   Eigen::VectorXd residual;
   Eigen::MatrixXd columns;
