@@ -49,6 +49,19 @@ class Naming : public ::testing::Test {
   AlarmKeeper keeper_{servo()};
 };
 
+TEST_F(Naming, WhatIsSeenButLessThanIsToldIsSaidWhereNothingIsWrong) {
+  assessment_.judged = true;
+  assessment_.isolators[0].finding.too_small = "backlash@transmission.plate, 0.0001 m";
+  assessment_.isolators[0].reason = Reason::absent;
+  keeper_.process(assessment_);
+  EXPECT_EQ(verdict_of(keeper_.report(), 0, 60).sentence,
+            "No fault found in 60.0 s; seen, but less than is told: backlash@transmission.plate, 0.0001 m.");
+  assessment_.isolators[0].finding.too_small.clear();
+  assessment_.time += 1e-3;
+  keeper_.process(assessment_);
+  EXPECT_EQ(verdict_of(keeper_.report(), 0, 60).sentence, "No fault found in 60.0 s.");
+}
+
 TEST_F(Naming, ACauseIsNamedWhenItIsLikelyEnough) {
   const Alarm& first = find("orifice_leakage", 0.44);
   EXPECT_EQ(first.kind, AlarmKind::unknown);

@@ -146,9 +146,12 @@ TEST_F(ResponseIsolation, WhatRigsInGoodOrderHaveIsNotToldAndExplainsTheRest) {
   const auto heard = [&](double size) {
     leak.amplitude = size / leak.full;
     leak.evidence += 1;
-    return hear({leak}).active;
+    const Finding& f = hear({leak});
+    EXPECT_EQ(f.active, f.too_small.empty());
+    return f.active;
   };
   EXPECT_FALSE(heard(0.9e-8));
+  EXPECT_EQ(hear({leak}).too_small, "orifice_leakage@" + std::string(kSeal) + ", 9e-09 m^3/(s sqrt(Pa))");
   EXPECT_TRUE(isolator_->finds_all_explained());
   EXPECT_TRUE(heard(1.1e-8));
   EXPECT_FALSE(isolator_->finds_all_explained());

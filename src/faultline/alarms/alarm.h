@@ -56,6 +56,7 @@ struct AlarmReport {
   bool judged = false;  // something that would show a fault has judged so far
   // s, since when something may be wrong that is not confirmed yet; NaN: nothing is undecided
   double undecided_since = std::numeric_limits<double>::quiet_NaN();
+  std::string too_small;  // a cause that is seen, with its size, but is less than is told; empty: none
 };
 
 // The size with its unit and its bounds, with as many digits as tell them apart, three at least and six at most; empty

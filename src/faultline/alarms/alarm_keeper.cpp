@@ -98,6 +98,7 @@ void AlarmKeeper::process(const Assessment& a) {
       idle_ = idle_ && is_idle(detecting_[d]);
     }
   }
+  book_.report.too_small.clear();
   for (std::size_t i = 0; i < isolating_.size(); ++i) take(isolating_[i], a.isolators[i], a);
 }
 
@@ -151,6 +152,7 @@ void AlarmKeeper::take(Detecting& d, const DetectorResult& result, double time) 
 }
 
 void AlarmKeeper::take(Isolating& i, const IsolatorResult& result, const Assessment& a) {
+  if (!result.finding.too_small.empty()) book_.report.too_small = result.finding.too_small;
   i.withheld.reason = result.reason;
   const bool told = result.reason == Reason::told;
   if (result.detector >= 0) {

@@ -108,6 +108,7 @@ Verdict verdict_of(const AlarmReport& report, double start, double end) {
     if (!std::isnan(report.undecided_since))
       sentence += fmt::format("; something may be wrong since {} s, which the recording is too short to confirm",
                               seconds(report.undecided_since - start));
+    if (!report.too_small.empty()) sentence += "; seen, but less than is told: " + report.too_small;
     return {VerdictKind::healthy, sentence + "."};
   }
   std::string sentence = text_of(*first, start);

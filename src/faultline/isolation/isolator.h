@@ -30,6 +30,7 @@ struct Finding {
   double size = 0, low = 0, high = 0;  // 90 % bounds
   double none = 0;                     // the size that is no effect; may be infinite
   double confidence = 0;               // 0..1, that it is the effect named
+  std::string too_small;               // while it is not active: what is seen, and is less than is told; else empty
 };
 
 class Isolator {

@@ -68,6 +68,7 @@ void RankingFinding::tell(const std::shared_ptr<const Ranking>& ranking, bool re
 void RankingFinding::weigh(Finding& finding) {
   const std::vector<RankedHypothesis>& ranked = options_.second ? heard_->second : heard_->first;
   too_small_ = false;
+  finding.too_small.clear();
   // Beside a cause that cannot be large enough, what else is found makes up for the rest of it.
   const bool of_first = options_.second && !ranked.empty() &&
                         (!heard_->doubt.empty() || (!heard_->first.empty() && at_bound(heard_->first.front())));
@@ -90,6 +91,8 @@ void RankingFinding::weigh(Finding& finding) {
   finding.active = !too_small_;
   if (too_small_) {
     told_ = named_ = -1;
+    finding.too_small =
+        fmt::format("{}, {:.3g}{}", best.name(), best.size(), best.size_unit == "1" ? "" : " " + best.size_unit);
     return;
   }
   if (best.order == told_ && best.evidence == told_evidence_) return;
