@@ -163,7 +163,7 @@ void AlarmKeeper::take(Isolating& i, const IsolatorResult& result, const Assessm
       d.finding.equivalent = book_.at(d.alarm).equivalent = shown.equivalent;
     if (told) tell(i, shown, goes_by(i, shown) ? 0 : kNamed, a.time);
   } else if (told) {
-    tell(i, result.finding, goes_by(i, result.finding) ? kKept : kNamed, a.time);
+    tell(i, with_rivals(a, i, result.finding), goes_by(i, result.finding) ? kKept : kNamed, a.time);
   }
   if (told) return;
   book_.end(i.alarm, a.time);
@@ -204,6 +204,42 @@ const Finding& AlarmKeeper::in_words_of(int detector, const DetectorResult& foun
   } else {
     copy_detection(found.detection, f);
   }
+  return f;
+}
+
+const Finding& AlarmKeeper::with_rivals(const Assessment& a, Isolating& i, const Finding& finding) const {
+  const Finding* beside = nullptr;
+  for (std::size_t k = 0; k < isolating_.size() && !finding.effect.empty(); ++k) {
+    const IsolatorResult& other = a.isolators[k];
+    if (&isolating_[k] != &i && other.reason == Reason::told_by_another && other.detector < 0 && other.finding.active &&
+        is_one_cause(other.finding, finding))
+      beside = &other.finding;
+  }
+  if (beside == nullptr || beside->effect.empty()) return finding;
+  Finding& f = i.shown;
+  const bool new_words = i.shown_for >= 0 || !same_words(finding, i.shown_of) || i.shown_beside.empty() ||
+                         i.shown_beside.front() != name_of(*beside) ||
+                         !std::equal(beside->equivalent.begin(), beside->equivalent.end(), i.shown_beside.begin() + 1,
+                                     i.shown_beside.end());
+  if (new_words) {
+    i.shown_for = -1;
+    f = i.shown_of = finding;
+    i.shown_beside = beside->equivalent;
+    i.shown_beside.insert(i.shown_beside.begin(), name_of(*beside));
+    std::vector<std::string> more;
+    for (const std::string& name : i.shown_beside)
+      if (name != name_of(finding) && std::find(f.equivalent.begin(), f.equivalent.end(), name) == f.equivalent.end())
+        more.push_back(name);
+    f.equivalent.insert(f.equivalent.end(), more.begin(), more.end());
+    if (!more.empty()) f.text += fmt::format("; this motion cannot tell it from {}", fmt::join(more, ", "));
+  }
+  f.since = finding.since;
+  f.confidence = finding.confidence;
+  f.has_size = finding.has_size;
+  f.size = finding.size;
+  f.low = finding.low;
+  f.high = finding.high;
+  f.none = finding.none;
   return f;
 }
 

@@ -65,6 +65,7 @@ class AlarmKeeper {
     // only where they change.
     Finding shown, shown_of;
     int shown_for = -1;
+    std::vector<std::string> shown_beside;  // names that were added
   };
   static bool is_idle(const Detecting& d) {
     return d.withheld.reason == Reason::absent && d.alarm < 0 && d.unobserved < 0;
@@ -76,6 +77,8 @@ class AlarmKeeper {
   void take(Detecting& d, const DetectorResult& result, double time);
   void take(Isolating& i, const IsolatorResult& result, const Assessment& assessment);
   const Finding& in_words_of(int detector, const DetectorResult& found, const Finding& finding, Isolating& i) const;
+  // With what another isolator, which stands under this one's alarm, cannot tell from it.
+  const Finding& with_rivals(const Assessment& assessment, Isolating& i, const Finding& finding) const;
   // By its name where the confidence in that is `least_confidence`, else as something that changed.
   void tell(Source& source, const Finding& finding, double least_confidence, double time);
   bool goes_by(const Source& source, const Finding& finding) const;  // its alarm has that name already

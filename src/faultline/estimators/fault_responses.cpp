@@ -70,7 +70,7 @@ Eigen::VectorXd FaultResponses::theta() const {
 }
 
 void FaultResponses::know_healthy() {
-  if (lost()) return;  // what is not understood is not the usual
+  if (lost_.strange()) return;  // what is not understood is not the usual
   known_.learn_healthy(point_, theta(), recent_);
 }
 
@@ -135,7 +135,7 @@ bool FaultResponses::says_nothing_new() {
   }
   if (!event_) {
     if (latest <= news || most <= suspicion) {
-      lost_.hear(last.begin, latest);
+      lost_.pass(latest);
       evidence_ = std::min(most, suspicion);
       return true;
     }
@@ -251,7 +251,7 @@ void FaultResponses::keep_healthy(const Recording& recording) {
 
 void FaultResponses::forget_oldest() {
   if (recent_.size() <= settings_.recent_stretches) return;
-  if (!lost()) remember_oldest();
+  if (!lost_.strange() || recent_.front()->begin < lost_.since()) remember_oldest();
   recent_.erase(recent_.begin());
 }
 
@@ -463,7 +463,10 @@ void FaultResponses::judge_stretch() {
   }
   const double left = unexplained();
   explained_ = !event_ && left < settings_.explained_ratio * settings_.threshold_evidence && !far_off(*recent_.back());
-  if (!event_) lost_.hear(recent_.back()->begin, explained_ ? 0 : known_.beyond(*recent_.back()));
+  if (!event_) {
+    const Stretch& last = *recent_.back();
+    lost_.hear(last.begin, explained_ ? 0 : known_.beyond(last), unexplained(last));
+  }
   // Now and then causes are weighed for less, so that what no cause explains is known anew.
   const double explicable = due ? left : unexplained(known_.inexplicable());
   if (!event_ && settings_.refresh_stretches > 1 && explicable < weighed_from(settings_)) {
@@ -512,7 +515,7 @@ void FaultResponses::find_healthy_or_fault() {
   const double limit = event_ ? settings_.release_fraction * settings_.threshold_evidence
                               : std::max(settings_.threshold_evidence, lost_.least());
   if (evidence_ < limit) {
-    if (!event_ && !lost())
+    if (!event_ && !lost_.strange())
       known_.learn_inexplicable((unexplained() - doubt_ - evidence_) / static_cast<double>(recent_.size()));
     end_event();
     return;
@@ -537,7 +540,7 @@ void FaultResponses::find_healthy_or_fault() {
   if (!event_ || window_.stretches < suspected) {
     const std::size_t healthy = recent_.size() - window_.stretches;
     since_ = lost() ? std::min(lost_.since(), recent_[healthy]->begin) : recent_[healthy]->begin;
-    lost_.reset();
+    lost_.end();
     if (window_.change && healthy > 0) before_ = recent_[healthy - 1]->run.recording;
     event_ = true;
     young_ = window_.change && stretches_ <= settings_.early_stretches;

@@ -44,12 +44,12 @@ bool among(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
+}  // namespace
+
 bool is_one_cause(const Finding& f, const Finding& g) {
   return (f.effect == g.effect && f.port == g.port) || among(f.equivalent, named(g.effect, g.port)) ||
          among(g.equivalent, named(f.effect, f.port));
 }
-
-}  // namespace
 
 Finding meaning_of(const StageSpec& detector) {
   Finding meaning;

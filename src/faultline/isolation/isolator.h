@@ -33,6 +33,9 @@ struct Finding {
   std::string too_small;               // while it is not active: what is seen, and is less than is told; else empty
 };
 
+// They name the same, or one is among what the other cannot be told from.
+bool is_one_cause(const Finding& f, const Finding& g);
+
 class Isolator {
  public:
   virtual ~Isolator() = default;
