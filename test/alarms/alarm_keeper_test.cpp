@@ -49,6 +49,35 @@ class Naming : public ::testing::Test {
   AlarmKeeper keeper_{servo()};
 };
 
+// A table knows a few causes; what an isolator that weighed more cannot tell from the one it names is told with it.
+TEST_F(Naming, WhatStandsUnderAnAlarmAddsWhatItCannotTellFromIt) {
+  const std::string table = "orifice_leakage", text = "Chamber A: orifice_leakage";
+  const Alarm& alone = find(table, 0.9);
+  EXPECT_EQ(alone.equivalent, std::vector<std::string>{"deadband@restriction.valve"});
+  IsolatorResult& other = assessment_.isolators[1];
+  other.reason = Reason::told_by_another;
+  other.finding.active = true;
+  other.finding.effect = "laminar_leakage";
+  other.finding.port = "flow.chamber_a_tank";
+  other.finding.equivalent = {"deadband@restriction.valve", "orifice_leakage@flow.chamber_a_tank",
+                              "clogging@restriction.valve"};
+  for (int again = 0; again < 2; ++again) {
+    const Alarm& beside = find(table, 0.9);
+    EXPECT_EQ(beside.effect, table);
+    EXPECT_EQ(beside.size, 3);
+    EXPECT_EQ(beside.text, text +
+                               "; this motion cannot tell it from laminar_leakage@flow.chamber_a_tank, "
+                               "clogging@restriction.valve");
+    EXPECT_EQ(beside.equivalent,
+              (std::vector<std::string>{"deadband@restriction.valve", "laminar_leakage@flow.chamber_a_tank",
+                                        "clogging@restriction.valve"}));
+  }
+  other.finding.effect = "coulomb_friction";  // another cause has nothing to do with it
+  other.finding.equivalent.clear();
+  EXPECT_EQ(find(table, 0.9).text, text);
+  EXPECT_EQ(keeper_.report().alarms.size(), 1u);
+}
+
 TEST_F(Naming, WhatIsSeenButLessThanIsToldIsSaidWhereNothingIsWrong) {
   assessment_.judged = true;
   assessment_.isolators[0].finding.too_small = "backlash@transmission.plate, 0.0001 m";

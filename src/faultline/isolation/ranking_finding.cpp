@@ -22,6 +22,7 @@ constexpr std::size_t kUnexplained = 7;
 // the drift began; the correlation with time; the part of the size that the ramp must make up.
 constexpr std::size_t kDriftSizes = 3;
 constexpr double kDriftStraight = 0.95, kDriftFraction = 0.5;
+constexpr std::size_t kPlaces = 2;  // of a cause and what it cannot be told from, up to which another is told beside it
 constexpr double kKeptShare = 0.5;  // of the least size that is told, down to which it stays told
 
 RankingOptions read_options(const Settings& s) {
@@ -69,9 +70,11 @@ void RankingFinding::weigh(Finding& finding) {
   const std::vector<RankedHypothesis>& ranked = options_.second ? heard_->second : heard_->first;
   too_small_ = false;
   finding.too_small.clear();
-  // Beside a cause that cannot be large enough, what else is found makes up for the rest of it.
-  const bool of_first = options_.second && !ranked.empty() &&
-                        (!heard_->doubt.empty() || (!heard_->first.empty() && at_bound(heard_->first.front())));
+  // Beside a cause that cannot be large enough, what else is found makes up for the rest of it; beside one of several
+  // places, it hangs on which of them it is.
+  const bool of_first =
+      options_.second && !ranked.empty() &&
+      (!heard_->doubt.empty() || (!heard_->first.empty() && (at_bound(heard_->first.front()) || could_be_anywhere())));
   if (ranked.empty() || of_first) {
     offset_port_.clear();
     held_ = drifts_ = false;
@@ -103,6 +106,19 @@ void RankingFinding::weigh(Finding& finding) {
   finding.since = heard_->since;  // another cause may have begun at another time
   write(ranked, finding);
   tell_drift(finding);
+}
+
+// The first cannot be told from others at two places or more.
+bool RankingFinding::could_be_anywhere() const {
+  const std::vector<RankedHypothesis>& first = heard_->first;
+  std::set<std::string> places;
+  for (const RankedHypothesis& h : first)
+    if (h.evidence >= first.front().evidence - margin(first.front().evidence)) places.insert(h.port);
+  return places.size() > kPlaces;
+}
+
+double RankingFinding::margin(double evidence) const {
+  return std::max(options_.rival_fraction * evidence, options_.rival_evidence);
 }
 
 // There is as much to explain as a fault takes, and no cause.
@@ -162,7 +178,7 @@ void RankingFinding::tell_drift(Finding& finding) {
 
 void RankingFinding::write(const std::vector<RankedHypothesis>& ranked, Finding& finding) {
   const double evidence = ranked.front().evidence;
-  const double margin = std::max(options_.rival_fraction * evidence, options_.rival_evidence);
+  const double margin = this->margin(evidence);
   // A name that explains as well as the best stays; one at its bound gives way to one that is not.
   const auto counts = [&](const RankedHypothesis& h) { return h.evidence >= evidence - margin && !at_bound(h); };
   const auto first = std::find_if(ranked.begin(), ranked.end(), counts);

@@ -70,6 +70,8 @@ class RankingFinding {
   void follow_offset(const std::vector<RankedHypothesis>& ranked);
   void tell_drift(Finding& finding);
   void tell_lost(Finding& finding) const;
+  bool could_be_anywhere() const;
+  double margin(double evidence) const;  // within which others explain as well
   bool drifts_beyond(const std::vector<RankedHypothesis>& ranked) const;
   std::string text(const std::string& port, const std::string& effect) const;
   const Bounds* bounds_of(const RankedHypothesis& h) const;  // of its size, in the datasheet; nullptr: none
