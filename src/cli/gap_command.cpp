@@ -231,9 +231,13 @@ bool is_at_bound(const NamedEffect& effect, const std::string& parameter) {
 }
 
 void print_missing(const MissingSignal& missing) {
-  fmt::print("\nmissing at {}: a signal of {:.3g} {}", missing.port, missing.size, missing.unit);
-  if (missing.formula.empty())
-    fmt::print("; no function of the model's variables explains it (score {:.2f})\n", missing.score);
+  fmt::print("\nmissing at {}{}: a signal of {:.3g} {}", missing.port,
+             missing.beside == "explained" ? ", beside what is found" : "", missing.size, missing.unit);
+  if (missing.formula.empty() && missing.curve && missing.curve->score > missing.score)
+    fmt::print("; no short formula explains it (score {:.2f}), a curve over {} does better (score {:.2f})\n",
+               missing.score, missing.curve->variable, missing.curve->score);
+  else if (missing.formula.empty())
+    fmt::print("; no short formula of the model's variables explains it (score {:.2f})\n", missing.score);
   else
     fmt::print(", {} (score {:.2f} on held-out runs, {:.0f} readings)\n", missing.formula, missing.score,
                missing.readings);
@@ -275,7 +279,8 @@ void print_result(const GapResult& result) {
     fmt::print("\nwhere: {}\n", where(result));
     for (const Region& region : result.regions)
       fmt::print("  {:.1f} times the mean where {}\n", region.enrichment, region.name);
-    fmt::print("\n{:>6} {:>10}  cause\n", "p", "gain");
+    fmt::print("\n{:>6} {:>10}  cause{}\n", "p", "gain",
+               result.verdict == "unknown" ? " (p: among the effects of the library)" : "");
     for (std::size_t i = 0; i < std::min<std::size_t>(result.ranked.size(), 5); ++i) {
       const RankedCause& cause = result.ranked[i];
       fmt::print("{:>6.2f} {:>10.0f}  {}\n", cause.effect.probability, cause.gain, with_sizes(cause.effect));

@@ -247,7 +247,9 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
                       effect.effect, effect.port, sizes[e].least, sizes[e].most));
   result.verdict = answer.verdict;
   result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (answer.doubt - 1)));
-  if (evidence.effects > 0) result.closable = evidence.effects / (evidence.effects + evidence.free_after);
+  // Where the likelihood from sample to sample says nothing for effects that close much, that much can be closed.
+  result.closable = evidence.effects > 0 ? evidence.effects / (evidence.effects + evidence.free_after)
+                                         : std::max(result.shrink_refit, 0.0);
   // Under "unknown" the effects that were accepted stay as a part of the cause, however little they close.
   if (!answer.names && result.verdict != "unknown") {
     result.effects.clear();
@@ -259,7 +261,7 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   if (nowhere)
     result.places.clear();
   else if (!answer.names && result.verdict == "unknown")
-    result.places = free_places(sheet, search.before);
+    result.places = free_places(sheet, search.before, verdict);
 
   const std::vector<FreePlace>& free = (answer.names ? search.after : search.before).places;
   if (result.verdict == "unknown" && !nowhere && !free.empty() && free.front().gain > 0) {

@@ -48,7 +48,10 @@ Eigen::VectorXd column_squares(const Eigen::MatrixXf& residuals) {
   return residuals.colwise().squaredNorm().transpose().cast<double>();
 }
 
-std::string percent(double share) { return share < 0.005 ? "less than 1 %" : fmt::format("{:.0f} %", 100 * share); }
+std::string percent(double share) {
+  if (share <= 0) return "nothing";
+  return share < 0.005 ? "less than 1 %" : fmt::format("{:.0f} %", 100 * share);
+}
 
 // `settled`: of each run.
 GapLevel level(const ResidualModel& model, const std::string& name, const ModelChange& at,

@@ -114,20 +114,28 @@ std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<St
   return result;
 }
 
-std::vector<PlaceScore> free_places(const Datasheet& sheet, const Discrepancy& discrepancy) {
+std::vector<PlaceScore> free_places(const Datasheet& sheet, const Discrepancy& discrepancy,
+                                    const GapOptions::Verdict& options) {
   std::vector<PlaceScore> result;
-  double sum = 0;
+  double sum = 0, most = 0;
+  for (const FreePlace& free : discrepancy.places) most = std::max(most, free.gain);
+  const double scale = std::max(1.0, options.rival_gain_fraction * most);
   for (const FreePlace& free : discrepancy.places) {
     PlaceScore place;
     place.port = free.port;
     place.component = sheet.port(free.port).component;
     place.kind = kind_of(sheet, free.port);
     place.score = free.gain;
-    place.share = std::exp(free.gain - discrepancy.places.front().gain);
+    // The first one may have been put before one that wins a little more (discrepancy.h).
+    const double behind = result.empty() ? 0 : most - free.gain;
+    place.share = std::exp(-0.5 * std::pow(behind / scale, 2));
     sum += place.share;
     result.push_back(place);
   }
   for (PlaceScore& place : result) place.share /= sum;
+  for (std::size_t i = 1; i < result.size(); ++i)
+    if (result[i].share > options.place_probability * result.front().share)
+      result.front().inseparable.push_back(result[i].port);
   return result;
 }
 

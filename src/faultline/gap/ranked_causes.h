@@ -21,8 +21,10 @@ std::vector<RankedCause> rank_causes(const GapTrials& work, const EffectSearch& 
 std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<Structure>& screened,
                                     const std::vector<RankedCause>& causes, double inseparable);
 
-// Places by what a free signal there wins.
-std::vector<PlaceScore> free_places(const Datasheet& sheet, const Discrepancy& discrepancy);
+// Places by what a free signal there wins, of which a fraction (rival_gain_fraction) is no difference, for what a model
+// does wrong is the same from sample to sample.
+std::vector<PlaceScore> free_places(const Datasheet& sheet, const Discrepancy& discrepancy,
+                                    const GapOptions::Verdict& options);
 
 // The effects that were found, and the rivals of the first among result.ranked. `ninety`: half width of 90 % bounds
 // in standard errors.
