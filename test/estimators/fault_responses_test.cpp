@@ -48,12 +48,12 @@ struct Found {
 };
 
 Found look(const std::string& profile, std::uint64_t seed, double onset, double duration,
-           const std::vector<std::string>& effects) {
+           const std::vector<std::string>& effects, const ResponseSettings& settings = shipped()) {
   SimulationSetup setup = off_nominal(profile, seed);
   for (const std::string& effect : effects)
     setup.effects.push_back(parse_effect(effect + ",from=" + std::to_string(onset)));
   const Recording run = simulate(servo(), setup, duration);
-  Judge judge(shipped());
+  Judge judge(settings);
   const FaultResponses& responses = judge.responses;
   Found found;
   for (std::size_t k = 0; k < run.rows(); ++k) {
@@ -112,6 +112,19 @@ TEST(FaultResponses, NameAndSizeFrictionThatRose) {
   // Remark 2 of the paper: friction that grows with the pressure looks the same.
   EXPECT_NE(std::find(found.first.begin(), found.first.end(), "load_dependent_friction@force.piston"),
             found.first.end());
+}
+
+// Segments of the first stretch that shows it say when in that stretch it began.
+TEST(FaultResponses, AFaultIsDatedWithinItsFirstStretch) {
+  ResponseSettings settings = shipped();
+  settings.segments = 15;  // of 0.1 s, so that stretches fill their 2 s
+  settings.every_s = 2;
+  for (const double onset : {8.05, 9.0}) {
+    const Found found = look("random", 36, onset, 16, {"coulomb_friction@force.piston:force=150"}, settings);
+    ASSERT_FALSE(found.first.empty()) << onset;
+    EXPECT_EQ(found.first[0], "coulomb_friction@force.piston");
+    EXPECT_NEAR(found.since, onset, 0.35);
+  }
 }
 
 // Evidence of the most that was told, and the most that was found.

@@ -539,7 +539,11 @@ void FaultResponses::find_healthy_or_fault() {
   if (!second_.empty()) know_fault(now);
   if (!event_ || window_.stretches < suspected) {
     const std::size_t healthy = recent_.size() - window_.stretches;
-    since_ = lost() ? std::min(lost_.since(), recent_[healthy]->begin) : recent_[healthy]->begin;
+    const Stretch& shows = *recent_[healthy];
+    since_ = lost() ? std::min(lost_.since(), shows.begin)
+             : window_.change
+                 ? onset(model_, now, healthy > 0 ? recent_[healthy - 1].get() : nullptr, shows, found_effects())
+                 : shows.begin;
     lost_.end();
     if (window_.change && healthy > 0) before_ = recent_[healthy - 1]->run.recording;
     event_ = true;

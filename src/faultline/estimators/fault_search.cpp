@@ -9,6 +9,8 @@
 namespace faultline {
 namespace {
 
+constexpr double kClearEvidence = 4;  // that segments hold a fault, or do not: twice what one parameter wins in noise
+
 void sort_by_evidence(std::vector<RankedFault>& faults) {
   std::sort(faults.begin(), faults.end(),
             [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
@@ -196,6 +198,29 @@ std::vector<RankedFault> beside(const StretchModel& model, Scene scene, const st
   screened = best_of(model, scene, screened, before);
   if (screened.empty() || screened.front().evidence <= limit) return {};
   return screened;
+}
+
+double onset(const StretchModel& model, const Scene& scene, const Stretch* before, const Stretch& shows,
+             const std::vector<EffectSpec>& effects) {
+  // Begins where the evidence of all segments before is least, if that is clearly less than at the stretch's beginning.
+  struct Least {
+    double begin, evidence, whole;
+  };
+  const auto least_of = [&](const Stretch& stretch) {
+    LossCourse without, with;
+    model.loss(scene.prior, {&stretch}, &without);
+    model.loss(scene.prior, {&stretch}, scene.point, effects, kInfinity, nullptr, nullptr, &with);
+    Least least{stretch.begin, 0, without.back() - with.back()};
+    for (std::size_t s = 0; s + 1 < with.size(); ++s) {
+      if (without[s] - with[s] > std::min(least.evidence, -kClearEvidence)) continue;
+      least.evidence = without[s] - with[s];
+      least.begin = stretch.run.recording.time[stretch.run.restarts[s + 2]];  // the first one does not count
+    }
+    return least;
+  };
+  if (before != nullptr && before->responded)
+    if (const Least least = least_of(*before); least.whole - least.evidence > kClearEvidence) return least.begin;
+  return least_of(shows).begin;
 }
 
 }  // namespace faultline

@@ -43,4 +43,10 @@ std::vector<RankedFault> best_of(const StretchModel& model, const Scene& scene, 
 std::vector<RankedFault> beside(const StretchModel& model, Scene scene, const std::vector<RankedFault>& found,
                                 double limit, const std::map<std::size_t, double>& before);
 
+// s, when effects began that `shows` is the first stretch to show: at the beginning of the segment in it from which on
+// they explain most, if those before say clearly that they were not there, else of the stretch; or likewise in the
+// stretch before, if that has one, when its last segments say clearly that they were.
+double onset(const StretchModel& model, const Scene& scene, const Stretch* before, const Stretch& shows,
+             const std::vector<EffectSpec>& effects);
+
 }  // namespace faultline
