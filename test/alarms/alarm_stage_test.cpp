@@ -462,7 +462,10 @@ TEST(Headline, AConsequenceDoesNotHideItsCause) {
   EXPECT_EQ(headline(report)->text, "innovation");
   report.alarms[0].equivalent.clear();
   EXPECT_EQ(headline(report)->text, "leak");
-  report.alarms[0].since = 16;  // but what begins afterwards is not explained by it
+  report.alarms[0].since = 16;
+  report.alarms[0].raised = 17;  // it took a second to tell, within which the leak ended
+  EXPECT_EQ(headline(report)->text, "leak");
+  report.alarms[0].raised = 16.5;  // but what begins afterwards is not explained by it
   EXPECT_EQ(headline(report)->text, "innovation");
   EXPECT_EQ(verdict_of(report, 0, 20).kind, VerdictKind::unknown);
   report.alarms[0].active = false;

@@ -56,8 +56,10 @@ const Alarm* headline(const AlarmReport& report) {
   if (!now) return first_of(report, [](const Alarm&) { return true; });
   if (now->kind != AlarmKind::model && now->kind != AlarmKind::unknown) return now;
   if (!now->equivalent.empty()) return now;
+  // One that ended as shortly before as this one took to be told is what it goes on with.
+  const double since = now->since - (now->raised - now->since);
   const Alarm* cause =
-      first_of(report, [now](const Alarm& alarm) { return names_a_cause(alarm) && alarm.until >= now->since; });
+      first_of(report, [since](const Alarm& alarm) { return names_a_cause(alarm) && alarm.until >= since; });
   return cause ? cause : now;
 }
 
