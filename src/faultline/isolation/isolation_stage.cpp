@@ -33,6 +33,10 @@ constexpr double kSameOnset = 1;
 
 std::string named(const std::string& effect, const std::string& port) { return effect + "@" + port; }
 
+// Judgements of an isolator that weighs all effects, for which one that knows a few causes waits: the one of the stretch
+// in which it began and two that confirm it.
+constexpr double kPatience = 3;
+
 // Whether `name` is effect@port, without making that string.
 bool is_named(const std::string& name, const std::string& effect, const std::string& port) {
   const std::size_t at = effect.size();
@@ -122,6 +126,8 @@ void IsolationStage::reset() {
     i.isolator->reset();
     i.raised = false;
     i.told_for = -1;
+    i.judged_until = std::nan("");
+    i.interval = 0;
     IsolatorResult fresh;
     fresh.name = std::move(assessment_.isolators[k].name);
     assessment_.isolators[k] = std::move(fresh);
@@ -263,6 +269,8 @@ void IsolationStage::isolate(const Estimate* estimates) {
     Isolated& i = isolated_[k];
     i.isolator->process(estimates[i.stage], doubted_, assessment_.isolators[k].finding);
     const double until = i.isolator->judged_until();
+    if (until > i.judged_until) i.interval = std::max(i.interval, until - i.judged_until);
+    i.judged_until = until;
     if (std::isfinite(until) && until > begin_ + kJudgedShare * (assessment_.time - begin_) && i.isolator->could_see())
       judged = true;
     blind = blind || (!i.isolator->overrules() && !i.isolator->could_see());
@@ -330,6 +338,7 @@ void IsolationStage::decide_findings() {
                             (result.detector >= 0 && watched_[static_cast<std::size_t>(result.detector)].raised) ||
                             told_by_another(i);
     claim.explained = explained(i);
+    claim.judgement_awaited = judgement_awaited(i);
     claim.model_fits = model_fits_ || !i.isolator->rests_on_model();
     result.reason = reason_of(claim);
     const bool told = result.reason == Reason::told;
@@ -377,6 +386,16 @@ bool IsolationStage::judgement_awaited(const Watched& w) const {
   if (w.meaning.kind == AlarmKind::data) return false;  // what is done with a reading, whatever the cause is
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& i) {
     return i.isolator->overrules() && i.isolator->judged_until() < detection(w).since;
+  });
+}
+
+bool IsolationStage::judgement_awaited(const Isolated& i) const {
+  if (i.isolator->weighs_every_effect()) return false;
+  const double since = finding(i).since;
+  return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& other) {
+    if (!other.isolator->weighs_every_effect()) return false;
+    const bool undecided = other.judged_until < since || !std::isnan(other.isolator->undecided_since());
+    return undecided && assessment_.time - since < kPatience * other.interval;
   });
 }
 

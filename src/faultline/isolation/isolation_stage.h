@@ -14,6 +14,7 @@
 // that model. While the data are bad, faults already raised stay as they are.
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -63,6 +64,8 @@ class IsolationStage {
     double raised_at = 0;  // s
     bool on_bad_data = false;
     int told_for = -1;  // the detector that found the same, while this one's alarm tells it
+    double judged_until = std::numeric_limits<double>::quiet_NaN(),
+           interval = 0;  // s; interval: the longest between two
   };
   const Assessment& process(const Estimate* estimates);
   bool detect(const Estimate* estimates);  // whether any detector says something, or is blind
@@ -84,6 +87,8 @@ class IsolationStage {
   }
   bool explained(const Watched& w) const;
   bool judgement_awaited(const Watched& w) const;
+  // Of one that knows a few causes, until those that weigh all have decided; not for ever, for they may be held up.
+  bool judgement_awaited(const Isolated& i) const;
   bool told_by_isolator(std::size_t detector) const;
   bool follows(const Watched& w) const;  // from what another alarm tells
   // Whether another isolator's alarm already names the same cause.
