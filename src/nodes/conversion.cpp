@@ -100,6 +100,7 @@ faultline_msgs::Ranking to_message(const Ranking& ranking) {
   message.doubt = ranking.doubt;
   message.stuck = ranking.stuck;
   for (const RankedHypothesis& hypothesis : ranking.first) message.first.push_back(to_message(hypothesis));
+  for (const RankedHypothesis& hypothesis : ranking.suspected) message.suspected.push_back(to_message(hypothesis));
   for (const RankedHypothesis& hypothesis : ranking.second) message.second.push_back(to_message(hypothesis));
   return message;
 }
@@ -114,6 +115,7 @@ Ranking from_message(const faultline_msgs::Ranking& message) {
   ranking.doubt = message.doubt;
   ranking.stuck = message.stuck;
   for (const auto& hypothesis : message.first) ranking.first.push_back(from_message(hypothesis));
+  for (const auto& hypothesis : message.suspected) ranking.suspected.push_back(from_message(hypothesis));
   for (const auto& hypothesis : message.second) ranking.second.push_back(from_message(hypothesis));
   return ranking;
 }

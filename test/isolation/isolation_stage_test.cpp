@@ -1,6 +1,8 @@
 // Which of two isolators has the say: one that knows the faults of a table, and one that weighed every effect.
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "faultline/detectors/detector.h"
 #include "faultline/isolation/isolation_stage.h"
 #include "faultline/isolation/isolator.h"
@@ -12,6 +14,9 @@ namespace {
 struct Said {
   Finding table, all;
   bool watch = false;
+  double judged_until = 0;  // long ago: what it found then stands until it says otherwise
+  double undecided_since = std::numeric_limits<double>::quiet_NaN();
+  bool suspects = true;
 };
 Said said;
 
@@ -35,7 +40,9 @@ class All : public Table {
   using Table::Table;
   void process(const Estimate&, const std::vector<bool>&, Finding& finding) override { finding = said.all; }
   bool weighs_every_effect() const override { return true; }
-  double judged_until() const override { return 0; }  // long ago: what it found then stands until it says otherwise
+  double judged_until() const override { return said.judged_until; }
+  double undecided_since() const override { return said.undecided_since; }
+  bool suspects(const Finding&) const override { return said.suspects; }
 };
 
 FAULTLINE_DETECTOR(says_watch, {"says_watch", make_detector_of<Watch>});
@@ -106,6 +113,39 @@ TEST_F(WhoHasTheSay, AListWithoutTheTablesCauseFirstEndsIt) {
   EXPECT_EQ(table_, Reason::explained);
   said.all.equivalent = {"scale@transmission.pump", "coulomb_friction@force.shaft"};
   hear();
+  EXPECT_EQ(table_, Reason::told);
+}
+
+TEST_F(WhoHasTheSay, ATableWaitsForTheOneThatWeighsAll) {
+  for (const double judged : {2, 4}) {
+    said.judged_until = judged;
+    hear();
+  }
+  estimate_.time = 5;
+  said.table = found("scale", "transmission.pump");
+  said.table.since = 5;
+  hear();
+  EXPECT_EQ(table_, Reason::judgement_awaited);
+  said.undecided_since = 4;  // it judged that time, and suspects something else
+  said.suspects = false;
+  hear();
+  EXPECT_EQ(table_, Reason::judgement_awaited);
+  said.suspects = true;
+  hear();
+  EXPECT_EQ(table_, Reason::told);
+}
+
+TEST_F(WhoHasTheSay, ATableDoesNotWaitForEver) {
+  for (const double judged : {2, 4}) {
+    said.judged_until = judged;
+    hear();
+  }
+  estimate_.time = 5;
+  said.table = found("scale", "transmission.pump");
+  said.table.since = 5;
+  for (int k = 0; k < 5; ++k) hear();
+  EXPECT_EQ(table_, Reason::judgement_awaited);
+  hear();  // three intervals of 2 s
   EXPECT_EQ(table_, Reason::told);
 }
 

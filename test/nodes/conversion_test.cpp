@@ -201,6 +201,7 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   ranking.doubt = "position: its sign is turned";
   ranking.stuck = "sensor.position";
   ranking.first = {leak, offset};
+  ranking.suspected = {offset, leak, offset};
   ranking.second = {offset};
   Estimate estimate;
   estimate.ranking = std::make_shared<Ranking>(ranking);
@@ -215,6 +216,8 @@ TEST(Conversion, RankingsGoAroundUnchanged) {
   EXPECT_EQ(back.ranking->doubt, ranking.doubt);
   EXPECT_EQ(back.ranking->stuck, ranking.stuck);
   ASSERT_EQ(back.ranking->first.size(), 2u);
+  ASSERT_EQ(back.ranking->suspected.size(), 3u);
+  EXPECT_EQ(back.ranking->suspected[1].name(), leak.name());
   ASSERT_EQ(back.ranking->second.size(), 1u);
   const RankedHypothesis& b = back.ranking->first[0];
   EXPECT_EQ(b.effect, leak.effect);

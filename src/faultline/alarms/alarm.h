@@ -71,7 +71,8 @@ AlarmLevel worst(const AlarmReport& report);
 // stood for long before a first guess; then the longer; then the one that was raised first.
 const Alarm* headline_now(const AlarmReport& report);  // of those that are active
 // Of a whole recording: an active one before those that ended, unless it names neither a cause nor candidates and began
-// while there was an alarm of a fault or a sensor, or as shortly after as it took to be told: then it is taken for a consequence, and the cause comes first.
+// while there was an alarm of a fault or a sensor, or as shortly after as it took to be told: then it is taken for a
+// consequence, and the cause comes first.
 const Alarm* headline(const AlarmReport& report);
 
 }  // namespace faultline

@@ -61,8 +61,9 @@ struct Ranking {
   double threshold = 0;     // evidence from which there is a fault
   double evidence = 0;      // of the best of all hypotheses
   bool shows = true;        // faults at every place of the rig would have shown; no: it stood still
-  std::vector<RankedHypothesis> first;   // what is wrong; empty: nothing is
-  std::vector<RankedHypothesis> second;  // what else is wrong, beside the best of the first
+  std::vector<RankedHypothesis> first;      // what is wrong; empty: nothing is
+  std::vector<RankedHypothesis> suspected;  // while first is empty: what is wrong, if stretches to come confirm it
+  std::vector<RankedHypothesis> second;     // what else is wrong, beside the best of the first
   std::string doubt;  // a channel that is not what it is called explains more than all of them; empty: none does
   std::string stuck;  // port of the transducer or the command that is stuck, where that is the doubt
 };

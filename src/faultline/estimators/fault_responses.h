@@ -46,6 +46,8 @@ class FaultResponses {
   const std::vector<FaultHypothesis>& hypotheses() const { return model_.hypotheses(); }
   // While a fault is there: best first, refined ones only. Empty: nothing is wrong, or not surely.
   const std::vector<RankedFault>& first() const { return confirmation_.given() ? first_ : none_; }
+  // What that would be, while it is undecided.
+  const std::vector<RankedFault>& suspected() const { return undecided() ? first_ : none_; }
   // The same for what is wrong beside the first.
   const std::vector<RankedFault>& second() const { return confirmation_.given() ? second_ : none_; }
   // Something is suspected that the next stretches must confirm; not for ever: a rig that rests confirms nothing.

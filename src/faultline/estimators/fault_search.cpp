@@ -9,7 +9,9 @@
 namespace faultline {
 namespace {
 
-constexpr double kClearEvidence = 4;  // that segments hold a fault, or do not: twice what one parameter wins in noise
+// Evidence that segments do not hold a fault: twice what one parameter wins in noise. That they do, before the stretch
+// which shows it: a fraction of the threshold, and in each of what a segment of that stretch has.
+constexpr double kClearEvidence = 4, kSuspicion = 0.25, kAsMuch = 1.0 / 3;
 
 void sort_by_evidence(std::vector<RankedFault>& faults) {
   std::sort(faults.begin(), faults.end(),
@@ -205,22 +207,29 @@ double onset(const StretchModel& model, const Scene& scene, const Stretch* befor
   // Begins where the evidence of all segments before is least, if that is clearly less than at the stretch's beginning.
   struct Least {
     double begin, evidence, whole;
+    std::size_t segments;  // from there on
   };
   const auto least_of = [&](const Stretch& stretch) {
     LossCourse without, with;
     model.loss(scene.prior, {&stretch}, &without);
     model.loss(scene.prior, {&stretch}, scene.point, effects, kInfinity, nullptr, nullptr, &with);
-    Least least{stretch.begin, 0, without.back() - with.back()};
+    Least least{stretch.begin, 0, without.back() - with.back(), with.size()};
     for (std::size_t s = 0; s + 1 < with.size(); ++s) {
       if (without[s] - with[s] > std::min(least.evidence, -kClearEvidence)) continue;
       least.evidence = without[s] - with[s];
       least.begin = stretch.run.recording.time[stretch.run.restarts[s + 2]];  // the first one does not count
+      least.segments = with.size() - s - 1;
     }
     return least;
   };
-  if (before != nullptr && before->responded)
-    if (const Least least = least_of(*before); least.whole - least.evidence > kClearEvidence) return least.begin;
-  return least_of(shows).begin;
+  const Least at = least_of(shows);
+  if (before == nullptr || !before->responded) return at.begin;
+  const Least earlier = least_of(*before);
+  const auto each = [](const Least& least) {
+    return (least.whole - least.evidence) / static_cast<double>(least.segments);
+  };
+  const bool clearly = earlier.whole - earlier.evidence > kSuspicion * model.settings().threshold_evidence;
+  return clearly && each(earlier) > kAsMuch * each(at) ? earlier.begin : at.begin;
 }
 
 }  // namespace faultline

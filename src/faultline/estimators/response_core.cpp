@@ -109,6 +109,7 @@ class ResponseEstimator : public Estimator {
     ranking_.evidence = responses_.evidence();
     ranking_.shows = responses_.shows();
     ranking_.first = named(responses_.first(), kRankedFirst);
+    ranking_.suspected = named(responses_.suspected(), kRankedFirst);
     ranking_.doubt = responses_.doubt();
     ranking_.stuck = responses_.stuck();
     ranking_.second = named(responses_.second(), kRankedSecond);

@@ -33,8 +33,8 @@ constexpr double kSameOnset = 1;
 
 std::string named(const std::string& effect, const std::string& port) { return effect + "@" + port; }
 
-// Judgements of an isolator that weighs all effects, for which one that knows a few causes waits: the one of the stretch
-// in which it began and two that confirm it.
+// Intervals between judgements of an isolator that weighs all effects, for which one that knows a few causes waits at
+// most: some judge a stretch only after a pause.
 constexpr double kPatience = 3;
 
 // Whether `name` is effect@port, without making that string.
@@ -394,8 +394,9 @@ bool IsolationStage::judgement_awaited(const Isolated& i) const {
   const double since = finding(i).since;
   return std::any_of(isolated_.begin(), isolated_.end(), [&](const Isolated& other) {
     if (!other.isolator->weighs_every_effect()) return false;
-    const bool undecided = other.judged_until < since || !std::isnan(other.isolator->undecided_since());
-    return undecided && assessment_.time - since < kPatience * other.interval;
+    const bool undecided = !std::isnan(other.isolator->undecided_since());
+    const bool waits = undecided ? !other.isolator->suspects(finding(i)) : other.judged_until < since;
+    return waits && assessment_.time - since < kPatience * other.interval;
   });
 }
 

@@ -87,7 +87,8 @@ class IsolationStage {
   }
   bool explained(const Watched& w) const;
   bool judgement_awaited(const Watched& w) const;
-  // Of one that knows a few causes, until those that weigh all have decided; not for ever, for they may be held up.
+  // Of one that knows a few causes, until those that weigh all have judged that time and do not suspect another cause;
+  // not for ever, for they may be held up.
   bool judgement_awaited(const Isolated& i) const;
   bool told_by_isolator(std::size_t detector) const;
   bool follows(const Watched& w) const;  // from what another alarm tells

@@ -59,6 +59,8 @@ class Isolator {
   virtual bool could_see() const { return true; }
   // Since when [s] something may be wrong that what comes next must confirm; NaN: nothing.
   virtual double undecided_since() const { return std::numeric_limits<double>::quiet_NaN(); }
+  // Where something is undecided, whether that may be the cause which such a finding names.
+  virtual bool suspects(const Finding&) const { return true; }
   // As Detector has them: what it learnt of the healthy rig, and to judge by that instead of learning.
   virtual std::optional<Reference> reference() const { return {}; }
   virtual void restore(const Reference&) { throw InputError("this type of isolator keeps no reference"); }

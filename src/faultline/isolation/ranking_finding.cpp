@@ -108,6 +108,14 @@ void RankingFinding::weigh(Finding& finding) {
   tell_drift(finding);
 }
 
+bool RankingFinding::suspects(const Finding& finding) const {
+  if (!heard_ || heard_->suspected.empty()) return false;
+  const double evidence = heard_->suspected.front().evidence;
+  return std::any_of(heard_->suspected.begin(), heard_->suspected.end(), [&](const RankedHypothesis& h) {
+    return h.effect == finding.effect && h.port == finding.port && h.evidence >= evidence - margin(evidence);
+  });
+}
+
 // The first cannot be told from others at two places or more.
 bool RankingFinding::could_be_anywhere() const {
   const std::vector<RankedHypothesis>& first = heard_->first;

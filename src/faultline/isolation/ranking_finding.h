@@ -60,6 +60,8 @@ class RankingFinding {
     const bool undecided = heard_ && heard_->first.empty() && heard_->evidence >= heard_->threshold;
     return undecided ? judged_ : std::numeric_limits<double>::quiet_NaN();
   }
+  // What it finds is among what would be found now, if it is confirmed.
+  bool suspects(const Finding& finding) const;
   // Nothing is wrong, or less than is told, and no cause could win as much evidence as makes them worth weighing. While
   // none is named, one stretch that leaves more does not end it: three judgements in a row do.
   bool all_explained() const { return all_explained_; }

@@ -24,6 +24,7 @@ class ResponseIsolator : public Isolator {
   double judged_until() const override { return answer_.judged_until(); }
   bool could_see() const override { return answer_.could_see(); }
   double undecided_since() const override { return answer_.undecided_since(); }
+  bool suspects(const Finding& finding) const override { return answer_.suspects(finding); }
 
   void process(const Estimate& estimate, const std::vector<bool>&, Finding& finding) override {
     if (estimate.ranking) return answer_.tell(estimate.ranking, estimate.restarted, finding);
