@@ -262,9 +262,8 @@ void AlarmKeeper::tell(Source& source, const Finding& finding, double least_conf
     source.unnamed_for = name_of(finding);
     f.equivalent = finding.equivalent;
     f.equivalent.insert(f.equivalent.begin(), source.unnamed_for);
-    f.text = f.equivalent.size() == 1
-                 ? fmt::format("Something changed, perhaps {}", f.equivalent.front())
-                 : fmt::format("Something changed; candidates: {}", fmt::join(f.equivalent, ", "));
+    f.text = f.equivalent.size() == 1 ? fmt::format("Something changed, perhaps {}", f.equivalent.front())
+                                      : fmt::format("Something changed; candidates: {}", fmt::join(f.equivalent, ", "));
   }
   f.since = finding.since;
   f.confidence = finding.confidence;
