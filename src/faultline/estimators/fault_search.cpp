@@ -211,6 +211,7 @@ double onset(const StretchModel& model, const Scene& scene, const Stretch* befor
   };
   const auto least_of = [&](const Stretch& stretch) {
     LossCourse without, with;
+    if (stretch.segments.empty()) return Least{stretch.begin, 0, 0, 1};
     model.loss(scene.prior, {&stretch}, &without);
     model.loss(scene.prior, {&stretch}, scene.point, effects, kInfinity, nullptr, nullptr, &with);
     Least least{stretch.begin, 0, without.back() - with.back(), with.size()};

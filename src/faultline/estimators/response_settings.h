@@ -44,8 +44,8 @@ struct ResponseSettings {
   double new_fraction = 0.1;           // of the threshold: misfit of a stretch by which it says something new
   double weighed_fraction = 0.6;       // ... and below which, beyond white noise, causes are not weighed: none is told
   double followed_fraction = 0.02;     // of the evidence of a fault that is known: misfit from which it is followed
-  // The same beyond what is usual, that no cause explains, from which in so many stretches in a row the model has lost
-  // the rig. Found on few runs: a healthy servo actuator reached it in two (10 h), a ripple of a supply in all.
+  // The same beyond what stretches leave usually, that no cause explains, from which in so many stretches in a row the
+  // model has lost the rig. No healthy run reaches it in 2 h each of four rigs, three ripples of a supply do.
   double lost_fraction = 0.75;
   std::size_t lost_stretches = 4;
   double least_nuisance_amplitude = 0.05;  // of a nuisance effect, from which it is in the model of what is known
