@@ -83,6 +83,17 @@ class WhoHasTheSay : public ::testing::Test {
     watch_ = heard.detectors[0].reason;
   }
 
+  // Of something that began at 5 s, where the other judges every 2 s, and has judged until 4.
+  void the_table_speaks_between_judgements() {
+    for (const double judged : {2, 4}) {
+      said.judged_until = judged;
+      hear();
+    }
+    estimate_.time = 5;
+    said.table = found("scale", "transmission.pump");
+    said.table.since = 5;
+  }
+
   Estimate estimate_;
   IsolationStage stage_;
   Reason table_{}, all_{}, watch_{};
@@ -117,13 +128,7 @@ TEST_F(WhoHasTheSay, AListWithoutTheTablesCauseFirstEndsIt) {
 }
 
 TEST_F(WhoHasTheSay, ATableWaitsForTheOneThatWeighsAll) {
-  for (const double judged : {2, 4}) {
-    said.judged_until = judged;
-    hear();
-  }
-  estimate_.time = 5;
-  said.table = found("scale", "transmission.pump");
-  said.table.since = 5;
+  the_table_speaks_between_judgements();
   hear();
   EXPECT_EQ(table_, Reason::judgement_awaited);
   said.undecided_since = 4;  // it judged that time, and suspects something else
@@ -136,13 +141,7 @@ TEST_F(WhoHasTheSay, ATableWaitsForTheOneThatWeighsAll) {
 }
 
 TEST_F(WhoHasTheSay, ATableDoesNotWaitForEver) {
-  for (const double judged : {2, 4}) {
-    said.judged_until = judged;
-    hear();
-  }
-  estimate_.time = 5;
-  said.table = found("scale", "transmission.pump");
-  said.table.since = 5;
+  the_table_speaks_between_judgements();
   for (int k = 0; k < 5; ++k) hear();
   EXPECT_EQ(table_, Reason::judgement_awaited);
   hear();  // three intervals of 2 s

@@ -218,7 +218,7 @@ const Finding& AlarmKeeper::with_rivals(const Assessment& a, Isolating& i, const
   if (beside == nullptr || beside->effect.empty()) return finding;
   Finding& f = i.shown;
   const bool new_words = i.shown_for >= 0 || !same_words(finding, i.shown_of) || i.shown_beside.empty() ||
-                         i.shown_beside.front() != name_of(*beside) ||
+                         !is_named(i.shown_beside.front(), beside->effect, beside->port) ||
                          !std::equal(beside->equivalent.begin(), beside->equivalent.end(), i.shown_beside.begin() + 1,
                                      i.shown_beside.end());
   if (new_words) {

@@ -37,23 +37,11 @@ std::string named(const std::string& effect, const std::string& port) { return e
 // most: some judge a stretch only after a pause.
 constexpr double kPatience = 3;
 
-// Whether `name` is effect@port, without making that string.
-bool is_named(const std::string& name, const std::string& effect, const std::string& port) {
-  const std::size_t at = effect.size();
-  return name.size() == at + 1 + port.size() && name[at] == '@' && name.compare(0, at, effect) == 0 &&
-         name.compare(at + 1, port.size(), port) == 0;
-}
-
 bool among(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
 }  // namespace
-
-bool is_one_cause(const Finding& f, const Finding& g) {
-  return (f.effect == g.effect && f.port == g.port) || among(f.equivalent, named(g.effect, g.port)) ||
-         among(g.equivalent, named(f.effect, f.port));
-}
 
 Finding meaning_of(const StageSpec& detector) {
   Finding meaning;

@@ -64,8 +64,8 @@ class IsolationStage {
     double raised_at = 0;  // s
     bool on_bad_data = false;
     int told_for = -1;  // the detector that found the same, while this one's alarm tells it
-    double judged_until = std::numeric_limits<double>::quiet_NaN(),
-           interval = 0;  // s; interval: the longest between two
+    double judged_until = std::numeric_limits<double>::quiet_NaN();  // s
+    double interval = 0;                                             // s, the longest between two judgements
   };
   const Assessment& process(const Estimate* estimates);
   bool detect(const Estimate* estimates);  // whether any detector says something, or is blind

@@ -2,6 +2,7 @@
 // what else it might be. Settings of all: stage (an estimator of the rig; its first where there is none given).
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -33,8 +34,21 @@ struct Finding {
   std::string too_small;               // while it is not active: what is seen, and is less than is told; else empty
 };
 
+// Whether `name` is effect@port, without making that string.
+inline bool is_named(const std::string& name, const std::string& effect, const std::string& port) {
+  const std::size_t at = effect.size();
+  return name.size() == at + 1 + port.size() && name[at] == '@' && name.compare(0, at, effect) == 0 &&
+         name.compare(at + 1, port.size(), port) == 0;
+}
+
 // They name the same, or one is among what the other cannot be told from.
-bool is_one_cause(const Finding& f, const Finding& g);
+inline bool is_one_cause(const Finding& f, const Finding& g) {
+  const auto lists = [](const Finding& a, const Finding& b) {
+    return std::any_of(a.equivalent.begin(), a.equivalent.end(),
+                       [&](const std::string& name) { return is_named(name, b.effect, b.port); });
+  };
+  return (f.effect == g.effect && f.port == g.port) || lists(f, g) || lists(g, f);
+}
 
 class Isolator {
  public:
