@@ -115,10 +115,12 @@ std::vector<ModelPoint> FaultResponses::explanations() const {
   for (const RankedFault& cause : first_) {
     std::vector<EffectSpec> effects = found_effects();
     effects.front() = hypotheses()[cause.hypothesis].at(cause.amplitude);
-    Eigen::MatrixXd after;
-    model_.loss(known_to_tolerance(point_.shift), latest(1), point_, effects, kInfinity, &after);
-    points.push_back(model_.known(point_, best_parameters(after, model_.parameters()), effects));
-    points.push_back(model_.known(point_, Eigen::VectorXd::Zero(model_.parameters()), effects));
+    for (; !effects.empty(); effects.resize(effects.size() > 1 ? 1 : 0)) {
+      Eigen::MatrixXd after;
+      model_.loss(known_to_tolerance(point_.shift), latest(1), point_, effects, kInfinity, &after);
+      points.push_back(model_.known(point_, best_parameters(after, model_.parameters()), effects));
+      points.push_back(model_.known(point_, Eigen::VectorXd::Zero(model_.parameters()), effects));
+    }
   }
   return points;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <utility>
 
 #include <fmt/format.h>
@@ -19,20 +20,28 @@ constexpr double kMoved = 3;                // noises, likewise: by what the mod
 constexpr double kBeyondNoise = 4.5;        // noises: a reading from before the transducer was stuck
 constexpr int kFactors = 4, kHalvings = 4;  // factors tried on either side; how often what lies between is halved
 
-// L per segment; the first only fills memories.
-double misfit(const StretchModel& model, const Stretch& stretch, const ModelPoint& point) {
+// L of each segment but the first, which only fills memories.
+std::vector<double> misfits(const StretchModel& model, const Stretch& stretch, const ModelPoint& point) {
+  std::vector<double> each;
   const Eigen::MatrixXf residuals = model.residuals(stretch, point);
   const auto rows = static_cast<Eigen::Index>(model.segment_rows());
-  double sum = 0;
   const std::vector<std::size_t>& restarts = stretch.run.restarts;
   for (std::size_t s = 1; s < restarts.size(); ++s) {
     const auto first = static_cast<Eigen::Index>(restarts[s]);
     const Eigen::Index count = std::min(rows, residuals.rows() - first);
+    double sum = 0;
     for (Eigen::Index o = 0; o < residuals.cols(); ++o)
       sum += std::log1p(static_cast<double>(residuals.col(o).segment(first, count).squaredNorm()) /
                         static_cast<double>(count));
+    each.push_back(sum);
   }
-  return sum / static_cast<double>(restarts.size() - 1);
+  return each;
+}
+
+// L per segment.
+double misfit(const StretchModel& model, const Stretch& stretch, const ModelPoint& point) {
+  const std::vector<double> each = misfits(model, stretch, point);
+  return std::accumulate(each.begin(), each.end(), 0.0) / static_cast<double>(each.size());
 }
 
 OtherReading of_channels(std::size_t one, std::size_t other) {
@@ -113,6 +122,15 @@ double least_misfit(const StretchModel& model, const Stretch& stretch, const std
       least = std::min(least, misfit(model, stretch, point));
     } catch (const InputError&) {  // no such rig
     }
+  return least;
+}
+
+// What a reading must stay below for the faults alone. Two faults have more to set than one reading, so that they need
+// no lead over it: a rate limit beside what is near a stuck command does what a stuck command does.
+double less_than(const StretchModel& model, const Stretch& stretch, const std::vector<ModelPoint>& faults) {
+  double least = kInfinity;
+  for (const ModelPoint& fault : faults)
+    least = std::min(least, least_misfit(model, stretch, {fault}) - (fault.effects.size() > 1 ? 0 : kLead));
   return least;
 }
 
@@ -233,15 +251,42 @@ std::pair<double, double> best_factor(const StretchModel& model, const Stretch& 
   return {std::exp(logarithm), least};
 }
 
-// L of the stretch if what this command drives stands still at `held`.
-double misfit_held(const StretchModel& model, Recording recording, const ModelPoint& healthy, std::size_t command,
-                   double held) {
+// The stretch with this command held.
+std::unique_ptr<Stretch> held_at(const StretchModel& model, Recording recording, std::size_t command, double held) {
   for (std::size_t row = 0; row < recording.rows(); ++row) recording.values[row * recording.columns() + command] = held;
+  return model.prepare(recording);
+}
+
+// L of the stretch if what this command drives stands still at `held`.
+double misfit_held(const StretchModel& model, const Recording& recording, const ModelPoint& healthy,
+                   std::size_t command, double held) {
   try {
-    return misfit(model, *model.prepare(recording), healthy);
+    return misfit(model, *held_at(model, recording, command, held), healthy);
   } catch (const InputError&) {  // nothing to run
     return kInfinity;
   }
+}
+
+// Since when a command is held: from the segment on from which this says most more than the commands that were given; in
+// a stretch in which nothing was found, or in this one.
+double held_since(const StretchModel& model, const Recording& before, const Recording& now, const ModelPoint& healthy,
+                  std::size_t command, double held) {
+  double since = now.time.front(), gained = 0, most = 0;
+  for (const Recording* recording : {&now, &before}) try {
+      if (recording->rows() == 0) continue;
+      const std::unique_ptr<Stretch> as_given = model.prepare(*recording);
+      const std::vector<double> given = misfits(model, *as_given, healthy);
+      const std::vector<double> still = misfits(model, *held_at(model, *recording, command, held), healthy);
+      for (std::size_t s = std::min(given.size(), still.size()); s-- > 0;) {
+        gained += given[s] - still[s];
+        if (gained <= most) continue;
+        most = gained;
+        since = recording->time[as_given->run.restarts[s + 1]];
+      }
+    } catch (const InputError&) {  // nothing to run
+      break;
+    }
+  return since;
 }
 
 bool can_be_stuck(const Datasheet& sheet, const Port& port) {
@@ -267,8 +312,7 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
                             const Recording& before) {
   OtherReading best;
   if (stretch.run.restarts.size() < 2) return best;
-  double least =
-      std::min(misfit(model, stretch, model.nominal()) - kGain, least_misfit(model, stretch, faults) - kLead);
+  double least = std::min(misfit(model, stretch, model.nominal()) - kGain, less_than(model, stretch, faults));
   if (least <= 0) return best;  // nothing can be that much better
   const std::unique_ptr<Stretch> earlier = before.rows() > 0 ? model.prepare(before) : nullptr;
   const double as_it_was = earlier ? misfit(model, *earlier, model.nominal()) + kLead : kInfinity;
@@ -314,7 +358,7 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
     best.lead = least - found;
     least = found;
     best.held = middle + from_middle;
-    best.since = recording.time.front();
+    best.since = held_since(model, before, recording, healthy, channel, best.held);
     best.text = fmt::format("{}: this command is no longer followed: what it drives is stuck", port.channel);
   }
   for (std::size_t i = 0; !change && i < sheet.parameters.size(); ++i) {
