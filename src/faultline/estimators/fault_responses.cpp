@@ -559,6 +559,8 @@ void FaultResponses::find_healthy_or_fault() {
   const ModelPoint healthy = model_.known(point_, best_parameters(now.prior, model_.parameters()), {});
   if (!reading_.text.empty() && contradicts(sheet_, model_, last, causes, healthy, reading_)) reading_ = {};
   if (reading_.text.empty()) reading_ = better_reading(sheet_, model_, last, causes, healthy, window_.change, before_);
+  // A cause that other stretches have confirmed was there before: what got stuck beside it must be sure.
+  if (confirmation_.given() && reading_.is_stuck() && reading_.lead < kSureLead) reading_ = {};
   known_before_ = healthy;
   confirmation_.found(evidence_);
   if (reading_.is_stuck() && reading_.lead >= kSureLead) confirmation_.give();
