@@ -41,8 +41,8 @@ Json interval_json(const Interval& interval) { return Json::array({interval.low,
 Json effect_json(const Datasheet& sheet, const NamedEffect& e) {
   Json parameters = Json::object(), units = Json::object(), intervals = Json::object();
   for (const auto& [name, value] : e.parameters) parameters[name] = value;
-  for (const EffectParameter& p : find_effect_type(e.effect)->parameters)
-    units[p.name] = effect_unit(sheet, sheet.port(e.port), p.unit);
+  const EffectType& type = *find_effect_type(e.effect);
+  for (const EffectParameter& p : type.parameters) units[p.name] = parameter_unit(sheet, sheet.port(e.port), type, p);
   for (const auto& [name, interval] : e.intervals) intervals[name] = interval_json(interval);
   return {{"effect", e.effect}, {"port", e.port},         {"family", e.family},       {"parameters", parameters},
           {"units", units},     {"intervals", intervals}, {"at_bounds", e.at_bounds}, {"probability", e.probability}};

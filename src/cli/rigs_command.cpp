@@ -44,7 +44,7 @@ Json effect_json(const Datasheet& sheet, const Port& port, const FittingEffect& 
     const auto bounds = fitting.bounds.find(parameter.name);
     effect["parameters"].push_back(
         {{"name", parameter.name},
-         {"unit", effect_unit(sheet, port, parameter.unit)},
+         {"unit", parameter_unit(sheet, port, *type, parameter)},
          {"none", number(parameter.none)},
          {"minimum", number(bounds == fitting.bounds.end() ? parameter.minimum : bounds->second.minimum)},
          {"maximum", number(bounds == fitting.bounds.end() ? parameter.maximum : bounds->second.maximum)}});
@@ -142,7 +142,7 @@ void print_rig(const Datasheet& sheet) {
       for (const auto& entry : fitting.bounds) {
         const int index = type ? type->parameter_index(entry.first) : -1;
         const std::string unit =
-            index >= 0 ? effect_unit(sheet, port, type->parameters[static_cast<std::size_t>(index)].unit) : "s";
+            index >= 0 ? parameter_unit(sheet, port, *type, type->parameters[static_cast<std::size_t>(index)]) : "s";
         bounds += fmt::format("  {} {:g}..{:g} [{}]", entry.first, entry.second.minimum, entry.second.maximum, unit);
       }
       fmt::print("    {:<24}{}{}\n", fitting.effect, bounds, type ? "" : "  (not in this build)");

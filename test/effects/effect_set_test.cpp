@@ -153,6 +153,18 @@ TEST(EffectSet, LeaksInTheUnitsOfTheirPort) {
   EXPECT_EQ(effect_unit(sheet, port, "m^3/(s sqrt(Pa))"), "kg/(s sqrt(Pa))");
 }
 
+// A shaft on a rig that slides.
+TEST(EffectSet, SizesInUnitsOfTheirOwn) {
+  Datasheet sheet = bench();
+  Port port = port_with("force.shaft", {"coulomb_friction", "viscous_friction"}, 10);
+  const EffectType& dry = *find_effect_type("coulomb_friction");
+  EXPECT_EQ(parameter_unit(sheet, port, dry, dry.parameters[0]), "N");
+  port.units["coulomb_friction.force"] = "N m";
+  EXPECT_EQ(parameter_unit(sheet, port, dry, dry.parameters[0]), "N m");
+  const EffectType& smooth = *find_effect_type("viscous_friction");
+  EXPECT_EQ(parameter_unit(sheet, port, smooth, smooth.parameters[0]), "N s/m");
+}
+
 TEST(EffectSet, DriftStartsAtItsTimeWithoutAJump) {
   EffectSet set(bench(), specs({"drift@sensor.position:rate=0.5,from=4,to=8", "drift@source.supply:rate=100"}), 1e-3,
                 1);

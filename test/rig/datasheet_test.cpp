@@ -234,6 +234,8 @@ const Case kCases[] = {
     {"component: wall", "component: wall, drop_unit: m", "drop_unit", "needs 'range'"},
     {"component: wall", "component: wall, range: 2, drop_unit: mm", "drop_unit", "SI units"},
     {"component: valve", "component: valve, drop_unit: V", "drop_unit", "flow and restriction ports only"},
+    {"component: valve", "component: valve, units: {elasticity.compliance: m/N}", "units", "effect.parameter"},
+    {"component: wall", "component: wall, units: {orifice_leakage: m}", "units", "effect.parameter"},
     {"time_constant: [0, 1]", "time_constant: [2, 1]", "effects.lag.time_constant", "minimum 2 above its maximum 1"},
     {"time_constant: [0, 1]", "time_constant: [0, .nan]", "effects.lag.time_constant[1]", "NaN"},
     {"time_constant: [0, 1]", "time_constant: any", "effects.lag.time_constant", "must be a list"},

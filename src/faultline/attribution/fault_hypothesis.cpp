@@ -95,7 +95,7 @@ std::vector<FaultHypothesis> fault_hypotheses(const Datasheet& sheet, const Hypo
       h.kind = port.kind == PortKind::sensor ? AlarmKind::sensor : AlarmKind::fault;
       h.parameter = p;
       h.size_name = type.parameters[p].name;
-      h.size_unit = effect_unit(sheet, port, type.parameters[p].unit);
+      h.size_unit = parameter_unit(sheet, port, type, type.parameters[p]);
       h.none = type.parameters[p].none;
       h.full = candidate.effect;
       for (std::size_t other = 0; other < type.parameters.size(); ++other)

@@ -299,8 +299,21 @@ std::string read_drop_unit(const YamlValue& entry, const Port& port) {
   return unit_of(entry.at("drop_unit"), true);
 }
 
+// Of the sizes of effects at a port: on a rig that slides a shaft turns, too.
+void read_units(const YamlValue& entry, Port& port) {
+  for (const YamlValue& unit : entry.entries()) {
+    const std::size_t dot = unit.key().find('.');
+    const std::string effect = unit.key().substr(0, dot);
+    const bool fits = std::any_of(port.effects.begin(), port.effects.end(),
+                                  [&](const FittingEffect& fitting) { return fitting.effect == effect; });
+    if (!fits || dot == std::string::npos || find_effect_type(effect)->parameter_index(unit.key().substr(dot + 1)) < 0)
+      unit.fail("must be effect.parameter of an effect that this port lists, as in elasticity.compliance");
+    port.units[unit.key()] = unit_of(unit, true);
+  }
+}
+
 Port read_port(const YamlValue& entry, const Datasheet& sheet) {
-  entry.allow({"component", "meaning", "effects"}, {"channel", "range", "unit", "drop_unit"});
+  entry.allow({"component", "meaning", "effects"}, {"channel", "range", "unit", "drop_unit", "units"});
   Port port;
   port.name = entry.key();
   try {
@@ -335,6 +348,7 @@ Port read_port(const YamlValue& entry, const Datasheet& sheet) {
   }
   if (entry.has("drop_unit")) port.drop_unit = read_drop_unit(entry, port);
   for (const YamlValue& effect : entry.at("effects").entries()) port.effects.push_back(read_fitting(effect, port));
+  if (entry.has("units")) read_units(entry.at("units"), port);
   return port;
 }
 

@@ -44,4 +44,10 @@ std::string effect_unit(const Datasheet& sheet, const Port& port, const std::str
   return own + unit.substr(4);
 }
 
+std::string parameter_unit(const Datasheet& sheet, const Port& port, const EffectType& effect,
+                           const EffectParameter& parameter) {
+  const auto own = port.units.find(effect.name + "." + parameter.name);
+  return own == port.units.end() ? effect_unit(sheet, port, parameter.unit) : own->second;
+}
+
 }  // namespace faultline
