@@ -1,5 +1,6 @@
 // `faultline fit`: the parameters that a rig's datasheet marks, from recordings, with intervals; and what the
 // recordings cannot tell.
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -23,6 +24,8 @@ namespace faultline {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr double kWidestTolerance = 0.499;  // from 0.5 on a datasheet refuses it for what must stay above 0
 
 struct Options {
   std::string rig, config, json, patch;
@@ -84,13 +87,20 @@ void print_result(const Datasheet& sheet, const ParameterFit& fit) {
 // The datasheet with what was found as nominal values and tolerances.
 void write_patch(const Datasheet& sheet, const ParameterFit& fit, const std::string& file) {
   std::string text = datasheet_text(sheet);
+  std::vector<std::string> remarks;
   for (const FittedParameter& p : fit.parameters) {
     // Those of a combination belong together, so all are written.
     set_parameter(sheet, text, p.name, "nominal", p.estimate);
-    set_parameter(sheet, text, p.name, "tolerance",
-                  0.5 * (p.high - p.low) / kNinetyPercentSigmas / std::abs(p.estimate));
+    const double tolerance = 0.5 * (p.high - p.low) / kNinetyPercentSigmas / std::abs(p.estimate);
+    if (tolerance > kWidestTolerance)
+      remarks.push_back(
+          fmt::format("{}: {} has the tolerance {:.2g} there, the widest that a datasheet may have; "
+                      "these runs leave {:.2g}",
+                      file, p.name, kWidestTolerance, tolerance));
+    set_parameter(sheet, text, p.name, "tolerance", std::min(tolerance, kWidestTolerance));
   }
   write_datasheet(text, file);
+  print_remarks("fit", remarks);
 }
 
 void run(const Options& options) {
@@ -111,9 +121,9 @@ void run(const Options& options) {
     if (tell) std::fputs(fmt::format("fit: {}\n", text).c_str(), stderr);
   };
   const ParameterFit fit = fit_parameters(sheet, std::move(runs), jobs, say, FitOptions(), time_limit(options.minutes));
-  if (!options.patch.empty()) write_patch(sheet, fit, options.patch);
   if (!options.json.empty()) write_text(options.json, json_text(result_json(sheet, options.runs, fit)));
   if (options.json != "-") print_result(sheet, fit);
+  if (!options.patch.empty()) write_patch(sheet, fit, options.patch);
 }
 
 std::function<void()> add(CLI::App& app) {

@@ -205,6 +205,28 @@ TEST(FaultResponses, AValveThatNoLongerFollowsItsCommand) {
   EXPECT_NEAR(judge.responses.since(), 8.3, 2);
 }
 
+// What is found later is not what was found before under another name: it has a beginning of its own.
+TEST(FaultResponses, AFaultThatComesLaterIsDatedByItself) {
+  const double first_from = 8.3, second_from = 20.3;
+  SimulationSetup setup = off_nominal("random", 34);
+  setup.effects.push_back(parse_effect("viscous_friction@force.piston:coefficient=700,from=8.3"));
+  setup.effects.push_back(parse_effect("offset@command.valve_command:value=-0.3,from=20.3"));
+  const Recording run = simulate(servo(), setup, 30);
+  Judge judge(shipped());
+  const FaultResponses& responses = judge.responses;
+  const auto name = [&] {
+    return responses.first().empty() ? "" : responses.hypotheses()[responses.first().front().hypothesis].name();
+  };
+  for (std::size_t k = 0; k < run.rows(); ++k) {
+    judge.add(run.time[k], run.row(k), true);
+    if (run.time[k] < first_from + 6 || run.time[k] > second_from) continue;
+    ASSERT_EQ(name(), "viscous_friction@force.piston") << run.time[k];
+    ASSERT_NEAR(responses.since(), first_from, 1) << run.time[k];
+  }
+  EXPECT_EQ(name(), "offset@command.valve_command");
+  EXPECT_NEAR(responses.since(), second_from, 2);
+}
+
 TEST(FaultResponses, TwoLeaksAtOnce) {
   const Found found = look("random", 34, 8, 18,
                            {"orifice_leakage@flow.chamber_a_chamber_b:coefficient=2e-8",

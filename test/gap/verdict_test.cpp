@@ -8,7 +8,7 @@
 namespace faultline {
 namespace {
 
-std::string said(const std::string& verdict, const std::string& left) {
+std::string said(const std::string& verdict, const std::string& left, double size = 0.05, double factor = 1.05) {
   Datasheet sheet;
   Parameter parameter;
   parameter.name = "area";
@@ -17,7 +17,9 @@ std::string said(const std::string& verdict, const std::string& left) {
   GapResult result;
   result.verdict = verdict;
   result.gap.resize(2);
-  result.gap[1].parameters["area"] = 1.05;
+  result.gap[1].parameters["area"] = factor;
+  result.evidence.size = size;
+  result.matters = 0.01;
   describe(sheet, result, left);
   return result.sentence;
 }
@@ -46,6 +48,14 @@ TEST(Verdict, NothingIsSaidToFitWhereMuchIsLeft) {
   EXPECT_EQ(
       said("miscalibrated", "flow 440 times its noise"),
       "The parameters are off: area x 1.050. No place and no effect tells what is left: flow 440 times its noise.");
+  EXPECT_EQ(
+      said("none", "flow 440 times its noise", 0.004),
+      "What is left, flow 440 times its noise, is 0.004 of what the channels move, too little to matter (--matters "
+      "0.01).");
+  EXPECT_EQ(
+      said("miscalibrated", "flow 440 times its noise", 0.05, 1.001),
+      "Parameters within their tolerances explain a part. No place and no effect tells what is left: flow 440 times "
+      "its noise.");
   EXPECT_EQ(said("unknown", "flow 440 times its noise"),
             "Something the library does not know, and no single place explains much of it (flow 440 times its noise); "
             "no effect of the library could be tried.");

@@ -152,6 +152,14 @@ TEST_F(ResponseIsolation, WhatRigsInGoodOrderHaveIsNotToldAndExplainsTheRest) {
   };
   EXPECT_FALSE(heard(0.9e-8));
   EXPECT_EQ(hear({leak}).too_small, "orifice_leakage@" + std::string(kSeal) + ", 9e-09 m^3/(s sqrt(Pa))");
+  RankedHypothesis scale = cause("scale", "sensor.velocity", 1, 100);
+  scale.none = 1;
+  scale.full = 1.002;
+  scale.amplitude = 0.1;
+  scale.size_unit = "1";
+  EXPECT_EQ(hear({scale}).too_small, "scale@sensor.velocity, 1.0002");
+  leak.evidence += 1;
+  hear({leak});
   EXPECT_TRUE(isolator_->finds_all_explained());
   EXPECT_TRUE(heard(1.1e-8));
   EXPECT_FALSE(isolator_->finds_all_explained());

@@ -53,6 +53,19 @@ TEST(DryFriction, StopsAtAReversalAndGoesOnIfPushed) {
   EXPECT_EQ(friction.direction(), -1);
 }
 
+TEST(DryFriction, WhatNothingHoldsGoesThroughZeroAsItComes) {
+  DryFriction friction;
+  friction.start(1);
+  double velocity = -0.01;
+  friction.after_step(velocity, 5, 0, 0);
+  EXPECT_EQ(velocity, -0.01);
+  EXPECT_EQ(friction.direction(), -1);
+  friction.start(0);
+  velocity = 0;
+  friction.after_step(velocity, 1e-9, 0, 0);
+  EXPECT_EQ(friction.direction(), 1);
+}
+
 TEST(DryFriction, BlockOnASpringStopsWhereItShould) {
   // m x'' = -k x - F sgn v from x0: every half swing loses 2 F/k, and it stops when |x| < F/k at a turn.
   const double mass = 2, stiffness = 200, level = 10, dt = 1e-5;

@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#include "faultline/attribution/fault_hypothesis.h"
+
 namespace faultline {
 
 // Per pair of hypotheses, in amplitudes^-2.
@@ -17,5 +19,9 @@ std::vector<double> amplitude_errors(const Eigen::MatrixXd& information, double 
 
 // Cosines between the responses to hypotheses; 0 for those that do not show.
 Eigen::MatrixXd response_cosines(const Eigen::MatrixXd& information, double least);
+
+// Whether at every place of the rig, transducers apart, some fault within its range would win so much evidence.
+bool every_place_shows(const std::vector<FaultHypothesis>& hypotheses, const std::vector<double>& errors,
+                       double evidence);
 
 }  // namespace faultline

@@ -74,23 +74,7 @@ void FaultResponses::know_healthy() {
   known_.learn_healthy(point_, theta(), recent_);
 }
 
-double FaultResponses::unexplained(const Stretch& stretch) const {
-  const Eigen::VectorXd theta = this->theta();
-  double sum = 0;
-  for (const SegmentResponse& segment : stretch.segments)
-    sum += model_.beyond_noise(segment.residuals + segment.tolerances * theta);
-  return sum;
-}
-
-bool FaultResponses::far_off(const Stretch& stretch) const {
-  const Eigen::VectorXd theta = this->theta();
-  double squares = 0, values = 0;
-  for (const SegmentResponse& segment : stretch.segments) {
-    squares += (segment.residuals + segment.tolerances * theta).squaredNorm();
-    values += static_cast<double>(segment.residuals.size());
-  }
-  return squares > settings_.far_off_variances * values;
-}
+double FaultResponses::unexplained(const Stretch& stretch) const { return model_.left_of(stretch, theta()).evidence; }
 
 double FaultResponses::unexplained(double usual) const {
   double sum = doubt_;
@@ -387,8 +371,23 @@ void FaultResponses::end_event() {
   know_healthy();
 }
 
+// Looks for a fault that came later than the event was found in the latest stretches that speak for it alone. False, and
+// nothing is changed, where these do not show it.
+bool FaultResponses::look_since(const Scene& now, std::vector<RankedFault>& ranked) {
+  const Window before = window_;
+  window_ = {true, speaking_alone(model_, now, ranked.front())};
+  const std::vector<RankedFault> found = best_of(model_, scene(), screen(window_), {});
+  if (found.empty() || found.front().evidence < settings_.threshold_evidence) {
+    window_ = before;
+    return false;
+  }
+  ranked = found;
+  return true;
+}
+
 void FaultResponses::judge(const Recording& recording) {
   recent_.push_back(model_.prepare(recording));
+  was_given_ = event_ && confirmation_.given();
   ++stretches_;
   shows_ = shows_ || moves(sheet_, recording);
   judge_stretch();
@@ -464,7 +463,8 @@ void FaultResponses::judge_stretch() {
     if (!growing && !power_of_two(age_) && follow()) return;
   }
   const double left = unexplained();
-  explained_ = !event_ && left < settings_.explained_ratio * settings_.threshold_evidence && !far_off(*recent_.back());
+  explained_ = !event_ && left < settings_.explained_ratio * settings_.threshold_evidence &&
+               model_.left_of(*recent_.back(), theta()).mean_square <= settings_.far_off_variances;
   if (!event_) {
     const Stretch& last = *recent_.back();
     lost_.hear(last.begin, explained_ ? 0 : known_.beyond(last), unexplained(last));
@@ -522,9 +522,12 @@ void FaultResponses::find_healthy_or_fault() {
     end_event();
     return;
   }
-  const Scene now = scene();
+  Scene now = scene();
   std::map<std::size_t, double> closely;
-  const std::vector<RankedFault> ranked = best_of(model_, now, screened, remembered(), &closely);
+  std::vector<RankedFault> ranked = best_of(model_, now, screened, remembered(), &closely);
+  const bool later = event_ && !ranked.empty() && ranked.front().evidence >= settings_.threshold_evidence &&
+                     came_later(model_, now, found_, ranked) && look_since(now, ranked);
+  if (later) now = scene();
   candidates_ = closely;
   for (const RankedFault& f : ranked) candidates_[f.hypothesis] = f.amplitude;
   if (!ranked.empty()) evidence_ = ranked.front().evidence;
@@ -539,7 +542,7 @@ void FaultResponses::find_healthy_or_fault() {
   know_fault(now);
   look_beside(now.prior);
   if (!second_.empty()) know_fault(now);
-  if (!event_ || window_.stretches < suspected) {
+  if (!event_ || later || window_.stretches < suspected) {
     const std::size_t healthy = recent_.size() - window_.stretches;
     const Stretch& shows = *recent_[healthy];
     since_ = lost() ? std::min(lost_.since(), shows.begin)
@@ -548,6 +551,7 @@ void FaultResponses::find_healthy_or_fault() {
                  : shows.begin;
     lost_.end();
     if (window_.change && healthy > 0) before_ = recent_[healthy - 1]->run.recording;
+    found_ = found_in(model_, now, first_.front());
     event_ = true;
     young_ = window_.change && stretches_ <= settings_.early_stretches;
     age_ = 1;
@@ -560,7 +564,7 @@ void FaultResponses::find_healthy_or_fault() {
   if (!reading_.text.empty() && contradicts(sheet_, model_, last, causes, healthy, reading_)) reading_ = {};
   if (reading_.text.empty()) reading_ = better_reading(sheet_, model_, last, causes, healthy, window_.change, before_);
   // A cause that other stretches have confirmed was there before: what got stuck beside it must be sure.
-  if (confirmation_.given() && reading_.is_stuck() && reading_.lead < kSureLead) reading_ = {};
+  if (was_given_ && reading_.is_stuck() && reading_.lead < kSureLead) reading_ = {};
   known_before_ = healthy;
   confirmation_.found(evidence_);
   if (reading_.is_stuck() && reading_.lead >= kSureLead) confirmation_.give();
@@ -571,16 +575,7 @@ void FaultResponses::find_healthy_or_fault() {
 void FaultResponses::look_what_shows() {
   if (!recent_.back()->responded) model_.respond(*recent_.back(), point_);
   model_.weigh(*recent_.back(), point_);
-  const std::vector<double> errors = amplitude_errors();
-  std::map<std::string, bool> places;
-  for (std::size_t h = 0; h < errors.size(); ++h) {
-    const FaultHypothesis& fault = hypotheses()[h];
-    if (fault.kind != AlarmKind::fault) continue;
-    const double least = std::sqrt(settings_.threshold_evidence) * errors[h];
-    bool& seen = places[fault.port];
-    seen = seen || least <= std::max(std::abs(fault.lowest), fault.highest);
-  }
-  shows_ = std::all_of(places.begin(), places.end(), [](const auto& place) { return place.second; });
+  shows_ = every_place_shows(hypotheses(), amplitude_errors(), settings_.threshold_evidence);
 }
 
 Eigen::MatrixXd FaultResponses::information() const {

@@ -92,7 +92,6 @@ class FaultResponses {
   void pass_over();
   Eigen::VectorXd theta() const;  // best, from the point
   double unexplained(const Stretch& stretch) const;
-  bool far_off(const Stretch& stretch) const;  // with the parameters as well as they can be
   // Of the stretches that responded, beyond so much of each: evidence that no effect can exceed.
   double unexplained(double usual = 0) const;
   void judge_stretch();  // the latest
@@ -125,6 +124,7 @@ class FaultResponses {
   void find_healthy_or_fault();
   bool follow();  // the fault that is there; false: all causes must be weighed anew
   void look_beside(const Eigen::MatrixXd& before);
+  bool look_since(const Scene& now, std::vector<RankedFault>& ranked);
   void end_event();
   std::vector<EffectSpec> found_effects() const;
   void know_healthy();
@@ -150,9 +150,11 @@ class FaultResponses {
   KnownModel known_;
   LostModel lost_;
   Confirmation confirmation_;   // of the event
+  bool was_given_ = false;      // before the latest stretch
   OtherReading reading_;        // of the event
   ModelPoint known_before_;     // of the rig, when the event was found
   Recording before_;            // the last stretch without the fault, where there is one
+  Found found_;                 // what the event was found by
   std::deque<Recording> past_;  // healthy ones before the recent, newest last
   unsigned age_ = 0;            // of the event, in stretches
   unsigned stretches_ = 0;      // since the beginning

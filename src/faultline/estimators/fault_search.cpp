@@ -12,10 +12,19 @@ namespace {
 // Evidence that segments do not hold a fault: twice what one parameter wins in noise. That they do, before the stretch
 // which shows it: a fraction of the threshold, and in each of what a segment of that stretch has.
 constexpr double kClearEvidence = 4, kSuspicion = 0.25, kAsMuch = 1.0 / 3;
+constexpr double kSameShare = 0.5;  // of what a stretch says for one cause, that it says for another name of it
+constexpr double kMostGrown = 4;    // times what it was when it was found, that a fault may be
 
 void sort_by_evidence(std::vector<RankedFault>& faults) {
   std::sort(faults.begin(), faults.end(),
             [](const RankedFault& a, const RankedFault& b) { return a.evidence > b.evidence; });
+}
+
+// Evidence of a stretch alone for a cause of this size.
+double says(const StretchModel& model, const Scene& scene, const Stretch& stretch, const RankedFault& cause,
+            double amplitude) {
+  return model.loss(scene.prior, {&stretch}) -
+         model.loss(scene.prior, {&stretch}, scene.point, {model.hypotheses()[cause.hypothesis].at(amplitude)});
 }
 
 }  // namespace
@@ -231,6 +240,40 @@ double onset(const StretchModel& model, const Scene& scene, const Stretch* befor
   };
   const bool clearly = earlier.whole - earlier.evidence > kSuspicion * model.settings().threshold_evidence;
   return clearly && each(earlier) > kAsMuch * each(at) ? earlier.begin : at.begin;
+}
+
+Found found_in(const StretchModel& model, const Scene& scene, const RankedFault& cause) {
+  const auto most =
+      std::max_element(scene.stretches.begin(), scene.stretches.end(), [&](const Stretch* a, const Stretch* b) {
+        return says(model, scene, *a, cause, cause.amplitude) < says(model, scene, *b, cause, cause.amplitude);
+      });
+  return {cause, (*most)->run.recording};
+}
+
+bool came_later(const StretchModel& model, const Scene& scene, const Found& found, std::vector<RankedFault>& ranked) {
+  const RankedFault& best = ranked.front();
+  const double grown = best.hypothesis == found.cause.hypothesis ? best.amplitude / found.cause.amplitude : 0;
+  if (found.stretch.rows() == 0 || (grown > 1 / kMostGrown && grown < kMostGrown)) return false;
+  const auto shows = model.prepare(found.stretch);
+  model.respond(*shows, scene.point);
+  const double then = says(model, scene, *shows, found.cause, found.cause.amplitude);
+  if (then < model.settings().over_evidence) return false;
+  for (double share = 1; share >= 1 / kMostGrown; share /= 2)
+    if (says(model, scene, *shows, best, share * best.amplitude) >= kSameShare * then) return false;
+  const auto still = std::find_if(ranked.begin(), ranked.end(),
+                                  [&](const RankedFault& f) { return f.hypothesis == found.cause.hypothesis; });
+  if (still == ranked.end() || still == ranked.begin() ||
+      still->evidence < best.evidence - model.settings().threshold_evidence)
+    return true;
+  std::rotate(ranked.begin(), still, still + 1);
+  return false;
+}
+
+std::size_t speaking_alone(const StretchModel& model, const Scene& scene, const RankedFault& cause) {
+  const auto silent = std::find_if(scene.stretches.begin(), scene.stretches.end(), [&](const Stretch* stretch) {
+    return says(model, scene, *stretch, cause, cause.amplitude) <= 0;
+  });
+  return std::max<std::size_t>(1, static_cast<std::size_t>(silent - scene.stretches.begin()));
 }
 
 }  // namespace faultline

@@ -49,4 +49,19 @@ std::vector<RankedFault> beside(const StretchModel& model, Scene scene, const st
 double onset(const StretchModel& model, const Scene& scene, const Stretch* before, const Stretch& shows,
              const std::vector<EffectSpec>& effects);
 
+// What a fault was found by: its cause then, and the stretch that says most for that.
+struct Found {
+  RankedFault cause;
+  Recording stretch;
+};
+
+Found found_in(const StretchModel& model, const Scene& scene, const RankedFault& cause);
+
+// Whether the best of `ranked` says nothing of the stretch in which a fault was found, whatever its size was then: it
+// came later, and what was found then is another. Where that explains as much as the best does it comes first again.
+bool came_later(const StretchModel& model, const Scene& scene, const Found& found, std::vector<RankedFault>& ranked);
+
+// How many of the latest stretches, one after the other, speak for a cause alone; at least one.
+std::size_t speaking_alone(const StretchModel& model, const Scene& scene, const RankedFault& cause);
+
 }  // namespace faultline

@@ -267,6 +267,24 @@ double misfit_held(const StretchModel& model, const Recording& recording, const 
   }
 }
 
+// L of the stretch with this command off by a constant, the one within `reach` that fits best: what is stuck fits so,
+// too, where the command stands still.
+double misfit_off(const StretchModel& model, const Recording& recording, const ModelPoint& healthy, std::size_t command,
+                  double reach) {
+  return best_within(reach,
+                     [&](double by) {
+                       Recording off = recording;
+                       for (std::size_t row = 0; row < off.rows(); ++row)
+                         off.values[row * off.columns() + command] += by;
+                       try {
+                         return misfit(model, *model.prepare(off), healthy);
+                       } catch (const InputError&) {  // nothing to run
+                         return kInfinity;
+                       }
+                     })
+      .second;
+}
+
 // Since when a command is held: from the segment on from which this says most more than the commands that were given; in
 // a stretch in which nothing was found, or in this one.
 double held_since(const StretchModel& model, const Recording& before, const Recording& now, const ModelPoint& healthy,
@@ -352,12 +370,13 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
     const double middle = 0.5 * (low + high);
     const auto [from_middle, found] = best_within(
         0.5 * (high - low), [&](double x) { return misfit_held(model, recording, healthy, channel, middle + x); });
-    if (!(found < least)) continue;
+    if (!(found < least) || found > misfit_off(model, recording, healthy, channel, high - low) - kLead) continue;
     best = of_channels(channel, channel);
     best.of = OtherReading::Of::stuck;
     best.lead = least - found;
     least = found;
     best.held = middle + from_middle;
+    best.left = found;
     best.since = held_since(model, before, recording, healthy, channel, best.held);
     best.text = fmt::format("{}: this command is no longer followed: what it drives is stuck", port.channel);
   }
@@ -369,7 +388,11 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
         (earlier && misfit_with(model, *earlier, i, factor) > as_it_was))
       continue;
     least = found;
-    best = {OtherReading::Of::parameter, 0, 0, 0, 0, 0, i, factor, text_of(parameter.name, factor)};
+    best = OtherReading();
+    best.of = OtherReading::Of::parameter;
+    best.parameter = i;
+    best.factor = factor;
+    best.text = text_of(parameter.name, factor);
   }
   return best;
 }
@@ -388,6 +411,7 @@ bool contradicts(const Datasheet& sheet, const StretchModel& model, const Stretc
     case OtherReading::Of::stuck: {
       if (sheet.channels[reading.one].role == Role::command) {
         found = misfit_held(model, stretch.run.recording, healthy, reading.one, reading.held);
+        if (found > reading.left + kGain) return true;
         break;
       }
       const std::vector<int>& channels = model.output_channels();

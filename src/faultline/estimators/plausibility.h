@@ -29,6 +29,7 @@ struct OtherReading {
   enum class Of { channels, stuck, parameter } of = Of::channels;
   std::size_t one = 0, other = 0;
   double held = 0;   // of a command that is stuck: in its unit
+  double left = 0;   // L with that
   double since = 0;  // s, from when on `one` is stuck
   double lead = 0;   // of that over all else, in logarithms
   std::size_t parameter = 0;
@@ -51,7 +52,8 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
                             const std::vector<ModelPoint>& faults, const ModelPoint& healthy, bool change,
                             const Recording& before);
 
-// Whether a stretch says of a reading that others had shown that one of `faults` is better by `kLead`.
+// Whether a stretch says of a reading that others had shown that one of `faults` is better by `kLead`, or of a command
+// that it is not held where it was, whatever it is.
 bool contradicts(const Datasheet& sheet, const StretchModel& model, const Stretch& stretch,
                  const std::vector<ModelPoint>& faults, const ModelPoint& healthy, const OtherReading& reading);
 

@@ -197,6 +197,19 @@ double StretchModel::smooth_square(const Eigen::VectorXd& residuals) const {
   return (cosines_ * by_output).squaredNorm();
 }
 
+StretchModel::Left StretchModel::left_of(const Stretch& stretch, const Eigen::VectorXd& theta) const {
+  Left left;
+  double values = 0;
+  for (const SegmentResponse& segment : stretch.segments) {
+    const Eigen::VectorXd residuals = segment.residuals + segment.tolerances * theta;
+    left.evidence += beyond_noise(residuals);
+    left.mean_square += residuals.squaredNorm();
+    values += static_cast<double>(residuals.size());
+  }
+  left.mean_square /= std::max(values, 1.0);
+  return left;
+}
+
 double StretchModel::beyond_noise(const Eigen::VectorXd& residuals) const {
   const Eigen::Index terms = cosines_.rows(), rows = cosines_.cols();
   double beyond = 0;

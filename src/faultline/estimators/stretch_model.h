@@ -112,6 +112,11 @@ class StretchModel {
   // What that has beyond white noise as strong as the rest of r is, or as the datasheet says; as evidence. No effect
   // explains more.
   double beyond_noise(const Eigen::VectorXd& residuals) const;
+  // What a stretch leaves with theta: that evidence, and the mean square in variances.
+  struct Left {
+    double evidence = 0, mean_square = 0;
+  };
+  Left left_of(const Stretch& stretch, const Eigen::VectorXd& theta) const;
   std::size_t smooth_terms() const { return static_cast<std::size_t>(cosines_.rows()); }
   // Runs of the model so far: what judging costs.
   std::uint64_t runs() const { return runs_; }

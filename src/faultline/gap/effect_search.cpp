@@ -57,6 +57,25 @@ bool from_input_noise(const GapTrials& work, const FitResult& base, const Struct
   return 0.5 * (gain + work.gain_of_input_noise(base, structure)) > work.options().search.input_noise_fraction * gain;
 }
 
+// Of the range of a size, below which it is none: what such an effect wins its port alone brings into the model, as the
+// two bodies of a play without a gap.
+constexpr double kNoSize = 1e-4;
+
+bool has_no_size(const Structure& structure) {
+  const Candidate& candidate = structure.fit.effects.back();
+  const EffectType& type = *find_effect_type(candidate.effect.effect);
+  bool sized = false;
+  for (std::size_t p = 0; p < type.parameters.size(); ++p) {
+    const double none = type.parameters[p].none;
+    if (std::isnan(none)) continue;
+    sized = true;
+    const Bounds& b = candidate.bounds[p];
+    const double size = std::abs(candidate.effect.parameters[p] - none);
+    if (candidate.logarithmic(p) || !(size <= kNoSize * (b.maximum - b.minimum))) return false;
+  }
+  return sized;
+}
+
 // A range of the datasheet is what its author thought of: a size that lies at its end may lie beyond it. False: none
 // does, or physics allows no more.
 bool widened(Candidate& candidate, const GapOptions& options) {
@@ -133,6 +152,7 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
   structures.erase(std::remove_if(structures.begin() + 1, structures.end(),
                                   [&](const Structure& s) { return from_input_noise(work, base, s); }),
                    structures.end());
+  if (structures.size() > 1 && has_no_size(structures.front())) structures.erase(structures.begin());
   for (std::size_t i = 1; i < structures.size(); ++i) structures[i].around = {};  // large, and not needed again
   return structures;
 }
@@ -141,7 +161,8 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
 // would give it.
 bool gains(const GapTrials& work, const EffectSearch& now, const Structure& best) {
   const std::vector<double> gain = minus(now.score, best.score);
-  return sum(gain) > work.options().search.significance_standard_errors * work.standard_error(gain) &&
+  return !has_no_size(best) &&
+         sum(gain) > work.options().search.significance_standard_errors * work.standard_error(gain) &&
          !from_input_noise(work, now.base, best);
 }
 

@@ -223,10 +223,21 @@ void measure_levels(const ResidualModel& model, const ModelChange& nominal, cons
   find_regions(model, settled[1], settled[2], result);
 }
 
+namespace {
+
+// Of what is left under a verdict that names no cause: too little of the motion to matter, or without a place.
+std::string untold(const GapResult& result, const std::string& left) {
+  if (result.evidence.size > result.matters) return "No place and no effect tells what is left: " + left + ".";
+  return fmt::format("What is left, {}, is {:.2g} of what the channels move, too little to matter (--matters {:g}).",
+                     left, result.evidence.size, result.matters);
+}
+
+}  // namespace
+
 void describe(const Datasheet& sheet, GapResult& result, const std::string& left) {
   if (result.verdict == "none") {
-    result.sentence = left.empty() ? "No gap beyond the noise and the tolerances of the datasheet."
-                                   : "No place and no effect tells what is left: " + left + ".";
+    result.sentence =
+        left.empty() ? "No gap beyond the noise and the tolerances of the datasheet." : untold(result, left);
   } else if (result.verdict == "miscalibrated") {
     std::string moved;
     for (const auto& [name, factor] : result.gap[1].parameters) {
@@ -234,9 +245,13 @@ void describe(const Datasheet& sheet, GapResult& result, const std::string& left
       if (std::abs(factor - 1) > p.tolerance)
         moved += fmt::format("{}{} x {:.3f}", moved.empty() ? "" : ", ", name, factor);
     }
-    result.sentence = (left.empty() ? "The structure fits; the parameters are off" : "The parameters are off") +
-                      (moved.empty() ? std::string(" within their tolerances.") : ": " + moved + ".");
-    if (!left.empty()) result.sentence += " No place and no effect tells what is left: " + left + ".";
+    if (moved.empty())
+      result.sentence = left.empty() ? "The structure fits; the parameters are off within their tolerances."
+                                     : "Parameters within their tolerances explain a part.";
+    else
+      result.sentence =
+          (left.empty() ? "The structure fits; the parameters are off: " : "The parameters are off: ") + moved + ".";
+    if (!left.empty()) result.sentence += " " + untold(result, left);
   } else if (result.verdict == "named") {
     std::string rounded;
     for (const NamedEffect& e : result.effects) {

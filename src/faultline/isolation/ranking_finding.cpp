@@ -94,8 +94,12 @@ void RankingFinding::weigh(Finding& finding) {
   finding.active = !too_small_;
   if (too_small_) {
     told_ = named_ = -1;
-    finding.too_small =
-        fmt::format("{}, {:.3g}{}", best.name(), best.size(), best.size_unit == "1" ? "" : " " + best.size_unit);
+    // With as many digits as tell it from no effect.
+    int digits = 3;
+    while (digits < 6 && fmt::format("{:.{}g}", best.size(), digits) == fmt::format("{:.{}g}", best.none, digits))
+      ++digits;
+    finding.too_small = fmt::format("{}, {:.{}g}{}", best.name(), best.size(), digits,
+                                    best.size_unit == "1" ? "" : " " + best.size_unit);
     return;
   }
   if (best.order == told_ && best.evidence == told_evidence_) return;

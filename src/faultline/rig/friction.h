@@ -25,7 +25,9 @@ class DryFriction {
   }
 
   // After a step: stops at a reversal; breaks away if the net force of everything else exceeds the breakaway level.
+  // What nothing holds goes through zero as it comes.
   void after_step(double& velocity, double net_force, double breakaway_plus, double breakaway_minus) {
+    if (velocity != 0 && !(breakaway_plus > 0) && !(breakaway_minus > 0)) return start(velocity);
     if (mode_ != 0 && velocity * mode_ <= 0) {
       mode_ = 0;
       velocity = 0;
