@@ -210,7 +210,7 @@ TEST(FaultResponses, AFaultThatComesLaterIsDatedByItself) {
   const double first_from = 8.3, second_from = 20.3;
   SimulationSetup setup = off_nominal("random", 34);
   setup.effects.push_back(parse_effect("viscous_friction@force.piston:coefficient=700,from=8.3"));
-  setup.effects.push_back(parse_effect("offset@command.valve_command:value=-0.3,from=20.3"));
+  setup.effects.push_back(parse_effect("offset@command.valve_command:value=-0.8,from=20.3"));
   const Recording run = simulate(servo(), setup, 30);
   Judge judge(shipped());
   const FaultResponses& responses = judge.responses;

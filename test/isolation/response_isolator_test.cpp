@@ -156,6 +156,7 @@ TEST_F(ResponseIsolation, WhatRigsInGoodOrderHaveIsNotToldAndExplainsTheRest) {
   scale.none = 1;
   scale.full = 1.002;
   scale.amplitude = 0.1;
+  scale.size_name = "factor";
   scale.size_unit = "1";
   EXPECT_EQ(hear({scale}).too_small, "scale@sensor.velocity, 1.0002");
   leak.evidence += 1;

@@ -19,12 +19,8 @@ double certainty_of(const Alarm& alarm, double none) {
 }
 
 // Neither the same nor one that the other could not be told from.
-bool has_another_name(const Alarm& alarm, const Finding& f) {
-  return !alarm.effect.empty() && !f.effect.empty() && (alarm.effect != f.effect || alarm.port != f.port);
-}
-
 bool is_another_cause(const Alarm& alarm, const Finding& f) {
-  if (!has_another_name(alarm, f)) return false;
+  if (alarm.effect.empty() || f.effect.empty() || (alarm.effect == f.effect && alarm.port == f.port)) return false;
   const std::string before = alarm.effect + "@" + alarm.port, now = f.effect + "@" + f.port;
   const auto among = [](const std::vector<std::string>& names, const std::string& name) {
     return std::find(names.begin(), names.end(), name) != names.end();
@@ -62,8 +58,8 @@ int AlarmBook::raise(AlarmKind kind, const std::string& effect, const std::strin
 void AlarmBook::tell(int& number, const Finding& f, double time) {
   const AlarmLevel level = f.kind == AlarmKind::unknown ? AlarmLevel::warning : AlarmLevel::error;
   const bool another = number >= 0 && is_another_cause(at(number), f);
-  // One that began after this alarm was raised is another alarm, though the motion before could not tell the two.
-  if (number >= 0 && has_another_name(at(number), f) && f.since > at(number).raised) end(number, time);
+  // One that began after this alarm was raised is another alarm.
+  if (another && f.since > at(number).raised) end(number, time);
   if (number < 0) number = raise(f.kind, f.effect, f.port, level, f.since, time, f.text);
   Alarm& alarm = at(number);
   alarm.until = time;

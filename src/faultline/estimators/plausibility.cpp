@@ -14,6 +14,7 @@ namespace faultline {
 namespace {
 
 constexpr double kGain = 2.3, kLead = 1.2;  // logarithms: mean squares of one output by a factor of 10, of 3
+constexpr double kMoves = 0.3;              // logarithms: by what a command moves that is not followed
 constexpr double kFarthest = 3;             // times the datasheet's value, or a third of it
 constexpr double kStill = 1.6;              // noises, root mean square: readings that do not move
 constexpr double kMoved = 3;                // noises, likewise: by what the model moves them all the same
@@ -267,6 +268,14 @@ double misfit_held(const StretchModel& model, const Recording& recording, const 
   }
 }
 
+// That a datasheet allows at a port; 0: none.
+double largest_offset(const Port& port) {
+  for (const FittingEffect& effect : port.effects)
+    if (const auto value = effect.bounds.find("value"); effect.effect == "offset" && value != effect.bounds.end())
+      return std::max(std::abs(value->second.minimum), std::abs(value->second.maximum));
+  return 0;
+}
+
 // L of the stretch with this command off by a constant, the one within `reach` that fits best: what is stuck fits so,
 // too, where the command stands still.
 double misfit_off(const StretchModel& model, const Recording& recording, const ModelPoint& healthy, std::size_t command,
@@ -370,7 +379,8 @@ OtherReading better_reading(const Datasheet& sheet, const StretchModel& model, c
     const double middle = 0.5 * (low + high);
     const auto [from_middle, found] = best_within(
         0.5 * (high - low), [&](double x) { return misfit_held(model, recording, healthy, channel, middle + x); });
-    if (!(found < least) || found > misfit_off(model, recording, healthy, channel, high - low) - kLead) continue;
+    if (!(found < least) || found > misfit_off(model, recording, healthy, channel, largest_offset(port)) - kMoves)
+      continue;
     best = of_channels(channel, channel);
     best.of = OtherReading::Of::stuck;
     best.lead = least - found;
