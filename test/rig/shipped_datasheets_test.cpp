@@ -46,7 +46,8 @@ TEST(ShippedDatasheets, SizesOfEveryFittingEffectHaveAUnit) {
     for (const Port& port : sheet.ports)
       for (const FittingEffect& fitting : port.effects)
         for (const EffectParameter& parameter : find_effect_type(fitting.effect)->parameters)
-          EXPECT_EQ(parameter_unit(sheet, port, *find_effect_type(fitting.effect), parameter).find("port"), std::string::npos)
+          EXPECT_EQ(parameter_unit(sheet, port, *find_effect_type(fitting.effect), parameter).find("port"),
+                    std::string::npos)
               << sheet.rig << ": " << fitting.effect << "@" << port.name << ":" << parameter.name;
 }
 

@@ -371,8 +371,8 @@ void FaultResponses::end_event() {
   know_healthy();
 }
 
-// Looks for a fault that came later than the event was found in the latest stretches that speak for it alone. False, and
-// nothing is changed, where these do not show it.
+// Looks for a fault that came later than the event was found, in the latest stretches that speak for it alone. False,
+// and nothing is changed, where these do not show it.
 bool FaultResponses::look_since(const Scene& now, std::vector<RankedFault>& ranked) {
   const Window before = window_;
   window_ = {true, speaking_alone(model_, now, ranked.front())};

@@ -294,8 +294,8 @@ double misfit_off(const StretchModel& model, const Recording& recording, const M
       .second;
 }
 
-// Since when a command is held: from the segment on from which this says most more than the commands that were given; in
-// a stretch in which nothing was found, or in this one.
+// Since when a command is held: from the segment on from which this says most more than the commands that were given;
+// in a stretch in which nothing was found, or in this one.
 double held_since(const StretchModel& model, const Recording& before, const Recording& now, const ModelPoint& healthy,
                   std::size_t command, double held) {
   double since = now.time.front(), gained = 0, most = 0;

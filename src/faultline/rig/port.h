@@ -41,11 +41,11 @@ struct Port {
   PortKind kind = PortKind::command;
   std::string component;
   std::string meaning;
-  std::string channel;    // command and sensor ports: the channel that passes; else empty
-  std::string unit;       // of what passes, where no channel says it; else empty
-  std::string drop_unit;  // of pressure differences, where that is not Pa; else empty
+  std::string channel;                       // command and sensor ports: the channel that passes; else empty
+  std::string unit;                          // of what passes, where no channel says it; else empty
+  std::string drop_unit;                     // of pressure differences, where that is not Pa; else empty
   std::map<std::string, std::string> units;  // of sizes ("elasticity.compliance"), where they are not the effect's
-  double range = 1;       // what a curve at this port calls full scale, in the unit of what passes
+  double range = 1;                          // what a curve at this port calls full scale, in the unit of what passes
   std::vector<FittingEffect> effects;
 };
 
