@@ -137,6 +137,7 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
   for (const RankedCause& cause : result.ranked) {
     Json entry = effect_json(sheet, cause.effect);
     entry["gain"] = cause.gain;
+    entry["followed"] = cause.followed;
     entry["behind"] = cause.behind;
     entry["standard_error"] = cause.standard_error;
     causes.push_back(entry);
@@ -283,7 +284,8 @@ void print_result(const GapResult& result) {
                result.verdict == "unknown" ? " (p: among the effects of the library)" : "");
     for (std::size_t i = 0; i < std::min<std::size_t>(result.ranked.size(), 5); ++i) {
       const RankedCause& cause = result.ranked[i];
-      fmt::print("{:>6.2f} {:>10.0f}  {}\n", cause.effect.probability, cause.gain, with_sizes(cause.effect));
+      fmt::print("{:>6.2f} {:>10}  {}\n", cause.effect.probability,
+                 fmt::format("{}{:.0f}", cause.followed ? "" : "< ", cause.gain), with_sizes(cause.effect));
     }
     // Sizes beside each other, where those above are each one's alone.
     if (result.effects.size() > 1) {

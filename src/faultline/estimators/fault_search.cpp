@@ -13,7 +13,7 @@ namespace {
 // which shows it: a fraction of the threshold, and in each of what a segment of that stretch has.
 constexpr double kClearEvidence = 4, kSuspicion = 0.25, kAsMuch = 1.0 / 3;
 constexpr double kSameShare = 0.5;  // of what a stretch says for one cause, that it says for another name of it
-constexpr double kMostGrown = 4;    // times what it was when it was found, that a fault may be
+constexpr double kMostGrown = 32;   // times what it was when it was found, that a fault may be
 
 void sort_by_evidence(std::vector<RankedFault>& faults) {
   std::sort(faults.begin(), faults.end(),
@@ -252,8 +252,9 @@ Found found_in(const StretchModel& model, const Scene& scene, const RankedFault&
 
 bool came_later(const StretchModel& model, const Scene& scene, const Found& found, std::vector<RankedFault>& ranked) {
   const RankedFault& best = ranked.front();
-  const double grown = best.hypothesis == found.cause.hypothesis ? best.amplitude / found.cause.amplitude : 0;
-  if (found.stretch.rows() == 0 || (grown > 1 / kMostGrown && grown < kMostGrown)) return false;
+  const bool grown =
+      best.hypothesis == found.cause.hypothesis && best.amplitude * found.cause.amplitude > 0;  // as a drift does
+  if (grown || found.stretch.rows() == 0) return false;
   const auto shows = model.prepare(found.stretch);
   model.respond(*shows, scene.point);
   const double then = says(model, scene, *shows, found.cause, found.cause.amplitude);

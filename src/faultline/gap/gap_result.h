@@ -67,6 +67,7 @@ struct RankedCause {
   double gain = 0;            // held-out log-likelihood over the refitted model
   double behind = 0;          // how far behind the best
   double standard_error = 0;  // of that
+  bool followed = true;       // false: fitted quickly and left behind; its gain is at most this
 };
 
 struct NextRun {

@@ -74,6 +74,7 @@ std::vector<RankedCause> rank_causes(const GapTrials& work, const EffectSearch& 
       last = cause.behind;
     } else {
       cause.behind = std::max(last, best.quick - s.quick);
+      cause.followed = false;
       cause.standard_error = work.standard_error({cause.behind});
     }
     cause.gain = whole - cause.behind;
