@@ -94,7 +94,7 @@ void write_patch(const Datasheet& sheet, const ParameterFit& fit, const std::str
     const double tolerance = 0.5 * (p.high - p.low) / kNinetyPercentSigmas / std::abs(p.estimate);
     if (tolerance > kWidestTolerance)
       remarks.push_back(
-          fmt::format("{}: {} has the tolerance {:.2g} there, the widest that a datasheet may have; "
+          fmt::format("{}: {} has the tolerance {:.3g} there, the widest that a datasheet may have; "
                       "these runs leave {:.2g}",
                       file, p.name, kWidestTolerance, tolerance));
     set_parameter(sheet, text, p.name, "tolerance", std::min(tolerance, kWidestTolerance));

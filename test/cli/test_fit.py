@@ -29,6 +29,16 @@ class Fit(ProgramTest):
         self.assertAlmostEqual(values["coulomb_friction"] / found["coulomb_friction"]["estimate"], 1, places=5)
         self.assertEqual(values["ram_area"], 6.33e-4)
 
+    def test_no_tolerance_is_written_that_a_datasheet_refuses(self):
+        run = self.simulate("a.bag", "--profile", "prbs", duration=2)
+        text = re.sub(r"tolerance: 0\.[0-9]+", "tolerance: 0.49", CONFIG.read_text())
+        text = re.sub(r"(name: viscous_damping.*?nominal: )[0-9.]+", r"\g<1>1500", text)
+        (self.folder / "wide.yaml").write_text(text)
+        done = self.run_program("fit", "servo_actuator", run, "--config", "wide.yaml", "--patch", "mine.yaml")
+        self.assertIn("viscous_damping", done.stdout)
+        self.assertIn("mine.yaml: viscous_damping has the tolerance 0.499 there", done.stderr)
+        self.run_program("rigs", "servo_actuator", "--config", "mine.yaml")
+
     def test_without_a_mark_those_with_a_tolerance_count(self):
         run = self.simulate("a.bag", "--profile", "prbs", duration=3)
         text = CONFIG.read_text().replace("identify: true, ", "")

@@ -96,15 +96,17 @@ void FaultResponses::know_fault(const Scene& scene) {
 // parameters of its own: what a stretch at rest says of friction says little of one that moves.
 std::vector<ModelPoint> FaultResponses::explanations() const {
   std::vector<ModelPoint> points = {known_.known()};
+  const auto explain_by = [&](const std::vector<EffectSpec>& effects) {
+    Eigen::MatrixXd after;
+    model_.loss(known_to_tolerance(point_.shift), latest(1), point_, effects, kInfinity, &after);
+    points.push_back(model_.known(point_, best_parameters(after, model_.parameters()), effects));
+    points.push_back(model_.known(point_, Eigen::VectorXd::Zero(model_.parameters()), effects));
+  };
   for (const RankedFault& cause : first_) {
     std::vector<EffectSpec> effects = found_effects();
     effects.front() = hypotheses()[cause.hypothesis].at(cause.amplitude);
-    for (; !effects.empty(); effects.resize(effects.size() > 1 ? 1 : 0)) {
-      Eigen::MatrixXd after;
-      model_.loss(known_to_tolerance(point_.shift), latest(1), point_, effects, kInfinity, &after);
-      points.push_back(model_.known(point_, best_parameters(after, model_.parameters()), effects));
-      points.push_back(model_.known(point_, Eigen::VectorXd::Zero(model_.parameters()), effects));
-    }
+    explain_by(effects);
+    if (effects.size() > 1) explain_by({effects.front()});
   }
   return points;
 }
