@@ -1,10 +1,11 @@
 // Two effects that are the same as far as a run goes: a command that never changes its sign cannot tell a dead band
-// from an offset. Both are followed until they have converged, and both are told.
+// from an offset. Both are followed until they have converged, and both are told. And two parameters that are.
 #include <algorithm>
 
 #include <gtest/gtest.h>
 
 #include "faultline/gap/diagnose_gap.h"
+#include "faultline/gap/fit_gap.h"
 #include "faultline/gap/next_run.h"
 #include "two_gains.h"
 
@@ -114,6 +115,25 @@ TEST(NextRun, ThatCannotBeSimulatedIsARemark) {
   EXPECT_TRUE(separating_runs(sheet, nominal, nominal, "a and b", GapOptions(), 1, remarks).empty());
   ASSERT_EQ(remarks.size(), 1u);
   EXPECT_NE(remarks.front().find("loop was not tried"), std::string::npos) << remarks.front();
+}
+
+// Which of the two gains is off their tolerances say; the valley in which the product stays is bent.
+TEST(Rivals, TolerancesDecideAlongARidge) {
+  const Datasheet sheet = two_gains();
+  std::vector<SegmentedRun> runs;
+  runs.push_back(cut_run(sheet, "run", two_gains_run(2.6, 0.2, 40, 5), 1));
+  const ResidualModel residuals(sheet, std::move(runs));
+  ModelChange start;
+  start.parameters = {1.3, 2, 0.2};
+  const Linearisation linear(residuals, start, {0}, 1, {}, Differences::central);
+  const std::vector<double> p = fit_gap(residuals, start, {}, linear, 8).model.parameters;
+  EXPECT_NEAR(p[0] * p[1], 2.6, 0.01);
+  double least = kInfinity;
+  const auto deviation = [](double a, double b) {
+    return 0.5 * (std::pow((a - 1) / 0.1, 2) + std::pow((b - 2) / 0.6, 2));
+  };
+  for (double a = 0.9; a < 1.4; a += 1e-3) least = std::min(least, deviation(a, 2.6 / a));
+  EXPECT_LT(deviation(p[0], p[1]), least + 0.1) << p[0] << " " << p[1];
 }
 
 }  // namespace

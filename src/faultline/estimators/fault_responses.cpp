@@ -527,8 +527,11 @@ void FaultResponses::find_healthy_or_fault() {
   Scene now = scene();
   std::map<std::size_t, double> closely;
   std::vector<RankedFault> ranked = best_of(model_, now, screened, remembered(), &closely);
+  // What explains as much as another that came later keeps its name.
   const bool later = event_ && !ranked.empty() && ranked.front().evidence >= settings_.threshold_evidence &&
-                     came_later(model_, now, found_, ranked) && look_since(now, ranked);
+                     came_later(model_, now, found_, ranked.front()) &&
+                     !put_first(ranked, found_.cause.hypothesis, settings_.threshold_evidence) &&
+                     look_since(now, ranked);
   if (later) now = scene();
   candidates_ = closely;
   for (const RankedFault& f : ranked) candidates_[f.hypothesis] = f.amplitude;

@@ -250,24 +250,26 @@ Found found_in(const StretchModel& model, const Scene& scene, const RankedFault&
   return {cause, (*most)->run.recording};
 }
 
-bool came_later(const StretchModel& model, const Scene& scene, const Found& found, std::vector<RankedFault>& ranked) {
-  const RankedFault& best = ranked.front();
+bool came_later(const StretchModel& model, const Scene& scene, const Found& found, const RankedFault& cause) {
   const bool grown =
-      best.hypothesis == found.cause.hypothesis && best.amplitude * found.cause.amplitude > 0;  // as a drift does
+      cause.hypothesis == found.cause.hypothesis && cause.amplitude * found.cause.amplitude > 0;  // as a drift does
   if (grown || found.stretch.rows() == 0) return false;
   const auto shows = model.prepare(found.stretch);
   model.respond(*shows, scene.point);
   const double then = says(model, scene, *shows, found.cause, found.cause.amplitude);
   if (then < model.settings().over_evidence) return false;
   for (double share = 1; share >= 1 / kMostGrown; share /= 2)
-    if (says(model, scene, *shows, best, share * best.amplitude) >= kSameShare * then) return false;
-  const auto still = std::find_if(ranked.begin(), ranked.end(),
-                                  [&](const RankedFault& f) { return f.hypothesis == found.cause.hypothesis; });
-  if (still == ranked.end() || still == ranked.begin() ||
-      still->evidence < best.evidence - model.settings().threshold_evidence)
-    return true;
-  std::rotate(ranked.begin(), still, still + 1);
-  return false;
+    if (says(model, scene, *shows, cause, share * cause.amplitude) >= kSameShare * then) return false;
+  return true;
+}
+
+bool put_first(std::vector<RankedFault>& ranked, std::size_t hypothesis, double margin) {
+  const auto found =
+      std::find_if(ranked.begin(), ranked.end(), [&](const RankedFault& f) { return f.hypothesis == hypothesis; });
+  const bool other = found != ranked.end() && found != ranked.begin();
+  if (!other || found->evidence < ranked.front().evidence - margin) return false;
+  std::rotate(ranked.begin(), found, found + 1);
+  return true;
 }
 
 std::size_t speaking_alone(const StretchModel& model, const Scene& scene, const RankedFault& cause) {

@@ -57,9 +57,13 @@ struct Found {
 
 Found found_in(const StretchModel& model, const Scene& scene, const RankedFault& cause);
 
-// Whether the best of `ranked` says nothing of the stretch in which a fault was found, whatever its size was then: it
-// came later, and what was found then is another. Where that explains as much as the best does it comes first again.
-bool came_later(const StretchModel& model, const Scene& scene, const Found& found, std::vector<RankedFault>& ranked);
+// Whether a cause says nothing of the stretch in which a fault was found, whatever its size was then, and is not that
+// fault grown: it came later, and what was found then is another.
+bool came_later(const StretchModel& model, const Scene& scene, const Found& found, const RankedFault& cause);
+
+// Puts a hypothesis first of `ranked` where it explains as much as the best but for `margin`. False: it does not, or
+// is the best.
+bool put_first(std::vector<RankedFault>& ranked, std::size_t hypothesis, double margin);
 
 // How many of the latest stretches, one after the other, speak for a cause alone; at least one.
 std::size_t speaking_alone(const StretchModel& model, const Scene& scene, const RankedFault& cause);

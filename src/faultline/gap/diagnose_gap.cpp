@@ -258,10 +258,7 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
     result.shrink_interval = {};
   }
   const bool nowhere = result.verdict == "unknown" && !answer.placed;
-  if (nowhere)
-    result.places.clear();
-  else if (!answer.names && result.verdict == "unknown")
-    result.places = free_places(sheet, search.before, verdict);
+  if (!answer.names && result.verdict == "unknown") result.places = free_places(sheet, search.before, verdict);
 
   const std::vector<FreePlace>& free = (answer.names ? search.after : search.before).places;
   if (result.verdict == "unknown" && !nowhere && !free.empty() && free.front().gain > 0) {

@@ -252,7 +252,7 @@ std::optional<double> transducer_noise(const ResidualModel& model, const std::st
 std::optional<FreePlace> noise_with_memory(const GapTrials& work, const EffectSearch& search) {
   const GapOptions::Search& options = work.options().search;
   for (const FreePlace& place : search.before.places) {
-    if (place.gain < (1 - options.same_place_gain_fraction) * search.before.places.front().gain) break;
+    if (place.gain < (1 - work.options().verdict.rival_gain_fraction) * search.before.places.front().gain) break;
     const std::optional<double> noise = transducer_noise(work.model(), place.port);
     if (!noise || place.memory > options.noise_memory_segments * work.segment_s() ||
         place.level > options.noise_level_ratio * *noise)
@@ -323,6 +323,16 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
   std::stable_sort(search.ranked.begin(), search.ranked.end(), [](const Structure& a, const Structure& b) {
     return !a.score.empty() && (b.score.empty() || by_score(a, b));
   });
+}
+
+// The model that is told, fitted to the end.
+void polish(GapTrials& work, EffectSearch& search) {
+  search.base = work.polish(search.base);
+  const Structure again = work.score(search.base);
+  if (search.base.effects.empty()) search.plain = again;
+  if (!search.base.effects.empty() && sum(again.score) >= sum(search.score)) return;
+  search.losses = again.held_out;
+  search.score = again.score;
 }
 
 }  // namespace
@@ -429,6 +439,7 @@ EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_vari
     followed.pop_back();
   }
   try_rivals(work, followed, search);
+  polish(work, search);
   return search;
 }
 

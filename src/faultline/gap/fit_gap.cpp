@@ -52,16 +52,20 @@ void move_coordinate(std::vector<Candidate>& effects, std::pair<std::size_t, std
 std::vector<std::vector<Eigen::MatrixXf>> effect_sensitivity(const ResidualModel& residuals, const FitResult& at,
                                                              const Coordinates& coordinates,
                                                              const std::vector<Eigen::MatrixXf>& now,
-                                                             const std::vector<std::size_t>& runs, int jobs) {
+                                                             const Linearisation& linear, int jobs) {
   std::vector<std::vector<Eigen::MatrixXf>> columns(coordinates.size());
   in_parallel(coordinates.size(), jobs, [&](std::size_t i) {
     const auto& which = coordinates[i];
     std::vector<Candidate> moved = at.effects;
-    const double c = coordinate(moved, which);
-    const double size = residuals.options().fit.difference_coordinate;
-    const double step = c > 0.5 ? -size : size;
-    set_coordinate(moved, which, c + step);
-    columns[i] = difference(residuals_of(residuals, with_effects(moved, at.model.parameters), runs, jobs), now, step);
+    const double c = coordinate(moved, which), size = residuals.options().fit.difference_coordinate;
+    const auto residuals_at = [&](double to) {
+      set_coordinate(moved, which, to);
+      return residuals_of(residuals, with_effects(moved, at.model.parameters), linear.runs(), jobs);
+    };
+    if (linear.differences() == Differences::central && c >= size && c + size <= 1)
+      columns[i] = difference(residuals_at(c + size), residuals_at(c - size), 2 * size);
+    else
+      columns[i] = difference(residuals_at(c > 0.5 ? c - size : c + size), now, c > 0.5 ? -size : size);
   });
   return columns;
 }
@@ -111,59 +115,93 @@ FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, cons
   };
 
   const Eigen::VectorXd lowest = lowest_deviations(sheet, free, residuals.options().linearisation);
-  FitResult result;
-  result.effects = effects;
-  result.model = with_effects(effects, start.parameters);
-  std::vector<Eigen::MatrixXf> now = residuals_of(residuals, result.model, linear.runs(), jobs);
-  result.loss = loss_of(now, result.effects, result.model.parameters);
+  struct Point {
+    FitResult fit;
+    std::vector<Eigen::MatrixXf> residuals;
+  };
+  const auto at = [&](const std::vector<double>& values, const std::vector<Candidate>& list) {
+    Point point;
+    point.fit.effects = list;
+    point.fit.model = with_effects(list, values);
+    point.residuals = residuals_of(residuals, point.fit.model, linear.runs(), jobs);
+    point.fit.loss = loss_of(point.residuals, list, values);
+    return point;
+  };
+  const auto z_of = [&](const Point& point) {
+    return parameters_move ? deviations(sheet, free, point.fit.model.parameters) : Eigen::VectorXd();
+  };
+  const auto moved = [&](const Point& from, Eigen::VectorXd move) {
+    move.tail(extra) =
+        move.tail(extra).cwiseMax(-options.largest_step_coordinate).cwiseMin(options.largest_step_coordinate);
+    std::vector<double> values = from.fit.model.parameters;
+    if (parameters_move) shift_parameters(residuals, free, move.head(parameters), values);
+    std::vector<Candidate> list = from.fit.effects;
+    for (std::size_t i = 0; i < coordinates.size(); ++i)
+      move_coordinate(list, coordinates[i], move[parameters + static_cast<Eigen::Index>(i)], options);
+    return at(values, list);
+  };
+  const Eigen::Index n = parameters + extra;  // without parameters, the last rows are the effects'
+
+  Point now = at(start.parameters, effects);
+  const bool closely = linear.differences() == Differences::central;
+  const double settled = closely ? options.polished_log_likelihood : options.settled_log_likelihood;
   double damping = 0;
   for (std::size_t iteration = 0; iteration < iterations; ++iteration) {
-    const auto effect_columns = effect_sensitivity(residuals, result, coordinates, now, linear.runs(), jobs);
-    Eigen::MatrixXd gram;
-    for (const Eigen::MatrixXd& segment : linear.products(now, effect_columns)) {
-      if (gram.size() == 0) gram.setZero(segment.rows(), segment.cols());
-      gram += linear.robust_weight(0.5 * segment(0, 0)) * segment;
-    }
-    const Eigen::Index n = parameters + extra;  // without parameters, the last rows are the effects'
+    const auto effect_columns = effect_sensitivity(residuals, now.fit, coordinates, now.residuals, linear, jobs);
+    const auto gram_of = [&](const Point& point) {
+      Eigen::MatrixXd gram;
+      for (const Eigen::MatrixXd& segment : linear.products(point.residuals, effect_columns)) {
+        if (gram.size() == 0) gram.setZero(segment.rows(), segment.cols());
+        gram += linear.robust_weight(0.5 * segment(0, 0)) * segment;
+      }
+      return gram;
+    };
+    const Eigen::MatrixXd gram = gram_of(now);
     Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
     hessian.diagonal().array() += 1;
     Eigen::VectorXd gradient = gram.bottomLeftCorner(n, 1);
-    const Eigen::VectorXd z = parameters_move ? deviations(sheet, free, result.model.parameters) : Eigen::VectorXd();
+    const Eigen::VectorXd z = z_of(now);
     gradient.head(parameters) += z;
-    gradient.tail(extra) += from_start(result.effects);
+    gradient.tail(extra) += from_start(now.fit.effects);
+    const auto solved = [&](const Eigen::MatrixXd& h, const Eigen::VectorXd& g, const Eigen::VectorXd& from) {
+      return bounded_move(h, g, from, lowest, residuals.options().linearisation);
+    };
 
+    Point tried;
     bool better = false;
-    for (std::size_t attempt = 0; attempt < options.attempts && !better; ++attempt) {
-      Eigen::MatrixXd damped = hessian;
-      damped.diagonal() *= 1 + damping;
-      Eigen::VectorXd move = bounded_move(damped, gradient, z, lowest, residuals.options().linearisation);
-      for (Eigen::Index i = 0; i < extra; ++i)
-        move[parameters + i] =
-            std::clamp(move[parameters + i], -options.largest_step_coordinate, options.largest_step_coordinate);
-      std::vector<double> values = result.model.parameters;
-      if (parameters_move) shift_parameters(residuals, free, move.head(parameters), values);
-      std::vector<Candidate> moved = result.effects;
-      for (std::size_t i = 0; i < coordinates.size(); ++i)
-        move_coordinate(moved, coordinates[i], move[parameters + static_cast<Eigen::Index>(i)], options);
-      const ModelChange model = with_effects(moved, values);
-      std::vector<Eigen::MatrixXf> tried = residuals_of(residuals, model, linear.runs(), jobs);
-      const double loss = loss_of(tried, moved, values);
-      if (loss < result.loss) {
-        const double gain = result.loss - loss;
-        result.model = model;
-        result.effects = moved;
-        result.loss = loss;
-        now = std::move(tried);
-        damping *= options.damping_decrease_ratio;
-        better = true;
-        if (gain < options.settled_log_likelihood && iteration > 0) return result;
-      } else {
-        damping = std::max(options.damping_first, damping * options.damping_increase_ratio);
+    if (closely) {
+      // Damping would hold what the data say little of. Parameters of which only a product shows lie in a bent valley:
+      // a step along its tangent climbs its side, from where the data alone lead back into it.
+      const Eigen::VectorXd move = solved(hessian, gradient, z);
+      if (-0.5 * gradient.dot(move) < settled) break;
+      double fraction = 1;
+      for (std::size_t attempt = 0; attempt < options.attempts && !better; ++attempt, fraction /= 2) {
+        tried = moved(now, fraction * move);
+        better = tried.fit.loss < now.fit.loss;
+        for (std::size_t i = 0; i < options.corrections && !better; ++i) {
+          const Eigen::MatrixXd there = gram_of(tried);
+          Eigen::MatrixXd side = there.bottomRightCorner(n, n);
+          side.diagonal().array() += 1;
+          tried = moved(tried, solved(side, there.bottomLeftCorner(n, 1), z_of(tried)));
+          better = tried.fit.loss < now.fit.loss;
+        }
+      }
+    } else {
+      for (std::size_t attempt = 0; attempt < options.attempts && !better; ++attempt) {
+        Eigen::MatrixXd damped = hessian;
+        damped.diagonal() *= 1 + damping;
+        tried = moved(now, solved(damped, gradient, z));
+        better = tried.fit.loss < now.fit.loss;
+        damping = better ? damping * options.damping_decrease_ratio
+                         : std::max(options.damping_first, damping * options.damping_increase_ratio);
       }
     }
     if (!better) break;
+    const double gain = now.fit.loss - tried.fit.loss;
+    now = std::move(tried);
+    if (gain < settled && iteration > 0) break;
   }
-  return result;
+  return now.fit;
 }
 
 std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const FitResult& fit,
@@ -172,7 +210,7 @@ std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const F
   const std::vector<Eigen::MatrixXf> now = residuals_of(residuals, fit.model, linear.runs(), jobs);
   std::vector<Eigen::VectorXd> result(linear.runs().size(),
                                       Eigen::VectorXd::Zero(static_cast<Eigen::Index>(coordinates.size())));
-  const auto products = linear.products(now, effect_sensitivity(residuals, fit, coordinates, now, linear.runs(), jobs));
+  const auto products = linear.products(now, effect_sensitivity(residuals, fit, coordinates, now, linear, jobs));
   std::size_t segment = 0;
   for (std::size_t r = 0; r < result.size(); ++r)
     for (std::size_t g = 0; g < residuals.runs()[linear.runs()[r]].segments(); ++g, ++segment)
@@ -184,7 +222,7 @@ Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit
                             int jobs) {
   const Coordinates coordinates = coordinates_of(fit.effects);
   const std::vector<Eigen::MatrixXf>& now = linear.at_model();
-  const auto effect_columns = effect_sensitivity(residuals, fit, coordinates, now, linear.runs(), jobs);
+  const auto effect_columns = effect_sensitivity(residuals, fit, coordinates, now, linear, jobs);
   const std::vector<Eigen::MatrixXd> products = linear.products(now, effect_columns);
   const Eigen::Index n = products.front().rows() - 1;
   Eigen::MatrixXd hessian = Eigen::MatrixXd::Identity(n, n), gradients(n, static_cast<Eigen::Index>(products.size()));

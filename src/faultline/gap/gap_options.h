@@ -44,12 +44,15 @@ struct GapOptions {
         2e-3;  // step of the differences by an effect's size: above rounding, below curvature
     double largest_step_coordinate = 0.34;  // of one step: a third of the range, as far as a derivative may be believed
     double tangent_ratio = 3;               // change of a logarithmic size up to which a step follows the tangent
-    std::size_t attempts = 5;               // of one step, each more damped
+    std::size_t attempts = 5;               // of one step, each more damped, or half as long ...
+    std::size_t corrections = 3;            // ... and led back into the valley so often, at most
     double damping_decrease_ratio = 0.2;    // of the damping (Levenberg, Marquardt) after a step that is taken ...
     double damping_increase_ratio = 8;      // ... and after one that is refused,
     double damping_first = 0.1;             // but at least this, relative to the Hessian's diagonal
     double settled_log_likelihood =
         0.5;  // gain of a step below which the fit has converged: no decision rests on so little
+    double polished_log_likelihood =
+        0.05;  // ... of the model that is told: less moves no size by a standard deviation's third
   } fit;
 
   CandidateOptions candidates;
@@ -87,7 +90,8 @@ struct GapOptions {
     // of all above which all are taken.
     std::size_t part_segments = 64, part_piece_segments = 4, part_least_segments = 12;
     double part_worthwhile_fraction = 0.7;
-    std::size_t whole_rounds = 2;  // linearisations on all segments of what was followed on a part, at most
+    std::size_t polish_rounds = 3;  // linearisations of the model that is told, at most
+    std::size_t whole_rounds = 2;   // linearisations on all segments of what was followed on a part, at most
     // Move up to which sensitivities stay valid: of a parameter in tolerances, of an effect as a fraction of its size.
     double same_sensitivity_fraction = 0.35;
     // Information about an effect's size, as a fraction of that of all runs, below which a fold does not fit it.
@@ -133,9 +137,6 @@ struct GapOptions {
     double noise_memory_segments = 4;
     // ... and how large it may be, over the white part (development: what is larger was no noise).
     double noise_level_ratio = 5;
-    // Of what the likeliest place wins, by which another may be behind and be the same: what a search for level and
-    // memory leaves.
-    double same_place_gain_fraction = 0.01;
     // Times the datasheet's range of a size, counted from no effect, to which one at the end of that range is followed.
     double beyond_range_ratio = 4;
     // What a free signal must win for a search, of what a perfect model would win ...
@@ -272,10 +273,12 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(fit.largest_step_coordinate);
   FAULTLINE_OPTION(fit.tangent_ratio);
   FAULTLINE_OPTION(fit.attempts);
+  FAULTLINE_OPTION(fit.corrections);
   FAULTLINE_OPTION(fit.damping_decrease_ratio);
   FAULTLINE_OPTION(fit.damping_increase_ratio);
   FAULTLINE_OPTION(fit.damping_first);
   FAULTLINE_OPTION(fit.settled_log_likelihood);
+  FAULTLINE_OPTION(fit.polished_log_likelihood);
   FAULTLINE_OPTION(candidates.logarithmic_ratio);
   FAULTLINE_OPTION(candidates.shape_coordinates);
   FAULTLINE_OPTION(candidates.logarithmic_coordinates);
@@ -302,6 +305,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.part_piece_segments);
   FAULTLINE_OPTION(trials.part_least_segments);
   FAULTLINE_OPTION(trials.part_worthwhile_fraction);
+  FAULTLINE_OPTION(trials.polish_rounds);
   FAULTLINE_OPTION(trials.whole_rounds);
   FAULTLINE_OPTION(trials.same_sensitivity_fraction);
   FAULTLINE_OPTION(trials.shown_information_fraction);
@@ -326,7 +330,6 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.input_noise_fraction);
   FAULTLINE_OPTION(search.noise_memory_segments);
   FAULTLINE_OPTION(search.noise_level_ratio);
-  FAULTLINE_OPTION(search.same_place_gain_fraction);
   FAULTLINE_OPTION(search.beyond_range_ratio);
   FAULTLINE_OPTION(search.least_free_fraction);
   FAULTLINE_OPTION(search.further_free_fraction);

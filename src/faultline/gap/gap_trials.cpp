@@ -19,6 +19,8 @@
 namespace faultline {
 namespace {
 
+constexpr double kSameClosely =
+    0.03;  // of a tolerance or a size, that sensitivities are as exact as central differences
 constexpr std::uint64_t kInputNoise = 1, kOutputNoise = 1001;  // seeds
 
 // Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect
@@ -119,19 +121,22 @@ void GapTrials::tell(double share, const std::string& text) const {
   if (progress_) progress_(share, text);
 }
 
-Surroundings GapTrials::settle(const Surroundings& before, const ModelChange& at) const {
+Surroundings GapTrials::settle(const Surroundings& before, const ModelChange& at, Differences differences) const {
   const int jobs = settings_.jobs;
   Surroundings now;
   now.residuals = std::make_shared<ResidualModel>(*before.residuals);
-  const bool known = before.linear && near(sheet_, before.seen_from, at, options().trials.same_sensitivity_fraction);
+  const double same = differences == Differences::forward ? options().trials.same_sensitivity_fraction : kSameClosely;
+  const bool known =
+      before.linear && differences <= before.linear->differences() && near(sheet_, before.seen_from, at, same);
   now.seen_from = known ? before.seen_from : at;
   std::vector<std::vector<Eigen::MatrixXf>> starts(every_.size());
   in_parallel(every_.size(), jobs, [&](std::size_t i) {
     starts[i] = now.residuals->settle_starts(
         at, every_[i], known ? before.linear->start_columns(i) : std::vector<Eigen::MatrixXf>(), jobs);
   });
-  now.linear = known ? std::make_shared<Linearisation>(*now.residuals, at, *before.linear, jobs)
-                     : std::make_shared<Linearisation>(*now.residuals, at, every_, jobs, std::move(starts));
+  now.linear = known
+                   ? std::make_shared<Linearisation>(*now.residuals, at, *before.linear, jobs)
+                   : std::make_shared<Linearisation>(*now.residuals, at, every_, jobs, std::move(starts), differences);
   return now;
 }
 
@@ -167,6 +172,23 @@ FitResult GapTrials::refit(const Structure& refined) {
   return fit;
 }
 
+FitResult GapTrials::polish(FitResult fit) {
+  around_ = settle(around_, fit.model, Differences::central);
+  for (std::size_t round = 0; round < options().trials.polish_rounds; ++round) {
+    const FitResult better = fit_gap(*around_.residuals, fit.model, fit.effects, around_.linear->subset(learn_),
+                                     options().trials.steps, settings_.jobs);
+    Surroundings moved = settle(around_, better.model, Differences::central);
+    const double gained = learned_cost(around_, fit) - learned_cost(moved, better);
+    if (!(gained > 0)) break;
+    fit.model = better.model;
+    fit.effects = better.effects;
+    around_ = std::move(moved);
+    if (gained < options().fit.polished_log_likelihood) break;
+  }
+  fit.covariance = uncertainty(*around_.residuals, fit, around_.linear->subset(learn_), settings_.jobs);
+  return fit;
+}
+
 void GapTrials::converge(FitResult& fit, double aim) {
   double before = learned_loss(around_);
   for (std::size_t round = 0; round < options().trials.refit_rounds; ++round) {
@@ -184,16 +206,16 @@ void GapTrials::converge(FitResult& fit, double aim) {
   }
 }
 
-double GapTrials::learned_cost(const FitResult& fit) const {
-  const Eigen::VectorXd z = deviations(model().sheet(), around_.linear->free_parameters(), fit.model.parameters);
-  return learned_loss(around_) + 0.5 * z.squaredNorm();
+double GapTrials::learned_cost(const Surroundings& around, const FitResult& fit) const {
+  const Eigen::VectorXd z = deviations(model().sheet(), around.linear->free_parameters(), fit.model.parameters);
+  return learned_loss(around) + 0.5 * z.squaredNorm();
 }
 
 FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
   const Surroundings whole = around_;
   around_ = part_;
   FitResult best;
-  double least = learned_cost(from_datasheet), aim = learned_loss(around_);
+  double least = learned_cost(around_, from_datasheet), aim = learned_loss(around_);
   Random random(1);
   const std::vector<std::size_t> free = around_.linear->free_parameters();
   for (std::size_t s = 0; s < options().trials.other_starts; ++s) {
@@ -204,7 +226,7 @@ FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
     shift_parameters(model(), free, move, other.model.parameters);
     around_ = settle(part_, other.model);
     converge(other, aim);
-    const double cost = learned_cost(other);
+    const double cost = learned_cost(around_, other);
     if (cost >= least - options().trials.relinearise_log_likelihood) continue;
     best = other;
     least = cost;

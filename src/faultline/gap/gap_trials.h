@@ -58,6 +58,9 @@ class GapTrials {
   FitResult refit_from_elsewhere(const FitResult& from_datasheet);
   // The same from a refined structure on.
   FitResult refit(const Structure& refined);
+  // What refit() just returned, with sensitivities of its own fitted until nothing is gained, and its covariance: along a
+  // ridge, on which parameters and sizes trade with one another, tolerances decide only there.
+  FitResult polish(FitResult fit);
 
   // Start states and linearisation at what refit() or stand() returned, to come back to.
   struct Standing {
@@ -123,10 +126,12 @@ class GapTrials {
   double standard_error(const std::vector<double>& differences) const;
 
  private:
-  Surroundings settle(const Surroundings& before, const ModelChange& at) const;
+  // Sensitivities are kept where they still hold; forward differences do not serve for central ones.
+  Surroundings settle(const Surroundings& before, const ModelChange& at,
+                      Differences differences = Differences::forward) const;
   double learned_loss(const Surroundings& around) const;
   double learned_loss(const Surroundings& around, const ModelChange& at) const;
-  double learned_cost(const FitResult& fit) const;  // of what stands: with the tolerances' part
+  double learned_cost(const Surroundings& around, const FitResult& fit) const;  // with the tolerances' part
   // Linearises and fits around what stands until nothing is gained, or until the last round gained less than what is
   // missing to `aim`.
   void converge(FitResult& fit, double aim);

@@ -11,6 +11,16 @@
 
 namespace faultline {
 
+namespace {
+
+// a' b, in single precision where the derivatives are no better.
+Eigen::MatrixXd product(const Eigen::MatrixXf& a, const Eigen::MatrixXd& b, Differences differences) {
+  if (differences == Differences::central) return a.cast<double>().transpose() * b;
+  return (a.transpose() * b.cast<float>()).cast<double>();
+}
+
+}  // namespace
+
 double robust(double loss, double values, double least) {
   return 0.5 * values * std::log(std::max(2 * loss / values, least));
 }
@@ -51,8 +61,8 @@ Eigen::VectorXd lowest_deviations(const Datasheet& sheet, const std::vector<std:
 }
 
 Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& model, std::vector<std::size_t> runs,
-                             int jobs, std::vector<std::vector<Eigen::MatrixXf>> starts)
-    : residuals_(residuals), runs_(std::move(runs)) {
+                             int jobs, std::vector<std::vector<Eigen::MatrixXf>> starts, Differences differences)
+    : residuals_(residuals), differences_(differences), runs_(std::move(runs)) {
   const Datasheet& sheet = residuals.sheet();
   for (std::size_t i = 0; i < sheet.parameters.size(); ++i)
     if (sheet.parameters[i].tolerance > 0) free_.push_back(i);
@@ -61,10 +71,15 @@ Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& 
   std::vector<Direction> directions;
   for (const std::size_t i : free_) {
     const Parameter& p = sheet.parameters[i];
-    const double unit = p.nominal * p.tolerance;
-    const double size = options().linearisation.difference_tolerances;
+    const double unit = p.nominal * p.tolerance, size = options().linearisation.difference_tolerances;
+    const double lowest = lowest_deviation(p, options().linearisation.parameter_bound_tolerances);
     directions.push_back({model, model.parameters[i] > p.nominal ? -size : size});
-    directions.back().to.parameters[i] += directions.back().size * unit;
+    Direction& direction = directions.back();
+    direction.to.parameters[i] += direction.size * unit;
+    if (differences == Differences::forward || (model.parameters[i] - p.nominal) / unit - size < lowest) continue;
+    direction.from = model;
+    direction.from->parameters[i] -= direction.size * unit;
+    direction.size *= 2;
   }
   const bool known = !starts.empty();
   starts.resize(runs_.size());
@@ -78,7 +93,7 @@ Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& 
          linearise(residuals.model(), run, around->starts, residuals.noise(), model, directions, jobs, &at_model_[r])) {
       around->parameters.push_back(segment.columns.cast<float>());
       const Eigen::MatrixXf& j = around->parameters.back();
-      around->grams.push_back((j.transpose() * j).cast<double>());
+      around->grams.push_back(product(j, j.cast<double>(), differences_));
     }
     around_[r] = std::move(around);
   }
@@ -87,7 +102,11 @@ Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& 
 
 Linearisation::Linearisation(const ResidualModel& residuals, const ModelChange& model, const Linearisation& near,
                              int jobs)
-    : residuals_(residuals), runs_(near.runs_), free_(near.free_), around_(near.around_) {
+    : residuals_(residuals),
+      differences_(near.differences_),
+      runs_(near.runs_),
+      free_(near.free_),
+      around_(near.around_) {
   at_model_ = residuals_of(residuals, model, runs_, jobs);
   take_weights();
 }
@@ -99,6 +118,7 @@ void Linearisation::take_weights() {
 
 Linearisation Linearisation::subset(const std::vector<std::size_t>& positions) const {
   Linearisation part(residuals_);
+  part.differences_ = differences_;
   part.free_ = free_;
   for (const std::size_t i : positions) {
     part.runs_.push_back(runs_[i]);
@@ -127,7 +147,7 @@ std::vector<Eigen::MatrixXd> Linearisation::products(const std::vector<Eigen::Ma
     rest.col(0) = around.starts.residual(residuals_.runs()[runs_[r]], residuals[r], g);
     if (further > 0) rest.rightCols(further) = around.starts.whitened(own, g);
     const Eigen::MatrixXd squares = rest.transpose() * rest;
-    const Eigen::MatrixXd against = (parameters.transpose() * rest.cast<float>()).cast<double>();
+    const Eigen::MatrixXd against = product(parameters, rest, differences_);
     Eigen::MatrixXd gram(1 + n + further, 1 + n + further);
     gram.block(1, 1, n, n) = around.grams[g];
     gram(0, 0) = squares(0, 0);

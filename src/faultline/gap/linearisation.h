@@ -24,6 +24,10 @@ double robust(double loss, double values, double least);
 // d robust / d loss.
 double robust_weight(double loss, double values, double least);
 
+// How derivatives are taken. Central ones cost twice as much. Along a ridge, on which parameters and sizes trade with one
+// another, what forward ones are wrong by is taken for information.
+enum class Differences { forward, central };
+
 // What is computed once around a model and shared by all candidates: residuals, their sensitivity to parameters and
 // start states (segments/linearisation.h).
 class Linearisation {
@@ -31,7 +35,7 @@ class Linearisation {
   // `runs`: which of the residual model's. Uses `jobs` threads. `starts`: sensitivities to start states where they
   // are known already, per run.
   Linearisation(const ResidualModel& residuals, const ModelChange& model, std::vector<std::size_t> runs, int jobs,
-                std::vector<std::vector<Eigen::MatrixXf>> starts = {});
+                std::vector<std::vector<Eigen::MatrixXf>> starts = {}, Differences differences = Differences::forward);
 
   // The sensitivities of `near` around a model that has hardly moved from there: only residuals and shifts of start
   // states are new.
@@ -58,6 +62,7 @@ class Linearisation {
   double robust(double loss) const;                                      // of one of its segments
   double robust_weight(double loss) const;
   const GapOptions& options() const { return residuals_.options(); }
+  Differences differences() const { return differences_; }
 
  private:
   // Sensitivities of a run.
@@ -74,6 +79,7 @@ class Linearisation {
   void for_each_segment(Visit&& visit) const;
 
   const ResidualModel& residuals_;
+  Differences differences_ = Differences::forward;
   std::vector<std::size_t> runs_;
   std::vector<std::size_t> free_;
   std::vector<Eigen::MatrixXf> at_model_;

@@ -79,11 +79,15 @@ std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedR
                                      const std::vector<Direction>& directions, int jobs, Eigen::MatrixXf* at_model) {
   std::vector<SegmentModel::Variant> variants{{&at, starts_of(run)}};
   for (const Direction& direction : directions) variants.push_back({&direction.to, variants.front().starts});
+  for (const Direction& direction : directions)
+    if (direction.from) variants.push_back({&*direction.from, variants.front().starts});
   std::vector<Eigen::MatrixXf> residuals = model.residuals(variants, run, sigma, jobs);
   std::vector<const Eigen::MatrixXf*> columns;
-  for (std::size_t i = 1; i < residuals.size(); ++i) {
-    residuals[i] = (residuals[i] - residuals[0]) / static_cast<float>(directions[i - 1].size);
-    columns.push_back(&residuals[i]);
+  std::size_t from = directions.size();
+  for (std::size_t i = 0; i < directions.size(); ++i) {
+    const Eigen::MatrixXf& before = residuals[directions[i].from ? ++from : 0];
+    residuals[i + 1] = (residuals[i + 1] - before) / static_cast<float>(directions[i].size);
+    columns.push_back(&residuals[i + 1]);
   }
   std::vector<LinearSegment> result(run.segments());
   in_parallel(result.size(), jobs, [&](std::size_t g) {

@@ -9,6 +9,8 @@
 // which some readings do not count is scaled to the number of a whole one, so that its mean square is kept.
 #pragma once
 
+#include <optional>
+
 #include "faultline/segments/segment_model.h"
 
 namespace faultline {
@@ -40,10 +42,11 @@ class StartProjection {
   std::vector<Eigen::MatrixXd> shrink_;  // K per segment: (I + S S')^(-1/2) = I - S K S'
 };
 
-// A direction in which the model may move: to `to`, which is `size` of it.
+// A direction in which the model may move: to `to`, which is `size` of it, seen from the model or from `from`.
 struct Direction {
   ModelChange to;
   double size = 1;
+  std::optional<ModelChange> from = {};
 };
 
 // One segment: w, and W with a column per direction, as many rows as w has also where there is none.
@@ -52,7 +55,7 @@ struct LinearSegment {
   Eigen::MatrixXd columns;
 };
 
-// Residuals at a model, and their derivatives by the directions as differences from it; by segment. Simulates with
+// Residuals at a model, and their derivatives by the directions as differences; by segment. Simulates with
 // `jobs` threads. `residuals`, if given, takes those at the model as they are.
 std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedRun& run, const StartProjection& starts,
                                      const std::vector<double>& sigma, const ModelChange& at,
