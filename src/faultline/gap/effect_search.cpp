@@ -327,10 +327,10 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
 
 // The model that is told, fitted to the end.
 void polish(GapTrials& work, EffectSearch& search) {
+  if (search.base.effects.empty()) return;
   search.base = work.polish(search.base);
   const Structure again = work.score(search.base);
-  if (search.base.effects.empty()) search.plain = again;
-  if (!search.base.effects.empty() && sum(again.score) >= sum(search.score)) return;
+  if (sum(again.score) >= sum(search.score)) return;
   search.losses = again.held_out;
   search.score = again.score;
 }

@@ -13,6 +13,8 @@
 namespace faultline {
 namespace {
 
+constexpr double kNothing = 1e-9;  // of information: keeps a matrix regular where a parameter does nothing
+
 using Coordinates = std::vector<std::pair<std::size_t, std::size_t>>;  // (effect, parameter)
 
 Coordinates coordinates_of(const std::vector<Candidate>& effects) {
@@ -216,6 +218,27 @@ std::vector<Eigen::VectorXd> information(const ResidualModel& residuals, const F
     for (std::size_t g = 0; g < residuals.runs()[linear.runs()[r]].segments(); ++g, ++segment)
       result[r] += linear.weights()[segment] * products[segment].diagonal().tail(result[r].size());
   return result;
+}
+
+double least_own_part(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear, int jobs) {
+  const Coordinates coordinates = coordinates_of(fit.effects);
+  const std::vector<Eigen::MatrixXf>& now = linear.at_model();
+  const std::vector<Eigen::MatrixXd> products =
+      linear.products(now, effect_sensitivity(residuals, fit, coordinates, now, linear, jobs));
+  const auto extra = static_cast<Eigen::Index>(coordinates.size()), all = products.front().rows();
+  Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(all, all);
+  for (std::size_t g = 0; g < products.size(); ++g) gram += linear.weights()[g] * products[g];
+  const Eigen::Index known = all - 1 - extra;
+  Eigen::MatrixXd among = gram.block(1, 1, known, known);
+  among.diagonal().array() += kNothing;
+  const Eigen::MatrixXd across = gram.block(1, 1 + known, known, extra);
+  const Eigen::MatrixXd made_up = across.transpose() * among.ldlt().solve(across);
+  double least = 1;
+  for (Eigen::Index i = 0; i < extra; ++i) {
+    const double whole = gram(1 + known + i, 1 + known + i);
+    if (whole > 0) least = std::min(least, 1 - made_up(i, i) / whole);
+  }
+  return least;
 }
 
 Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear,

@@ -90,6 +90,9 @@ struct GapOptions {
     // of all above which all are taken.
     std::size_t part_segments = 64, part_piece_segments = 4, part_least_segments = 12;
     double part_worthwhile_fraction = 0.7;
+    // Of a size's response, that parameters do not make up for, below which it may be on a ridge: forward differences
+    // leave 0.02 of one that is (development).
+    double ridge_part_fraction = 0.04;
     std::size_t polish_rounds = 3;  // linearisations of the model that is told, at most
     std::size_t whole_rounds = 2;   // linearisations on all segments of what was followed on a part, at most
     // Move up to which sensitivities stay valid: of a parameter in tolerances, of an effect as a fraction of its size.
@@ -305,6 +308,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.part_piece_segments);
   FAULTLINE_OPTION(trials.part_least_segments);
   FAULTLINE_OPTION(trials.part_worthwhile_fraction);
+  FAULTLINE_OPTION(trials.ridge_part_fraction);
   FAULTLINE_OPTION(trials.polish_rounds);
   FAULTLINE_OPTION(trials.whole_rounds);
   FAULTLINE_OPTION(trials.same_sensitivity_fraction);

@@ -173,6 +173,8 @@ FitResult GapTrials::refit(const Structure& refined) {
 }
 
 FitResult GapTrials::polish(FitResult fit) {
+  if (least_own_part(*around_.residuals, fit, *around_.linear, settings_.jobs) > options().trials.ridge_part_fraction)
+    return fit;
   around_ = settle(around_, fit.model, Differences::central);
   for (std::size_t round = 0; round < options().trials.polish_rounds; ++round) {
     const FitResult better = fit_gap(*around_.residuals, fit.model, fit.effects, around_.linear->subset(learn_),

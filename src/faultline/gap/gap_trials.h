@@ -58,8 +58,8 @@ class GapTrials {
   FitResult refit_from_elsewhere(const FitResult& from_datasheet);
   // The same from a refined structure on.
   FitResult refit(const Structure& refined);
-  // What refit() just returned, with sensitivities of its own fitted until nothing is gained, and its covariance: along a
-  // ridge, on which parameters and sizes trade with one another, tolerances decide only there.
+  // What refit() just returned. Where one of its sizes trades with parameters along a ridge it is fitted with central
+  // differences until nothing is gained, and has its covariance from there: only then do tolerances decide on it.
   FitResult polish(FitResult fit);
 
   // Start states and linearisation at what refit() or stand() returned, to come back to.

@@ -24,8 +24,8 @@ double robust(double loss, double values, double least);
 // d robust / d loss.
 double robust_weight(double loss, double values, double least);
 
-// How derivatives are taken. Central ones cost twice as much. Along a ridge, on which parameters and sizes trade with one
-// another, what forward ones are wrong by is taken for information.
+// How derivatives are taken. Central ones cost twice as much. Along a ridge, on which parameters and sizes trade with
+// one another, what forward ones are wrong by is taken for information.
 enum class Differences { forward, central };
 
 // What is computed once around a model and shared by all candidates: residuals, their sensitivity to parameters and
