@@ -279,11 +279,11 @@ class Diagnosed(unittest.TestCase):
         answer = json.loads((self.folder / "stop.json").read_text())
         self.assertEqual(check_schema(answer, SCHEMA), [])
         self.assertEqual(answer["cause"]["verdict"], "unknown")
-        self.assertEqual((answer["where"]["ranked"], answer["missing"]), ([], None))
+        self.assertEqual((answer["where"]["ranked"][0]["port"], answer["missing"]), ("force.piston", None))
         self.assertIn("no single place explains", answer["cause"]["sentence"])
-        self.assertIn("\nwhere: at no single place\n", done.stdout)
+        self.assertIn("\nwhere: force.piston", done.stdout)
         self.assertIn("position among its highest tenth", done.stdout)
-        self.assertIn("neither a single place nor an effect", (self.folder / "stop.html").read_text())
+        self.assertIn("no effect in the library explains it", (self.folder / "stop.html").read_text())
 
     def test_readings_that_were_resampled_lack_no_effect(self):
         healthy = ["--profile", "random", "--rig-seed", 7, "--duration", 6, "--off-nominal", "--nuisance", "--quiet"]

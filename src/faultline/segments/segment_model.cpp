@@ -191,7 +191,7 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
                                                              static_cast<Eigen::Index>(outputs_.size())));
   struct Compared {
     std::size_t channel;
-    double minimum, maximum, per_sigma;
+    double minimum, maximum, per_sigma, largest;
     const double* unsmoothed;  // null: what the recording holds
     std::ptrdiff_t begin;      // of its residuals in a result
   };
@@ -199,7 +199,9 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
   for (std::size_t i = 0; i < outputs_.size(); ++i) {
     const auto c = static_cast<std::size_t>(outputs_[i]);
     const Channel& channel = sheet_->channels[c];
+    const double range = (channel.maximum - channel.minimum) / sigma[i];
     compared.push_back({c, channel.minimum, channel.maximum, 1 / sigma[i],
+                        std::isfinite(range) ? std::max(largest, range) : largest,
                         run.unsmoothed[c].empty() ? nullptr : run.unsmoothed[c].data(),
                         static_cast<Eigen::Index>(i) * results.front().rows()});
   }
@@ -212,7 +214,7 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
                         std::clamp(channels[one.channel], one.minimum, one.maximum)) *
                        one.per_sigma;
       result[one.begin + static_cast<std::ptrdiff_t>(row)] =
-          static_cast<float>(std::isfinite(r) ? std::clamp(r, -largest, largest) : largest);
+          static_cast<float>(std::isfinite(r) ? std::clamp(r, -one.largest, one.largest) : one.largest);
     }
   };
   // A state that no start puts back goes on as well, and is what the effects before have made of it.
