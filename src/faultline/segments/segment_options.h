@@ -33,7 +33,7 @@ struct SegmentOptions {
   // Largest half width of any smoothing, as a fraction of a segment: samples average noise, but must be short against
   // the motion that a segment is made to show.
   double smoothing_segment_fraction = 0.1;
-  // Residuals are cut at this many sigmas: finite where a model diverges, beyond anything a sensor shows.
+  // Residuals are cut at this many sigmas, or at a channel's range where that is more: finite where a model diverges.
   double largest_residual_sigma = 1e4;
   // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit,
   // and a transducer that is five times better than its datasheet must.
