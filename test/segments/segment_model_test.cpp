@@ -48,6 +48,18 @@ std::vector<EffectSpec> sensor_effects() {
   return result;
 }
 
+// An encoder may be as fine as it likes: what a residual shows of a model that is far off is not cut in units of noise.
+TEST(SegmentModel, KeepsResidualsThatAreLargeAgainstTheNoise) {
+  Prepared prepared(simulate(servo(), servo_setup("multisine"), 2), 0.5);
+  const ModelChange off = nominal({parse_effect("offset@sensor.load_pressure:value=3e6")});
+  std::vector<double> quiet = prepared.noise;
+  for (double& sigma : quiet) sigma *= 1e-4;
+  const Eigen::MatrixXf usual = prepared.model.residuals(off, prepared.run, prepared.noise);
+  const Eigen::MatrixXf fine = prepared.model.residuals(off, prepared.run, quiet);
+  EXPECT_GT(fine.cwiseAbs().maxCoeff(), 1e6F);
+  EXPECT_LT((1e-4F * fine - usual).cwiseAbs().maxCoeff(), 1e-3F * usual.cwiseAbs().maxCoeff());
+}
+
 // One sample after the states were put back to what the sensors show.
 TEST(SegmentModel, LeavesNoiseWithAnyEffectAtASensor) {
   std::vector<EffectSpec> effects = sensor_effects();

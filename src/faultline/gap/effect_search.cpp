@@ -325,7 +325,7 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
   });
 }
 
-// The model that is told, fitted to the end.
+// The model that is told, fitted to the end where a size of it is on a ridge.
 void polish(GapTrials& work, EffectSearch& search) {
   if (search.base.effects.empty()) return;
   search.base = work.polish(search.base);

@@ -97,6 +97,7 @@ struct GapOptions {
     std::size_t whole_rounds = 2;   // linearisations on all segments of what was followed on a part, at most
     // Move up to which sensitivities stay valid: of a parameter in tolerances, of an effect as a fraction of its size.
     double same_sensitivity_fraction = 0.35;
+    double same_closely_fraction = 0.03;  // ... the same where they are as exact as central differences
     // Information about an effect's size, as a fraction of that of all runs, below which a fold does not fit it.
     double shown_information_fraction = 0.1;
     double relinearise_log_likelihood =
@@ -312,6 +313,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.polish_rounds);
   FAULTLINE_OPTION(trials.whole_rounds);
   FAULTLINE_OPTION(trials.same_sensitivity_fraction);
+  FAULTLINE_OPTION(trials.same_closely_fraction);
   FAULTLINE_OPTION(trials.shown_information_fraction);
   FAULTLINE_OPTION(trials.relinearise_log_likelihood);
   FAULTLINE_OPTION(trials.settled_gain_fraction);

@@ -19,8 +19,6 @@
 namespace faultline {
 namespace {
 
-constexpr double kSameClosely =
-    0.03;  // of a tolerance or a size, that sensitivities are as exact as central differences
 constexpr std::uint64_t kInputNoise = 1, kOutputNoise = 1001;  // seeds
 
 // Whether sensitivities around `from` still hold around `to`: parameters and effects have hardly moved; an effect
@@ -125,9 +123,11 @@ Surroundings GapTrials::settle(const Surroundings& before, const ModelChange& at
   const int jobs = settings_.jobs;
   Surroundings now;
   now.residuals = std::make_shared<ResidualModel>(*before.residuals);
-  const double same = differences == Differences::forward ? options().trials.same_sensitivity_fraction : kSameClosely;
+  const bool closely = differences == Differences::central;
+  const bool serve = before.linear && (!closely || before.linear->differences() == Differences::central);
   const bool known =
-      before.linear && differences <= before.linear->differences() && near(sheet_, before.seen_from, at, same);
+      serve && near(sheet_, before.seen_from, at,
+                    closely ? options().trials.same_closely_fraction : options().trials.same_sensitivity_fraction);
   now.seen_from = known ? before.seen_from : at;
   std::vector<std::vector<Eigen::MatrixXf>> starts(every_.size());
   in_parallel(every_.size(), jobs, [&](std::size_t i) {

@@ -180,12 +180,17 @@ std::unique_ptr<DrivenModel> SegmentModel::driven(const ModelChange& change, con
   return model;
 }
 
+double SegmentModel::largest_residual(std::size_t output, double sigma) const {
+  const Channel& channel = sheet_->channels[static_cast<std::size_t>(outputs_[output])];
+  const double range = (channel.maximum - channel.minimum) / sigma;
+  return std::isfinite(range) ? std::max(options_.largest_residual_sigma, range) : options_.largest_residual_sigma;
+}
+
 std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& variants, const Models& models,
                                                     const SegmentedRun& run, const std::vector<std::size_t>& restarts,
                                                     const std::vector<double>& sigma, Restarted restarted,
                                                     const Enough& enough) const {
   DrivenModel& driven = *models.front();
-  const double largest = options_.largest_residual_sigma;
   std::vector<Eigen::MatrixXf> results(models.size(),
                                        Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(run.recording.rows()),
                                                              static_cast<Eigen::Index>(outputs_.size())));
@@ -199,9 +204,7 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
   for (std::size_t i = 0; i < outputs_.size(); ++i) {
     const auto c = static_cast<std::size_t>(outputs_[i]);
     const Channel& channel = sheet_->channels[c];
-    const double range = (channel.maximum - channel.minimum) / sigma[i];
-    compared.push_back({c, channel.minimum, channel.maximum, 1 / sigma[i],
-                        std::isfinite(range) ? std::max(largest, range) : largest,
+    compared.push_back({c, channel.minimum, channel.maximum, 1 / sigma[i], largest_residual(i, sigma[i]),
                         run.unsmoothed[c].empty() ? nullptr : run.unsmoothed[c].data(),
                         static_cast<Eigen::Index>(i) * results.front().rows()});
   }
@@ -285,8 +288,8 @@ std::vector<SegmentModel::Held> SegmentModel::held_readings(const ModelChange& c
 
 void SegmentModel::read_held_values(const ModelChange& change, const SegmentedRun& run,
                                     const std::vector<double>& sigma, Eigen::MatrixXf& residuals) const {
-  const double largest = options_.largest_residual_sigma;
-  for (const Held& held : held_readings(change, run))
+  for (const Held& held : held_readings(change, run)) {
+    const double largest = largest_residual(held.output, sigma[held.output]);
     for (std::size_t k = held.first; k < run.recording.rows(); ++k)
       if (counts(run, k, held.output)) {
         const double r =
@@ -294,6 +297,7 @@ void SegmentModel::read_held_values(const ModelChange& change, const SegmentedRu
         residuals(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(held.output)) =
             static_cast<float>(std::clamp(r, -largest, largest));
       }
+  }
 }
 
 Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const SegmentedRun& run,

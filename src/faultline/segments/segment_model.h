@@ -95,6 +95,8 @@ class SegmentModel {
                                         const SegmentedRun& run, const std::vector<std::size_t>& restarts,
                                         const std::vector<double>& sigma, Restarted restarted,
                                         const Enough& enough) const;
+  // In sigmas: beyond anything the sensor shows, and finite where a model diverges.
+  double largest_residual(std::size_t output, double sigma) const;
   void read_held_values(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma,
                         Eigen::MatrixXf& residuals) const;
   void place_hidden(SegmentedRun& run, std::size_t segment, const Eigen::VectorXd& mean,

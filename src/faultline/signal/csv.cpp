@@ -78,7 +78,8 @@ class Reader {
         const int channel = find_channel(channels_, name);
         if (channel < 0)
           fail(fmt::format(
-              "column '{}' is not a channel of {}; rename or remove it, or import with --mapping; the channels are {}",
+              "column '{}' is not a channel of {}; rename or remove it, or import with --mapping; the channels are {}; "
+              "time is the column t",
               column.name, rig_, channel_names()));
         column.channel = static_cast<std::size_t>(channel);
         if (seen[column.channel]) fail(fmt::format("there are two columns '{}'", name));
