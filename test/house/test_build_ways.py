@@ -56,11 +56,15 @@ class BuildWays(unittest.TestCase):
 
     def test_catkin_make_in_a_foreign_workspace(self):
         workspace = pathlib.Path(tempfile.gettempdir()) / f"faultline_foreign_workspace_{os.getuid()}"
-        workspace.mkdir(mode=0o700, exist_ok=True)
-        self.assertEqual(workspace.stat().st_uid, os.getuid())
-        with open(workspace / "lock", "w") as lock:
+        # The lock stands beside the workspace and stays: whoever waits for it must wait for the same file.
+        with open(workspace.with_suffix(".lock"), "w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:
+                # A run that was cut off (a CI that kills it at its time limit) leaves its workspace behind.
+                if workspace.exists():
+                    self.assertEqual(workspace.stat().st_uid, os.getuid())
+                    shutil.rmtree(workspace)
+                workspace.mkdir(mode=0o700)
                 for name in repository_files():
                     target = workspace / "src/faultline" / name
                     target.parent.mkdir(parents=True, exist_ok=True)
