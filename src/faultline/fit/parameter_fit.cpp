@@ -217,13 +217,11 @@ ParameterFit fit_parameters(const Datasheet& sheet, std::vector<std::pair<std::s
   for (auto& [name, recording] : runs)
     prepared.push_back(cut_run(sheet, name, std::move(recording), segment, options.segments));
   need_readings(sheet, prepared);
-  const std::vector<double> noise = noise_of(sheet, prepared, options.segments);
   std::vector<std::string> remarks;
   if (std::string text = remark_of_own_start(sheet, segment); !text.empty()) remarks.push_back(std::move(text));
-  for (SegmentedRun& run : prepared) {
-    model.place_starts(run, noise, model.nominal());
+  const std::vector<double> noise = place_all(model, prepared);
+  for (const SegmentedRun& run : prepared)
     if (!run.remark.empty()) remarks.push_back(run.remark);
-  }
   std::vector<double> scales;
   for (const Parameter& p : sheet.parameters) scales.push_back(scale_of(p, options));
   SegmentSolver solver(model, std::move(prepared), noise, scales, options, jobs);

@@ -195,10 +195,11 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
 }
 
 // What stands for certain while an effect is on trial: one that gains over segments and is not worth it from sample to
-// sample, where so much is left that another one is missing beside it.
+// sample, where so much is left that another one is missing beside it; or a bias, which shows nothing alone.
 struct Certain {
   EffectSearch search;
   GapTrials::Standing standing;
+  bool bias = false;
 };
 
 bool worth_a_trial(const GapTrials& work, const EffectSearch& now, const Structure& best) {
@@ -335,6 +336,191 @@ void polish(GapTrials& work, EffectSearch& search) {
   search.score = again.score;
 }
 
+// A constant signal. What is not the same in both directions of motion - friction, a play - makes a bias of its own
+// beside it, which a fit of either alone bends into everything else.
+bool is_bias(const Structure& structure) {
+  const std::string& effect = structure.fit.effects.back().effect.effect;
+  return effect == "offset" || effect == "load_force";
+}
+
+class EffectRounds {
+ public:
+  EffectRounds(GapTrials& work, int most_effects, double quiet_variances)
+      : work_(work), most_effects_(most_effects), quiet_variances_(quiet_variances) {}
+
+  EffectSearch search() {
+    begin();
+    run();
+    if (put_bias_on_trial()) run();
+    try_rivals(work_, followed_, search_);
+    polish(work_, search_);
+    return std::move(search_);
+  }
+
+ private:
+  using Structures = std::vector<Structure>;
+
+  void begin() {
+    ModelChange nominal;
+    nominal.parameters = work_.model().sheet().nominal();
+    search_.base = work_.refit(nominal, {});
+    search_.plain = work_.score(search_.base);
+    // A search from the datasheet's values may end beside the rig's, and what it leaves there would be given a name.
+    if (excess_of(search_.plain.score) >= quiet_variances_) search_.base = work_.refit_from_elsewhere(search_.base);
+    search_.nominal = work_.held_out(nominal);
+    stand_plain(work_, search_);
+  }
+
+  void run() {
+    while (round_ < most_effects_ && step()) continue;
+    if (!certain_) return;
+    search_ = certain_->search;
+    work_.come_back(certain_->standing);
+    followed_.pop_back();
+    --round_;
+    certain_.reset();
+  }
+
+  double excess_of(const std::vector<double>& score) const { return typical_excess(score, work_.held_out_values()); }
+  bool large() const { return excess_of(search_.score) > work_.options().verdict.material_excess_variances; }
+
+  // One round. False: the search has ended.
+  bool step() {
+    if (excess_of(search_.score) < quiet_variances_ || !more_to_find(work_.options().search, search_, large()))
+      return false;
+    const double from = round_ == 0 ? 0.1 : 0.55 + 0.18 * (round_ - 1), width = round_ == 0 ? 0.45 : 0.18;
+    const Structures screened = work_.screen(search_.base, from, from + 0.5 * width);
+    if (round_ == 0) search_.screened = screened;
+    if (screened.empty()) return false;
+    Structures rest;
+    Structures structures = best_of_round(work_, search_, screened, from + 0.5 * width, from + width, rest);
+    Structure best = structures.front();
+    structures.front().around = {};
+    if (round_ == 0 && valleys_++ < kMostValleys && work_.better_without(best)) {
+      // What it wins is the parameters', which the refit did not find.
+      search_.base = work_.refit(without_last(best.fit).model, {});
+      search_.screened.clear();
+      stand_plain(work_, search_);
+      return true;
+    }
+    if (round_ == 0) rank(structures, rest);
+    if (!gains(work_, search_, best)) return false;
+    bool beside_bias = false;
+    if (worth_it(best)) {
+      if (certain_) {
+        const bool alone = stands_alone(best);
+        if (certain_->bias && alone) put_first(best);
+        beside_bias = certain_->bias && !alone;
+      }
+      certain_.reset();
+    } else if (!certain_ && round_ + 1 < most_effects_ && worth_a_trial(work_, search_, best)) {
+      certain_ = Certain{search_, work_.standing()};
+    } else {
+      return false;
+    }
+    if (!take(best, structures)) {
+      certain_.reset();
+      return false;
+    }
+    // A bias says nothing of what it is beside: that one is the cause, and its rivals are those that were beside it.
+    if (beside_bias) {
+      std::swap(search_.round_of[0], search_.round_of[1]);
+      std::swap(followed_[0], followed_[1]);
+      search_.screened = screened;
+      rank(structures, rest);
+    }
+    return true;
+  }
+
+  void rank(const Structures& structures, const Structures& rest) {
+    search_.ranked = structures;
+    search_.ranked.insert(search_.ranked.end(), rest.begin(), rest.end());
+  }
+
+  // What was not followed, or into another valley, before a bias was beside it.
+  void put_first(const Structure& best) {
+    Structures& ranked = search_.ranked;
+    ranked.erase(
+        std::remove_if(ranked.begin(), ranked.end(),
+                       [&](const Structure& s) { return same_effect(s.fit.effects.back(), best.fit.effects.back()); }),
+        ranked.end());
+    ranked.insert(ranked.begin(), best);
+    ranked.front().around = {};
+  }
+
+  bool worth_it(const Structure& best) const {
+    if (!pays(work_, certain_ ? certain_->search : search_, search_, best, quiet_variances_)) return false;
+    return !(certain_ && certain_->bias) ||
+           closes(work_, certain_->search, best) > work_.options().verdict.closed_shrink_fraction;
+  }
+
+  // Whether the second of two, of which the first is on trial, is what was missing, alone; then it takes the first one's
+  // place.
+  bool stands_alone(Structure& best) {
+    const GapTrials::Standing both = work_.standing();
+    work_.come_back(certain_->standing);
+    const Structure alone = alone_beside(work_, certain_->search, best);
+    if (!gains(work_, certain_->search, alone) ||
+        !pays(work_, certain_->search, certain_->search, alone, quiet_variances_)) {
+      work_.come_back(both);
+      return false;
+    }
+    search_ = certain_->search;
+    best = alone;
+    followed_.pop_back();
+    --round_;
+    return true;
+  }
+
+  // Adds the last effect of a structure to what stands. False: its size is another one in each part of the runs, which
+  // makes up for what is left and is no further cause.
+  bool take(const Structure& best, const Structures& structures) {
+    const EffectSearch before = search_;
+    const GapTrials::Standing standing = work_.standing();
+    search_.base = work_.refit(best);
+    if (!before.base.effects.empty() &&
+        work_.sizes_agree(search_.base).back().spread > work_.options().verdict.size_spread) {
+      search_ = before;
+      work_.come_back(standing);
+      return false;
+    }
+    followed_.push_back(structures);
+    search_.base.covariance = best.fit.covariance;
+    search_.round_of.push_back(static_cast<std::size_t>(round_));
+    search_.apart.push_back(best.apart);
+    // A further effect must not be credited with what one more refit wins.
+    const Structure again = work_.score(search_.base);
+    const Structure& better = sum(again.score) < sum(best.score) ? again : best;
+    search_.losses = better.held_out;
+    search_.score = better.score;
+    search_.after = discrepancy(work_, search_);
+    ++round_;
+    return true;
+  }
+
+  // Where no effect alone is the cause of a large gap: the likeliest bias, beside which one may be. It must close nearly
+  // all with it.
+  bool put_bias_on_trial() {
+    if (!search_.base.effects.empty() || most_effects_ < 2 || !large()) return false;
+    const auto found = std::find_if(search_.screened.begin(), search_.screened.end(), is_bias);
+    if (found == search_.screened.end()) return false;
+    Structures followed{*found};
+    work_.refine(followed, 0.55, 0.55);
+    const Structure bias = followed.front();
+    followed.front().around = {};
+    certain_ = Certain{search_, work_.standing(), true};
+    return take(bias, followed);
+  }
+
+  GapTrials& work_;
+  const int most_effects_;
+  const double quiet_variances_;
+  EffectSearch search_;
+  std::vector<Structures> followed_;  // round by round, best first
+  int round_ = 0, valleys_ = 0;
+  std::optional<Certain> certain_;
+};
+
 }  // namespace
 
 std::size_t position_of(const EffectSearch& search, std::size_t round) {
@@ -351,96 +537,7 @@ double mean_excess(const std::vector<double>& losses, double values) {
 }
 
 EffectSearch search_effects(GapTrials& work, int most_effects, double quiet_variances) {
-  const double values = work.held_out_values();
-  EffectSearch search;
-  ModelChange nominal;
-  nominal.parameters = work.model().sheet().nominal();
-  search.base = work.refit(nominal, {});
-  search.plain = work.score(search.base);
-  // A search from the datasheet's values may end beside the rig's, and what it leaves there would be given a name.
-  if (typical_excess(search.plain.score, values) >= quiet_variances)
-    search.base = work.refit_from_elsewhere(search.base);
-  search.nominal = work.held_out(nominal);
-  std::vector<std::vector<Structure>> followed;  // round by round, best first
-  stand_plain(work, search);
-  int valleys = 0;
-  std::optional<Certain> certain;
-  for (int round = 0; round < most_effects;) {
-    const double excess = typical_excess(search.score, values);
-    const bool large = excess > work.options().verdict.material_excess_variances;
-    if (excess < quiet_variances || !more_to_find(work.options().search, search, large)) break;
-    const double from = round == 0 ? 0.1 : 0.55 + 0.18 * (round - 1), width = round == 0 ? 0.45 : 0.18;
-    const std::vector<Structure> screened = work.screen(search.base, from, from + 0.5 * width);
-    if (round == 0) search.screened = screened;
-    if (screened.empty()) break;
-    std::vector<Structure> rest;
-    std::vector<Structure> structures = best_of_round(work, search, screened, from + 0.5 * width, from + width, rest);
-    Structure best = structures.front();
-    structures.front().around = {};
-    if (round == 0 && valleys++ < kMostValleys && work.better_without(best)) {
-      // What it wins is the parameters', which the refit did not find.
-      search.base = work.refit(without_last(best.fit).model, {});
-      search.screened.clear();
-      stand_plain(work, search);
-      continue;
-    }
-    if (round == 0) {
-      search.ranked = structures;
-      search.ranked.insert(search.ranked.end(), rest.begin(), rest.end());
-    }
-    if (!gains(work, search, best)) break;
-    if (pays(work, certain ? certain->search : search, search, best, quiet_variances)) {
-      if (certain) {
-        // The second of the two may have been what is missing, alone.
-        const GapTrials::Standing both = work.standing();
-        work.come_back(certain->standing);
-        const Structure alone = alone_beside(work, certain->search, best);
-        if (gains(work, certain->search, alone) &&
-            pays(work, certain->search, certain->search, alone, quiet_variances)) {
-          search = certain->search;
-          best = alone;
-          followed.pop_back();
-          --round;
-        } else {
-          work.come_back(both);
-        }
-        certain.reset();
-      }
-    } else if (!certain && round + 1 < most_effects && worth_a_trial(work, search, best)) {
-      certain = Certain{search, work.standing()};
-    } else {
-      break;
-    }
-    const EffectSearch before = search;
-    const GapTrials::Standing standing = work.standing();
-    search.base = work.refit(best);
-    // What makes up for what is left in each part by another size is no further cause.
-    if (!before.base.effects.empty() &&
-        work.sizes_agree(search.base).back().spread > work.options().verdict.size_spread) {
-      search = before;
-      work.come_back(standing);
-      break;
-    }
-    followed.push_back(structures);
-    search.base.covariance = best.fit.covariance;
-    search.round_of.push_back(static_cast<std::size_t>(round));
-    search.apart.push_back(best.apart);
-    // A further effect must not be credited with what one more refit wins.
-    const Structure again = work.score(search.base);
-    const Structure& better = sum(again.score) < sum(best.score) ? again : best;
-    search.losses = better.held_out;
-    search.score = better.score;
-    search.after = discrepancy(work, search);
-    ++round;
-  }
-  if (certain) {
-    search = certain->search;
-    work.come_back(certain->standing);
-    followed.pop_back();
-  }
-  try_rivals(work, followed, search);
-  polish(work, search);
-  return search;
+  return EffectRounds(work, most_effects, quiet_variances).search();
 }
 
 }  // namespace faultline

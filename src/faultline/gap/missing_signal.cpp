@@ -154,8 +154,11 @@ class Shape {
   }
 
   void write_formula(const SignalRegression& regression, MissingSignal& result) {
-    SignalRegression::Columns candidates(terms_.terms().size());
-    std::iota(candidates.begin(), candidates.end(), 0);
+    std::vector<SignalRegression::Columns> candidates;
+    for (std::size_t t = 0; t < terms_.terms().size(); ++t) candidates.push_back({static_cast<Eigen::Index>(t)});
+    for (std::size_t t = 0; t < terms_.terms().size(); ++t)
+      if (const int like = terms_.terms()[t].like; like >= 0)
+        candidates.push_back({like, static_cast<Eigen::Index>(t)});
     const SignalRegression::Columns most = regression.select(candidates, kMostTerms);
     SignalRegression::Columns tried, chosen;
     for (const Eigen::Index next : most) {

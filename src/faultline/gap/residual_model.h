@@ -14,12 +14,7 @@ namespace faultline {
 class ResidualModel {
  public:
   ResidualModel(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options = {})
-      : model_(sheet, options.segments),
-        runs_(std::move(runs)),
-        options_(options),
-        noise_(noise_of(sheet, runs_, options.segments)) {
-    for (SegmentedRun& run : runs_) model_.place_starts(run, noise_, model_.nominal());
-  }
+      : model_(sheet, options.segments), runs_(std::move(runs)), options_(options), noise_(place_all(model_, runs_)) {}
 
   // The same over some segments of each run.
   ResidualModel part(const std::vector<std::vector<std::size_t>>& segments) const {

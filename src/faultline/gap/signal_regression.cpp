@@ -82,16 +82,20 @@ SignalRegression::Gain SignalRegression::held_out(const Columns& columns, const 
   return gain;
 }
 
-SignalRegression::Columns SignalRegression::select(const Columns& candidates, std::size_t most) const {
+SignalRegression::Columns SignalRegression::select(const std::vector<Columns>& candidates, std::size_t most) const {
   Columns chosen;
   Gain now;
   while (chosen.size() < most) {
     std::vector<Gain> gains;
+    std::vector<Columns> wider;
     double best = -1e300;
-    for (const Eigen::Index candidate : candidates) {
+    for (const Columns& candidate : candidates) {
       Columns with = chosen;
-      with.push_back(candidate);
+      for (const Eigen::Index column : candidate)
+        if (std::find(with.begin(), with.end(), column) == with.end()) with.push_back(column);
+      if (with.size() > most) continue;
       gains.push_back(held_out(with));
+      wider.push_back(std::move(with));
       best = std::max(best, gains.back().sum);
     }
     if (!(best > now.sum)) break;
@@ -102,8 +106,20 @@ SignalRegression::Columns SignalRegression::select(const Columns& candidates, st
     for (std::size_t p = 0; p < gains[next].parts.size(); ++p)
       squares += std::pow(gains[next].parts[p] - (now.parts.empty() ? 0 : now.parts[p]) - mean, 2);
     if (!(rise > std::sqrt(squares)) || rise < kLeastRise * now.sum) break;
-    chosen.push_back(candidates[next]);
+    chosen = wider[next];
     now = gains[next];
+  }
+  for (std::size_t k = 0; chosen.size() > 1 && k < chosen.size();) {
+    Columns without = chosen;
+    without.erase(without.begin() + static_cast<std::ptrdiff_t>(k));
+    const Gain gain = held_out(without);
+    if (!(now.sum < (1 + kLeastRise) * gain.sum)) {
+      ++k;
+      continue;
+    }
+    chosen = without;
+    now = gain;
+    k = 0;
   }
   return chosen;
 }

@@ -33,9 +33,10 @@ class SignalRegression {
   };
   Gain held_out(const Columns& columns, const Eigen::MatrixXd& penalty = {}) const;
 
-  // Forward selection among `candidates`, the simplest first: the best next one, or a simpler one that is as good, as
-  // long as it adds more than its standard error.
-  Columns select(const Columns& candidates, std::size_t most) const;
+  // Forward selection among `candidates`, the simplest first, each of one column or of several that only together say
+  // something: the best next one, or a simpler one that is as good, as long as it adds more than its standard error.
+  // At most `most` columns; those are left out again that add little beside what came after them.
+  Columns select(const std::vector<Columns>& candidates, std::size_t most) const;
 
  private:
   struct Sums {

@@ -92,7 +92,7 @@ void SignalTerms::add(const std::string& text, std::size_t variable, const Make&
   const double norm = std::sqrt(squares / count);
   if (!(norm > 0) || !std::isfinite(norm)) return;
   for (Eigen::VectorXd& column : columns) column /= norm;
-  terms_.push_back({text, variable, norm});
+  terms_.push_back({text, variable, norm, -1});
   columns_.push_back(std::move(columns));
 }
 
@@ -105,17 +105,20 @@ void SignalTerms::add_singles() {
       [&](std::size_t n) { return Eigen::VectorXd::Ones(variables_.front().values[n].size()).eval(); });
   for (std::size_t v = 0; v < variables_.size(); ++v) {
     const std::string& x = variables_[v].name;
+    const std::size_t first = terms_.size();
     add_function(x, v, [](double value) { return value; });
     add_function("|" + x + "|", v, [](double value) { return std::abs(value); });
     add_function(x + "^2", v, [](double value) { return value * value; });
     add_function(x + " |" + x + "|", v, [](double value) { return value * std::abs(value); });
     add_function(x + "^3", v, [](double value) { return value * value * value; });
-    if (variables_[v].low >= 0 || variables_[v].high <= 0) continue;
-    for (const double width : kSoftSigns) {
-      const double size = width * variables_[v].scale;
-      add_function(fmt::format("tanh({}/{:.2g})", x, size), v,
-                   [size](double value) { return std::tanh(value / size); });
+    if (variables_[v].low < 0 && variables_[v].high > 0) {
+      for (const double width : kSoftSigns) {
+        const double size = width * variables_[v].scale;
+        add_function(fmt::format("tanh({}/{:.2g})", x, size), v,
+                     [size](double value) { return std::tanh(value / size); });
+      }
     }
+    for (std::size_t t = first + 1; t < terms_.size(); ++t) terms_[t].like = static_cast<int>(first);
   }
 }
 

@@ -26,6 +26,9 @@ struct SignalTerm {
   std::string text;          // in SI units
   std::size_t variable = 0;  // the first; the number of variables for a constant
   double norm = 1;           // its root mean square: columns are divided by it
+  // A term that is much like this one: beside a parameter that was refitted (a spring's rate) what is missing is the
+  // difference of the two (x^3 - a x), of which neither alone shows anything. -1: none.
+  int like = -1;
 };
 
 // Terms with their courses, simplest first.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Cholesky>
 
@@ -56,6 +57,24 @@ Eigen::VectorXd best_move(const SegmentedRun& run, const std::vector<Eigen::Matr
   return -information.ldlt().solve(gradient);
 }
 
+// Noise of what the model leaves of an output within the segments of a run, in units of `residuals`.
+double noise_beside_model(const SegmentedRun& run, const Eigen::MatrixXf& residuals, Eigen::Index output,
+                          std::size_t channel) {
+  Recording left;
+  left.channels.resize(1);
+  left.channels.front().minimum = -std::numeric_limits<double>::infinity();
+  left.channels.front().maximum = std::numeric_limits<double>::infinity();
+  for (std::size_t g = 0; g < run.segments(); ++g)
+    for (std::size_t i = 0; i < run.segment; ++i) {
+      const std::size_t k = run.restarts[g] + i;
+      left.time.push_back(run.recording.time[k]);
+      // The first row of a segment shows nothing of it.
+      const bool shown = i > 0 && std::isfinite(run.recording.at(k, channel));
+      left.values.push_back(shown ? residuals(static_cast<Eigen::Index>(k), output) : std::nan(""));
+    }
+  return noise_floor(left, 0);
+}
+
 }  // namespace
 
 Eigen::MatrixXf settled(const SegmentedRun& run, const std::vector<Eigen::MatrixXf>& columns,
@@ -67,6 +86,33 @@ Eigen::MatrixXf settled(const SegmentedRun& run, const std::vector<Eigen::Matrix
           move[i] * rows_of(run, columns[static_cast<std::size_t>(i)], g);
   }
   return residuals;
+}
+
+std::vector<double> place_all(const SegmentModel& model, std::vector<SegmentedRun>& runs) {
+  const SegmentOptions& options = model.options();
+  const auto place = [&](const std::vector<double>& noise) {
+    for (SegmentedRun& run : runs) model.place_starts(run, noise, model.nominal());
+  };
+  std::vector<double> noise = noise_of(model.sheet(), runs, options);
+  place(noise);
+  std::vector<double> left(noise.size(), 0);
+  for (const SegmentedRun& run : runs) {
+    const Eigen::MatrixXf residuals = model.residuals(model.nominal(), run, noise);
+    for (std::size_t o = 0; o < noise.size(); ++o)
+      left[o] += noise_beside_model(run, residuals, static_cast<Eigen::Index>(o),
+                                    static_cast<std::size_t>(model.outputs()[o])) /
+                 static_cast<double>(runs.size());
+  }
+  const std::vector<double> least = least_noise_of(model.sheet(), runs, options);
+  bool changed = false;
+  for (std::size_t o = 0; o < noise.size(); ++o) {
+    const double own = std::max(left[o] * noise[o], least[o]);
+    if (!(own < options.model_noise_ratio * noise[o])) continue;
+    noise[o] = own;
+    changed = true;
+  }
+  if (changed) place(noise);
+  return noise;
 }
 
 std::vector<double> starts_of(const SegmentedRun& run) {

@@ -110,6 +110,11 @@ class SegmentModel {
   std::vector<std::size_t> at_;  // per state: position of that channel among the outputs
 };
 
+// Noise of each compared output over runs (noise_of()), where the starts of all of them are placed with it. A motion as
+// fast as the samples has third differences of its own: what a reading's are once those of the nominal model are taken
+// away counts where that is less than `model_noise_ratio` of the reading's own.
+std::vector<double> place_all(const SegmentModel& model, std::vector<SegmentedRun>& runs);
+
 // Where the segments start, one after the other, as DrivenModel::run() takes it.
 std::vector<double> starts_of(const SegmentedRun& run);
 

@@ -38,6 +38,12 @@ struct SegmentOptions {
   // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit,
   // and a transducer that is five times better than its datasheet must.
   double least_noise_fraction = 0.1;
+  // What a model must leave of an output's noise, as a ratio, for the rest to be motion: a model that explains nothing of
+  // it leaves all of it, give or take a tenth.
+  double model_noise_ratio = 0.7;
+  // Noise of a measured input, in what the datasheet says of it, beyond which it is motion: transducers are up to some
+  // ten times noisier than their datasheets.
+  double most_input_noise_ratio = 20;
   // Distinct values from which those of a signal tell the grid it was rounded to.
   std::size_t grid_least_levels = 3;
   // Of the largest value, up to which two are the same but for the digits of a file.
@@ -68,6 +74,8 @@ void for_each_option(SegmentOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(smoothing_segment_fraction);
   FAULTLINE_OPTION(largest_residual_sigma);
   FAULTLINE_OPTION(least_noise_fraction);
+  FAULTLINE_OPTION(model_noise_ratio);
+  FAULTLINE_OPTION(most_input_noise_ratio);
   FAULTLINE_OPTION(grid_least_levels);
   FAULTLINE_OPTION(grid_same_fraction);
   FAULTLINE_OPTION(period_error_fraction);

@@ -167,6 +167,9 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
     if (inputs != Inputs::smoothed || sheet.channels[c].role != Role::input) continue;
     const double rounding = noise_of_grid(sheet, run, c, options);
     noise[c] = std::max(noise_floor(run.recording, c), rounding);
+    // What is far more than the transducer's noise moves the rig: an excitation as fast as the samples.
+    if (const double own = sheet.channels[c].noise_std; own > 0 && noise[c] > options.most_input_noise_ratio * own)
+      noise[c] = std::max(own, rounding);
     run.input_noise[c] = run.unsmoothed[c].empty() ? noise[c] : std::max(noise_about_command(sheet, run, c), rounding);
   }
   for (const Stretched& stretch : run.stretches)
@@ -272,6 +275,19 @@ std::vector<double> noise_of(const Datasheet& sheet, const std::vector<Segmented
                                                                    : noise_about_command(sheet, run, c)) /
                static_cast<double>(runs.size());
     result.push_back(std::max(floor, smallest_noise(sheet.channels[c], options)));
+  }
+  return result;
+}
+
+std::vector<double> least_noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                   const SegmentOptions& options) {
+  std::vector<double> result;
+  for (const int output : compared_outputs(sheet)) {
+    const auto c = static_cast<std::size_t>(output);
+    double grid = 0;
+    for (const SegmentedRun& run : runs)
+      grid += noise_of_grid(sheet, run, c, options) / static_cast<double>(runs.size());
+    result.push_back(std::max(grid, smallest_noise(sheet.channels[c], options)));
   }
   return result;
 }

@@ -79,6 +79,9 @@ SegmentedRun some_segments(const SegmentedRun& run, const std::vector<std::size_
 // takes away, by the datasheet or by the grid on which the readings lie (grid_step.h).
 std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                              const SegmentOptions& options = {});
+// What it is never below.
+std::vector<double> least_noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                   const SegmentOptions& options = {});
 // The same as the datasheet says it; and of any channel.
 std::vector<double> noise_of(const Datasheet& sheet, const SegmentOptions& options = {});
 double noise_of(const Channel& channel, const SegmentOptions& options = {});
