@@ -107,9 +107,9 @@ inline Datasheet sliding_mass(const std::string& more = "") {
   return read;
 }
 
-// Steps of random height each 0.4 s, by Heun's rule at 0.2 ms. `force`: f of position and velocity.
+// Steps of random height, each held for so many samples, by Heun's rule at 0.2 ms. `force`: f of position and velocity.
 inline Recording sliding_mass_run(double duration, std::uint64_t seed,
-                                  const std::function<double(double x, double v)>& force) {
+                                  const std::function<double(double x, double v)>& force, int held = 40) {
   Recording recording;
   recording.rig = "sliding_mass";
   recording.channels = sliding_mass().channels;
@@ -117,7 +117,7 @@ inline Recording sliding_mass_run(double duration, std::uint64_t seed,
   double u = 0, x = 0, v = 0;
   const auto rate = [&](double at, double speed) { return (10 * u - 8 * speed - 100 * at - force(at, speed)) / 2; };
   for (int k = 0; k * 0.01 < duration; ++k) {
-    if (k % 40 == 0) u = random.uniform(-6, 6);
+    if (k % held == 0) u = random.uniform(-6, 6);
     recording.time.push_back(0.01 * k);
     recording.sequence.push_back(static_cast<std::uint64_t>(k));
     for (const double value : {u, x + 1e-4 * random.normal(), v + 1e-3 * random.normal()})

@@ -143,10 +143,10 @@ double gap_size(const GapLevel& level) {
   return level.channels.empty() ? 0 : std::sqrt(squares / static_cast<double>(level.channels.size()));
 }
 
-// "none" and "miscalibrated" say that no cause is seen, not that nothing is left. In words; empty: nothing.
-std::string what_is_left(const GapResult& result) {
+// A verdict says which cause is seen, not that nothing is left. In words; empty: nothing.
+std::string what_is_left(const GapLevel& level) {
   std::string left;
-  for (const ChannelGap& gap : result.gap[1].channels)
+  for (const ChannelGap& gap : level.channels)
     if (const double times = gap.rms.at("segment") / gap.noise_std; times > kMuchLeft)
       left += fmt::format("{}{} {:.3g} times its noise", left.empty() ? "" : ", ", gap.channel, times);
   return left;
@@ -301,7 +301,11 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   }
   const bool no_cause = !answer.names && result.verdict != "unknown";
   if (no_cause) remark_noise(sheet, result);
-  describe(sheet, result, no_cause || nowhere ? what_is_left(result) : "");
+  const bool beside = result.verdict == "named" && gap_size(result.gap[2]) > settings.matters;
+  describe(sheet, result,
+           beside                ? what_is_left(result.gap[2])
+           : no_cause || nowhere ? what_is_left(result.gap[1])
+                                 : "");
   return result;
 }
 

@@ -199,7 +199,7 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
 struct Certain {
   EffectSearch search;
   GapTrials::Standing standing;
-  bool bias = false;
+  bool bias = false;  // whether that is on trial
 };
 
 bool worth_a_trial(const GapTrials& work, const EffectSearch& now, const Structure& best) {
@@ -351,7 +351,7 @@ class EffectRounds {
   EffectSearch search() {
     begin();
     run();
-    if (put_bias_on_trial()) run();
+    try_beside_bias();
     try_rivals(work_, followed_, search_);
     polish(work_, search_);
     return std::move(search_);
@@ -389,7 +389,8 @@ class EffectRounds {
     if (excess_of(search_.score) < quiet_variances_ || !more_to_find(work_.options().search, search_, large()))
       return false;
     const double from = round_ == 0 ? 0.1 : 0.55 + 0.18 * (round_ - 1), width = round_ == 0 ? 0.45 : 0.18;
-    const Structures screened = work_.screen(search_.base, from, from + 0.5 * width);
+    const Structures screened =
+        certain_ && certain_->bias ? finalists_beside_bias() : work_.screen(search_.base, from, from + 0.5 * width);
     if (round_ == 0) search_.screened = screened;
     if (screened.empty()) return false;
     Structures rest;
@@ -403,7 +404,10 @@ class EffectRounds {
       stand_plain(work_, search_);
       return true;
     }
-    if (round_ == 0) rank(structures, rest);
+    if (round_ == 0) {
+      rank(structures, rest);
+      plain_ = Certain{search_, work_.standing()};
+    }
     if (!gains(work_, search_, best)) return false;
     bool beside_bias = false;
     if (worth_it(best)) {
@@ -498,18 +502,55 @@ class EffectRounds {
     return true;
   }
 
-  // Where no effect alone is the cause of a large gap: the likeliest bias, beside which one may be. It must close nearly
-  // all with it.
-  bool put_bias_on_trial() {
-    if (!search_.base.effects.empty() || most_effects_ < 2 || !large()) return false;
-    const auto found = std::find_if(search_.screened.begin(), search_.screened.end(), is_bias);
-    if (found == search_.screened.end()) return false;
-    Structures followed{*found};
-    work_.refine(followed, 0.55, 0.55);
-    const Structure bias = followed.front();
-    followed.front().around = {};
+  // Where what was found, if anything, leaves much of a large gap: the search once more beside the likeliest bias. One
+  // effect must close nearly all with it, and more than what was found.
+  void try_beside_bias() {
+    if (!plain_ || most_effects_ < 2 || !large()) return;
+    const double values = work_.held_out_values();
+    const double closed = 1 - mean_excess(search_.losses, values) / mean_excess(plain_->search.losses, values);
+    if (closed > work_.options().verdict.closed_shrink_fraction) return;
+    const Structures& screened = plain_->search.screened;
+    const auto bias = std::find_if(screened.begin(), screened.end(), is_bias);
+    if (bias == screened.end()) return;
+    const Certain found{search_, work_.standing()};
+    const std::vector<Structures> followed = followed_;
+    const int round = round_;
+    search_ = plain_->search;
+    work_.come_back(plain_->standing);
+    followed_.clear();
+    round_ = 0;
+    Structures alone{*bias};
+    work_.refine(alone, 0.55, 0.55);
     certain_ = Certain{search_, work_.standing(), true};
-    return take(bias, followed);
+    const Structure best = alone.front();
+    alone.front().around = {};
+    take(best, alone);
+    run();
+    if (!search_.base.effects.empty() && better_than(found.search)) return;
+    search_ = found.search;
+    work_.come_back(found.standing);
+    followed_ = followed;
+    round_ = round;
+  }
+
+  // Those of the round without it: to first order friction shows little beside a bias that has taken its place.
+  Structures finalists_beside_bias() const {
+    Structures result;
+    for (const Structure& finalist : plain_->search.ranked) {
+      const Candidate& candidate = finalist.fit.effects.back();
+      if (same_effect(candidate, search_.base.effects.back())) continue;
+      Structure structure;
+      structure.fit.effects = {search_.base.effects.back(), candidate};
+      structure.fit.model = with_effects(structure.fit.effects, search_.base.model.parameters);
+      structure.screened = finalist.screened;
+      result.push_back(std::move(structure));
+    }
+    return result;
+  }
+
+  bool better_than(const EffectSearch& other) const {
+    const std::vector<double> gain = minus(other.score, search_.score);
+    return sum(gain) > work_.options().search.significance_standard_errors * work_.standard_error(gain);
   }
 
   GapTrials& work_;
@@ -518,7 +559,7 @@ class EffectRounds {
   EffectSearch search_;
   std::vector<Structures> followed_;  // round by round, best first
   int round_ = 0, valleys_ = 0;
-  std::optional<Certain> certain_;
+  std::optional<Certain> certain_, plain_;
 };
 
 }  // namespace

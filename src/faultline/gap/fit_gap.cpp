@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "faultline/gap/ridge.h"
 #include "faultline/numerics/in_parallel.h"
 #include "faultline/rig/parameter_range.h"
 
@@ -70,6 +72,35 @@ std::vector<std::vector<Eigen::MatrixXf>> effect_sensitivity(const ResidualModel
       columns[i] = difference(residuals_at(c > 0.5 ? c - size : c + size), now, c > 0.5 ? -size : size);
   });
   return columns;
+}
+
+// What a step of `size` along a ridge does, to both sides where parameters are not at their bounds; per unit.
+std::vector<Eigen::MatrixXf> response_along(const ResidualModel& residuals, const FitResult& at,
+                                            const Coordinates& coordinates, const Ridge& ridge,
+                                            const std::vector<Eigen::MatrixXf>& now, const Linearisation& linear,
+                                            int jobs) {
+  const std::vector<std::size_t>& free = linear.free_parameters();
+  const auto parameters = static_cast<Eigen::Index>(free.size());
+  const double largest = std::max(ridge.along.head(parameters).cwiseAbs().maxCoeff(),
+                                  ridge.along.tail(ridge.along.size() - parameters).cwiseAbs().maxCoeff() /
+                                      residuals.options().fit.ridge_step_coordinate);
+  const double step = residuals.options().fit.ridge_step_tolerances / largest;
+  const auto moved = [&](double by, std::vector<Eigen::MatrixXf>& result) {
+    std::vector<double> values = at.model.parameters;
+    const Eigen::VectorXd wanted = by * ridge.along.head(parameters);
+    const Eigen::VectorXd before = deviations(residuals.sheet(), free, values);
+    shift_parameters(residuals, free, wanted, values);
+    if ((deviations(residuals.sheet(), free, values) - before - wanted).cwiseAbs().maxCoeff() > 1e-9) return false;
+    std::vector<Candidate> list = at.effects;
+    for (std::size_t i = 0; i < coordinates.size(); ++i)
+      move_coordinate(list, coordinates[i], by * ridge.along[parameters + static_cast<Eigen::Index>(i)],
+                      residuals.options().fit);
+    result = residuals_of(residuals, with_effects(list, values), linear.runs(), jobs);
+    return true;
+  };
+  std::vector<Eigen::MatrixXf> after = now, before = now;
+  const bool up = moved(step, after), down = moved(-step, before);
+  return difference(after, before, (up + down) * (up || down ? step : 1.0));
 }
 
 }  // namespace
@@ -149,16 +180,23 @@ FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, cons
   const double settled = closely ? options.polished_log_likelihood : options.settled_log_likelihood;
   double damping = 0;
   for (std::size_t iteration = 0; iteration < iterations; ++iteration) {
-    const auto effect_columns = effect_sensitivity(residuals, now.fit, coordinates, now.residuals, linear, jobs);
+    auto columns = effect_sensitivity(residuals, now.fit, coordinates, now.residuals, linear, jobs);
+    std::optional<Ridge> ridge;
     const auto gram_of = [&](const Point& point) {
       Eigen::MatrixXd gram;
-      for (const Eigen::MatrixXd& segment : linear.products(point.residuals, effect_columns)) {
+      for (const Eigen::MatrixXd& segment : linear.products(point.residuals, columns)) {
         if (gram.size() == 0) gram.setZero(segment.rows(), segment.cols());
         gram += linear.robust_weight(0.5 * segment(0, 0)) * segment;
       }
-      return gram;
+      return ridge ? straightened(gram, *ridge) : gram;
     };
-    const Eigen::MatrixXd gram = gram_of(now);
+    Eigen::MatrixXd gram = gram_of(now);
+    if (closely && parameters_move) {
+      const Ridge found = weakest(gram.bottomRightCorner(n, n));
+      columns.push_back(response_along(residuals, now.fit, coordinates, found, now.residuals, linear, jobs));
+      ridge = found;
+      gram = gram_of(now);
+    }
     Eigen::MatrixXd hessian = gram.bottomRightCorner(n, n);
     hessian.diagonal().array() += 1;
     Eigen::VectorXd gradient = gram.bottomLeftCorner(n, 1);
@@ -172,22 +210,30 @@ FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, cons
     Point tried;
     bool better = false;
     if (closely) {
+      const auto halved = [&](const Eigen::VectorXd& move) {
+        double fraction = 1;
+        for (std::size_t attempt = 0; attempt < options.attempts && !better; ++attempt, fraction /= 2) {
+          tried = moved(now, fraction * move);
+          better = tried.fit.loss < now.fit.loss;
+          for (std::size_t i = 0; i < options.corrections && !better; ++i) {
+            const Eigen::MatrixXd there = gram_of(tried);
+            Eigen::MatrixXd side = there.bottomRightCorner(n, n);
+            side.diagonal().array() += 1;
+            tried = moved(tried, solved(side, there.bottomLeftCorner(n, 1), z_of(tried)));
+            better = tried.fit.loss < now.fit.loss;
+          }
+        }
+      };
+      // What others are uncertain by, where friction holds here and not there, must not keep the fit from its ridge.
+      if (ridge) {
+        const double slope = gradient.dot(ridge->along), curvature = ridge->along.dot(hessian * ridge->along);
+        if (0.5 * slope * slope / curvature > settled) halved(-slope / curvature * ridge->along);
+      }
       // Damping would hold what the data say little of. Parameters of which only a product shows lie in a bent valley:
       // a step along its tangent climbs its side, from where the data alone lead back into it.
       const Eigen::VectorXd move = solved(hessian, gradient, z);
-      if (-0.5 * gradient.dot(move) < settled) break;
-      double fraction = 1;
-      for (std::size_t attempt = 0; attempt < options.attempts && !better; ++attempt, fraction /= 2) {
-        tried = moved(now, fraction * move);
-        better = tried.fit.loss < now.fit.loss;
-        for (std::size_t i = 0; i < options.corrections && !better; ++i) {
-          const Eigen::MatrixXd there = gram_of(tried);
-          Eigen::MatrixXd side = there.bottomRightCorner(n, n);
-          side.diagonal().array() += 1;
-          tried = moved(tried, solved(side, there.bottomLeftCorner(n, 1), z_of(tried)));
-          better = tried.fit.loss < now.fit.loss;
-        }
-      }
+      if (!better && -0.5 * gradient.dot(move) < settled) break;
+      if (!better) halved(move);
     } else {
       for (std::size_t attempt = 0; attempt < options.attempts && !better; ++attempt) {
         Eigen::MatrixXd damped = hessian;
@@ -228,15 +274,20 @@ double least_own_part(const ResidualModel& residuals, const FitResult& fit, cons
   const auto extra = static_cast<Eigen::Index>(coordinates.size()), all = products.front().rows();
   Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(all, all);
   for (std::size_t g = 0; g < products.size(); ++g) gram += linear.weights()[g] * products[g];
-  const Eigen::Index known = all - 1 - extra;
-  Eigen::MatrixXd among = gram.block(1, 1, known, known);
-  among.diagonal().array() += kNothing;
-  const Eigen::MatrixXd across = gram.block(1, 1 + known, known, extra);
-  const Eigen::MatrixXd made_up = across.transpose() * among.ldlt().solve(across);
   double least = 1;
-  for (Eigen::Index i = 0; i < extra; ++i) {
-    const double whole = gram(1 + known + i, 1 + known + i);
-    if (whole > 0) least = std::min(least, 1 - made_up(i, i) / whole);
+  for (Eigen::Index i = all - extra; i < all; ++i) {
+    // The others, without the residuals.
+    Eigen::MatrixXd among(all - 2, all - 2);
+    Eigen::VectorXd across(all - 2);
+    for (Eigen::Index a = 1, row = 0; a < all; ++a) {
+      if (a == i) continue;
+      across[row] = gram(a, i);
+      for (Eigen::Index b = 1, column = 0; b < all; ++b)
+        if (b != i) among(row, column++) = gram(a, b);
+      ++row;
+    }
+    among.diagonal().array() += kNothing;
+    if (gram(i, i) > 0) least = std::min(least, 1 - across.dot(among.ldlt().solve(across)) / gram(i, i));
   }
   return least;
 }
@@ -245,8 +296,18 @@ Eigen::MatrixXd uncertainty(const ResidualModel& residuals, const FitResult& fit
                             int jobs) {
   const Coordinates coordinates = coordinates_of(fit.effects);
   const std::vector<Eigen::MatrixXf>& now = linear.at_model();
-  const auto effect_columns = effect_sensitivity(residuals, fit, coordinates, now, linear, jobs);
-  const std::vector<Eigen::MatrixXd> products = linear.products(now, effect_columns);
+  auto columns = effect_sensitivity(residuals, fit, coordinates, now, linear, jobs);
+  std::vector<Eigen::MatrixXd> products = linear.products(now, columns);
+  if (linear.differences() == Differences::central) {
+    const Eigen::Index all = products.front().rows() - 1;
+    Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(all, all);
+    for (std::size_t g = 0; g < products.size(); ++g)
+      gram += linear.weights()[g] * products[g].bottomRightCorner(all, all);
+    const Ridge ridge = weakest(gram);
+    columns.push_back(response_along(residuals, fit, coordinates, ridge, now, linear, jobs));
+    products = linear.products(now, columns);
+    for (Eigen::MatrixXd& part : products) part = straightened(part, ridge);
+  }
   const Eigen::Index n = products.front().rows() - 1;
   Eigen::MatrixXd hessian = Eigen::MatrixXd::Identity(n, n), gradients(n, static_cast<Eigen::Index>(products.size()));
   for (std::size_t g = 0; g < products.size(); ++g) {

@@ -46,6 +46,8 @@ struct GapOptions {
     double tangent_ratio = 3;               // change of a logarithmic size up to which a step follows the tangent
     std::size_t attempts = 5;               // of one step, each more damped, or half as long ...
     std::size_t corrections = 3;            // ... and led back into the valley so often, at most
+    double ridge_step_tolerances = 0.25;    // by which the response along a ridge is measured ...
+    double ridge_step_coordinate = 0.1;     // ... in a size's coordinate so much of that: short against its bends
     double damping_decrease_ratio = 0.2;    // of the damping (Levenberg, Marquardt) after a step that is taken ...
     double damping_increase_ratio = 8;      // ... and after one that is refused,
     double damping_first = 0.1;             // but at least this, relative to the Hessian's diagonal
@@ -278,6 +280,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(fit.tangent_ratio);
   FAULTLINE_OPTION(fit.attempts);
   FAULTLINE_OPTION(fit.corrections);
+  FAULTLINE_OPTION(fit.ridge_step_tolerances);
+  FAULTLINE_OPTION(fit.ridge_step_coordinate);
   FAULTLINE_OPTION(fit.damping_decrease_ratio);
   FAULTLINE_OPTION(fit.damping_increase_ratio);
   FAULTLINE_OPTION(fit.damping_first);

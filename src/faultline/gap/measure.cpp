@@ -274,6 +274,7 @@ void describe(const Datasheet& sheet, GapResult& result, const std::string& left
       result.sentence += result.equivalent.size() == 1
                              ? " One other effect explains these runs as well."
                              : fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
+    if (!left.empty()) result.sentence += fmt::format(" Beside that something is missing that matters: {}.", left);
   } else {
     std::string found;
     for (const NamedEffect& e : result.effects)
