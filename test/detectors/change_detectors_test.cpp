@@ -1,6 +1,7 @@
 // CUSUM, redline, innovation test, frozen and noisy in numbers: delay, size, learning, arming, false alarms.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <map>
 #include <utility>
 
@@ -23,11 +24,11 @@ std::unique_ptr<Detector> make(const std::string& type, std::map<std::string, do
 // Feeds values at 1 kHz; remembers when it spoke.
 struct Feeder {
   explicit Feeder(Detector& d) : detector(d) {}
-  bool feed(double value, double armed = 1) {
+  bool feed(double value, double armed = 1, double surprise = 0) {
     Estimate estimate;
     estimate.time = 1e-3 * k++;
     estimate.restarted = std::exchange(restarted, false);
-    estimate.quantities = {{"x", "Pa", value, 0}, {"armed", "1", armed, 0}};
+    estimate.quantities = {{"x", "Pa", value, 0}, {"armed", "1", armed, 0}, {"surprise", "1", surprise, 0}};
     detector.process(estimate, detection);
     return detection.active;
   }
@@ -244,6 +245,48 @@ TEST(NoisyDetector, TakesARigsOwnNoiseForItsOwn) {
   Feeder quiet(*quieter);
   for (int k = 0; k < 20000; ++k) ASSERT_FALSE(quiet.feed(0.2 * random.normal()));
   for (int k = 0; k < 20000; ++k) ASSERT_FALSE(quiet.feed(random.normal()));  // no more than the datasheet's
+}
+
+// What a filter foresees is motion, however fast; noise surprises it.
+TEST(NoisyDetector, AFastMotionThatIsForeseenIsNoNoise) {
+  const Settings settings("test",
+                          {{"noise", 1}, {"limit", 3}, {"window", 10}, {"minimum_time", 0}, {"release_time", 0.5}}, {},
+                          {{"quantity", "x"}, {"innovation", "surprise"}});
+  const auto detector = make_detector(Datasheet(), {"noisy", "noisy", settings});
+  Feeder run(*detector);
+  Random random(12);
+  for (int k = 0; k < 50000; ++k) {
+    const double noise = random.normal();
+    ASSERT_FALSE(run.feed(30 * random.normal() + noise, 1, noise)) << k;
+  }
+  int delay = 1;
+  const auto noisy = [&] {
+    const double noise = 10 * random.normal();
+    return run.feed(30 * random.normal() + noise, 1, noise);
+  };
+  while (!noisy()) ASSERT_LT(++delay, 100);
+  EXPECT_LE(delay, 15);
+}
+
+// A model that is wrong foresees nothing of it, but it is not white.
+TEST(NoisyDetector, AFastMotionThatIsNotWhiteIsNoNoise) {
+  const Settings settings("test",
+                          {{"noise", 1}, {"limit", 3}, {"window", 10}, {"minimum_time", 0}, {"release_time", 0.5}}, {},
+                          {{"quantity", "x"}, {"innovation", "surprise"}});
+  const auto detector = make_detector(Datasheet(), {"noisy", "noisy", settings});
+  Feeder run(*detector);
+  Random random(13);
+  std::array<double, 60> phase;
+  for (double& p : phase) p = random.uniform(0, 2 * M_PI);
+  const auto motion = [&](int k) {
+    double sum = 0;
+    for (std::size_t i = 0; i < phase.size(); ++i)
+      sum += 4 * std::sin(2 * M_PI * 0.3 * static_cast<double>(i + 1) / 60.5 * k + phase[i]);
+    return sum;
+  };
+  int told = 0;
+  for (int k = 0; k < 20000; ++k) told += run.feed(motion(k) + random.normal(), 1, motion(k));
+  EXPECT_EQ(told, 0);
 }
 
 // Noise beside the limit neither comes and goes nor, from the first sample on, counts for more than it is.

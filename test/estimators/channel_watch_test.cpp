@@ -63,6 +63,31 @@ TEST(ChannelWatch, EachTroubleHasItsName) {
     EXPECT_EQ(said(pressure(), 2000, [&](int, double x, double) { return x / unit; }), good_and(ChannelStatus::quiet));
 }
 
+// Sines up to two thirds of half the sample rate.
+TEST(ChannelWatch, AFastMotionIsNoNoise) {
+  const auto fast = [](int k, double x, double) {
+    double sum = 0;
+    for (int i = 1; i <= 40; ++i) sum += std::sin(2 * M_PI * 0.008 * i * k + 7.0 * i * i);
+    return x + 1e5 * sum;
+  };
+  EXPECT_EQ(said(pressure(), 20000, fast), Said{ChannelStatus::good});
+}
+
+// An input may change with every sample; of an output, which goes through the rig, that is noise.
+TEST(ChannelWatch, AnInputMayBeMovedAsFastAsItIsSampled) {
+  std::mt19937_64 generator(9);
+  std::normal_distribution<double> motion(0, 4e5);
+  const auto moved = [&](int, double x, double) { return x + motion(generator); };
+  Channel channel = pressure();
+  channel.role = Role::input;
+  EXPECT_EQ(said(channel, 20000, moved), Said{ChannelStatus::good});
+  channel.role = Role::output;
+  EXPECT_EQ(said(channel, 20000, moved), (Said{ChannelStatus::good, ChannelStatus::noisy}));
+  channel.role = Role::input;
+  const auto noisy = [&](int, double x, double) { return x + 0.3 * motion(generator); };
+  EXPECT_EQ(said(channel, 20000, noisy), (Said{ChannelStatus::good, ChannelStatus::noisy}));
+}
+
 TEST(ChannelWatch, AnEndOfTheRangeIsNoTrouble) {
   EXPECT_EQ(said(pressure(), 2000, [](int, double, double) { return 0.0; }),
             (Said{ChannelStatus::good, ChannelStatus::at_end}));

@@ -7,10 +7,16 @@
 // Each square is capped, so that a step, which makes two of them large, is not yet noise; four large ones within the
 // window are. Second differences leave slow signals out: a ramp gives nothing, a sine of frequency f gives
 // (2 pi f T)^4/6 of its square.
+// A rig that is driven as fast as it is sampled has second differences of its own. A filter foresees those: where
+// `innovation` names its normalised innovation, the mean square of that one's second differences over 6 must be beyond
+// limit^2/2 as well, over three windows (half, since the filter adds to the noise what it does not know of the state).
+// What it does not foresee because the model is wrong is not white: over ten windows the mean square must then be at
+// least `kWhite` times that of second differences over two samples, x_k - 2 x_k-2 + x_k-4.
 // Settings: quantity, noise (its healthy sigma, with rounding), limit, window (samples), armed_by, armed_above
-//   (arming.h), minimum_time, release_time.
+//   (arming.h), minimum_time, release_time; innovation, if the estimator has one.
 // Size: sigma of what is added, sqrt(v - own^2), bounds from v having window/1.1 degrees of freedom.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "faultline/detectors/arming.h"
@@ -23,11 +29,15 @@ namespace {
 
 constexpr double kStill = 0.5;  // of the limit, of mean squares
 constexpr double kWidest = 2;   // limits, likewise: the mean of the first squares is known to a quarter
+constexpr double kForeseen = 0.5, kForeseenWindows = 3;  // of the limit, of the innovation
+// White noise gives 1, a motion up to two thirds of half the sample rate a third. Ten windows tell it to a fifth.
+constexpr double kWhite = 0.45, kWhiteWindows = 10;
 
 class Noisy : public Detector {
  public:
   explicit Noisy(const Settings& s)
       : quantity_(s.word("quantity")),
+        innovation_(s.word_or("innovation", "")),
         arming_(s),
         variance_(std::pow(s.number("noise", 1e-300, 1e12), 2)),
         limit_(std::pow(s.number("limit", 1, 1e6), 2)),
@@ -44,6 +54,8 @@ class Noisy : public Detector {
     if (!started_ || estimate.restarted) {
       at_ = find_quantity(estimate, quantity_);
       unit_ = estimate.quantities[at_].unit;
+      if (!innovation_.empty()) innovation_at_ = find_quantity(estimate, innovation_);
+      innovation_mean_ = fast_mean_ = slow_mean_ = 0;
       arming_.find(estimate);
       started_ = true;
       rows_ = 0;
@@ -51,11 +63,10 @@ class Noisy : public Detector {
       long_mean_ = long_rows_ = 0;
       persistence_.reset();
     }
-    const double value = estimate.quantities[at_].value;
-    const double second = value - 2 * last_ + before_;
-    before_ = last_;
-    last_ = value;
-    if (rows_ < 2) {
+    const double second = second_.next(estimate.quantities[at_].value), slow = second_.slow();
+    const double surprise =
+        innovation_.empty() ? 0 : innovation_second_.next(estimate.quantities[innovation_at_].value);
+    if (rows_ < (innovation_.empty() ? 2 : 4)) {
       ++rows_;
       detection = Detection();
       return;
@@ -71,7 +82,8 @@ class Noisy : public Detector {
     const double own = own_.level(), limit = limit_ * own;
     const double capped = std::min(square, limit * window_ / 3);
     mean_ += (capped - mean_) / window_;
-    const bool beyond = mean_ > (persistence_.active() ? kStill * limit : limit);
+    const double still = persistence_.active() ? kStill : 1;
+    const bool beyond = mean_ > still * limit && !is_motion(second, slow, surprise, still);
     if (!beyond && !persistence_.active()) own_.follow(capped);
     const bool active = persistence_.update(estimate.time, beyond);
     detection = Detection();
@@ -101,15 +113,36 @@ class Noisy : public Detector {
   std::string size_unit() const override { return unit_; }
 
  private:
-  std::string quantity_, unit_;
+  struct SecondDifference {
+    std::array<double, 5> values{};  // the latest first
+    double next(double value) {
+      std::copy_backward(values.begin(), values.end() - 1, values.end());
+      values[0] = value;
+      return values[0] - 2 * values[1] + values[2];
+    }
+    double slow() const { return values[0] - 2 * values[2] + values[4]; }
+  };
+
+  // Whether the filter foresees it, or it is not white.
+  bool is_motion(double second, double slow, double surprise, double still) {
+    if (innovation_.empty() || !std::isfinite(surprise + slow)) return false;
+    const double most = limit_ * window_ / 3;
+    innovation_mean_ += (std::min(surprise * surprise / 6, most) - innovation_mean_) / (kForeseenWindows * window_);
+    fast_mean_ += (second * second - fast_mean_) / (kWhiteWindows * window_);
+    slow_mean_ += (slow * slow - slow_mean_) / (kWhiteWindows * window_);
+    return innovation_mean_ <= still * kForeseen * limit_ || fast_mean_ < kWhite * slow_mean_;
+  }
+
+  std::string quantity_, innovation_, unit_;
   Arming arming_;
   double variance_, limit_, window_;  // limit_: of mean squares
   OwnLevel own_{variance_, kWidest* limit_};
   Persistence persistence_;
   bool started_ = false;
-  std::size_t at_ = 0;
+  std::size_t at_ = 0, innovation_at_ = 0;
   int rows_ = 0;
-  double last_ = 0, before_ = 0, mean_ = 0, long_mean_ = 0, long_rows_ = 0;
+  SecondDifference second_, innovation_second_;
+  double mean_ = 0, innovation_mean_ = 0, fast_mean_ = 0, slow_mean_ = 0, long_mean_ = 0, long_rows_ = 0;
 };
 
 FAULTLINE_DETECTOR(noisy, {"noisy", make_detector_of<Noisy>});

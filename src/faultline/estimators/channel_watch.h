@@ -6,10 +6,13 @@
 //              readings of a block that are the one before: those of a slower rate, each held
 //   noise      median |d6|/(0.6745 sqrt(924)), d6: sixth differences (sum of squares of their weights: 924). They
 //              leave out what moves slowly: a swing of frequency f and amplitude a adds a (2 sin(pi f T))^6; a step
-//              spoils seven of 64. noisy: above `kNoisy` times the datasheet's in two blocks on end; quiet: below
-//              1/`kQuiet` of it, which no such transducer gives, but one whose numbers come in another unit does
+//              spoils seven of 64. noisy: above `kNoisy` times the datasheet's in two blocks on end, and white: at
+//              least `kWhite` times what second differences over two samples say (x_k - 2 x_k-2 + x_k-4), which see
+//              the lower half of the frequencies; and of an input at most `kMotion` times the datasheet's: a rig that is
+//              moved as fast as it is sampled is not noisy. quiet: below 1/`kQuiet` of it, which no such transducer
+//              gives, but one whose numbers come in another unit does
 //   spiky      readings beyond all four neighbours by `kSpike` sigma and three times what these differ: three within
-//              eight blocks
+//              eight blocks that are neither noisy nor move as fast
 //
 // Readings at an end of the range say nothing of noise; where there are no others, at_end is said. Rounding coarser
 // than two sigma hides all but spikes. Without a declared noise nothing is judged, and of a command that is measured
@@ -34,9 +37,10 @@ class ChannelWatch {
  private:
   static constexpr std::size_t kBlock = 64, kBlocks = 8, kAround = 6;
   ChannelStatus judge();
+  bool is_noise() const;  // that the block is noisy
 
   double low_, high_, sigma_ = 0, equal_share_ = 0;
-  bool command_, watched_, rounded_ = false;
+  bool command_, input_, watched_, rounded_ = false;
   std::size_t count_ = 0;                            // equal readings that are frozen
   std::array<double, kAround + kBlock> readings_{};  // of a block, after the last ones of the block before
   std::array<int, kBlocks> spikes_{};

@@ -189,7 +189,8 @@ class Completer {
       const bool measured = channel.role == Role::output || channel.role == Role::input;
       if (!measured || channel.ground_truth || channel.noise_std <= 0) continue;
       if (channel.resolution <= kRounded * channel.noise_std) add_frozen(channel);
-      add_noisy(channel, test_.bends[c]);
+      // An input may be moved as fast as it is sampled, and nothing foresees it; its channel watch knows white noise.
+      if (channel.role == Role::output) add_noisy(channel, test_.bends[c]);
     }
     sheet_.defaulted.insert("detectors");
   }
@@ -236,6 +237,8 @@ class Completer {
   void add_noisy(const Channel& channel, const Bends& bends) {
     const double noise =
         std::sqrt(channel.noise_std * channel.noise_std + channel.resolution * channel.resolution / 12);
+    std::map<std::string, std::string> said = words(channel, "noise", "noisy");
+    if (filtered()) said["innovation"] = channel.name + "_innovation";
     const double lasts = kBendReserve * bends.samples + kBendWindows * kNoisyWindow;  // samples
     sheet_.detectors.push_back({"noisy_" + channel.name, "noisy",
                                 settings("noisy_" + channel.name,
@@ -244,7 +247,7 @@ class Completer {
                                           {"window", kNoisyWindow},
                                           {"minimum_time", rounded(lasts * period_)},
                                           {"release_time", rounded(kHold * period_)}},
-                                         words(channel, "noise", "noisy"))});
+                                         said)});
   }
 
   void add_isolators() {

@@ -57,7 +57,8 @@ Eigen::VectorXd best_move(const SegmentedRun& run, const std::vector<Eigen::Matr
   return -information.ldlt().solve(gradient);
 }
 
-// Noise of what the model leaves of an output within the segments of a run, in units of `residuals`.
+// Noise of what the model leaves of an output within the segments of a run, in units of `residuals`; infinite where it
+// shows none, as in segments of a few rows.
 double noise_beside_model(const SegmentedRun& run, const Eigen::MatrixXf& residuals, Eigen::Index output,
                           std::size_t channel) {
   Recording left;
@@ -72,7 +73,8 @@ double noise_beside_model(const SegmentedRun& run, const Eigen::MatrixXf& residu
       const bool shown = i > 0 && std::isfinite(run.recording.at(k, channel));
       left.values.push_back(shown ? residuals(static_cast<Eigen::Index>(k), output) : std::nan(""));
     }
-  return noise_floor(left, 0);
+  const double noise = noise_floor(left, 0);
+  return noise > 0 ? noise : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace
