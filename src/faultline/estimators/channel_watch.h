@@ -8,9 +8,9 @@
 //              leave out what moves slowly: a swing of frequency f and amplitude a adds a (2 sin(pi f T))^6; a step
 //              spoils seven of 64. noisy: above `kNoisy` times the datasheet's in two blocks on end, and white: at
 //              least `kWhite` times what second differences over two samples say (x_k - 2 x_k-2 + x_k-4), which see
-//              the lower half of the frequencies; and of an input at most `kMotion` times the datasheet's: a rig that is
-//              moved as fast as it is sampled is not noisy. quiet: below 1/`kQuiet` of it, which no such transducer
-//              gives, but one whose numbers come in another unit does
+//              the lower half of the frequencies; and of an input at most `kMotion` times the datasheet's: a rig
+//              that is moved as fast as it is sampled is not noisy. quiet: below 1/`kQuiet` of it, which no such
+//              transducer gives, but one whose numbers come in another unit does
 //   spiky      readings beyond all four neighbours by `kSpike` sigma and three times what these differ: three within
 //              eight blocks that are neither noisy nor move as fast
 //

@@ -25,7 +25,8 @@ struct FitResult {
 FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, const std::vector<Candidate>& effects,
                   const Linearisation& linear, std::size_t iterations, int jobs = 1, bool parameters_move = true);
 
-// Of the response to each size the part that parameters and the other sizes do not make up for, the least; 1 without any.
+// Of the response to each size the part that parameters and the other sizes do not make up for, the least; 1 without
+// any.
 double least_own_part(const ResidualModel& residuals, const FitResult& fit, const Linearisation& linear, int jobs);
 
 // Moves the free parameters by so many tolerances, within their bound.

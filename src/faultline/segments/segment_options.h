@@ -38,8 +38,8 @@ struct SegmentOptions {
   // Least noise of a channel as a fraction of the datasheet's: a signal that stood still must not count without limit,
   // and a transducer that is five times better than its datasheet must.
   double least_noise_fraction = 0.1;
-  // What a model must leave of an output's noise, as a ratio, for the rest to be motion: a model that explains nothing of
-  // it leaves all of it, give or take a tenth.
+  // What a model may leave of an output's noise, as a ratio, for the rest to be motion: a model that explains nothing
+  // of it leaves all of it, give or take a tenth.
   double model_noise_ratio = 0.7;
   // Noise of a measured input, in what the datasheet says of it, beyond which it is motion: transducers are up to some
   // ten times noisier than their datasheets.
