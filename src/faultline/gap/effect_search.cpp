@@ -458,8 +458,7 @@ class EffectRounds {
            closes(work_, certain_->search, best) > work_.options().verdict.closed_shrink_fraction;
   }
 
-  // Whether the second of two, of which the first is on trial, is what was missing, alone; then it takes the first one's
-  // place.
+  // Whether the second of two, of which the first is on trial, is what was missing, alone; then it takes its place.
   bool stands_alone(Structure& best) {
     const GapTrials::Standing both = work_.standing();
     work_.come_back(certain_->standing);
