@@ -169,6 +169,16 @@ class Shape {
       chosen = tried;
     }
     if (chosen.empty()) return;
+    // Of a free signal that hardly changes a constant is nearly all; what the terms win beside it is in the readings.
+    constexpr Eigen::Index kConstant = 0;  // the simplest term
+    if (std::find(chosen.begin(), chosen.end(), kConstant) == chosen.end()) {
+      tried = most;
+      tried.push_back(kConstant);
+      if (const double now = score(regression, tried, {}); now > result.score + kLeastRise) {
+        result.score = now;
+        chosen = tried;
+      }
+    }
     const SignalRegression::Fit fit = regression.fit(chosen);
     formula_ = sum_of(chosen, fit.size);
     if (result.score < kLeastScore) return;

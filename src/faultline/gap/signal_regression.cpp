@@ -101,6 +101,9 @@ SignalRegression::Columns SignalRegression::select(const std::vector<Columns>& c
     if (!(best > now.sum)) break;
     std::size_t next = 0;
     while (!(gains[next].sum >= best - kSimplerLoses * (best - now.sum))) ++next;
+    if (wider[next].size() > chosen.size() + 1)  // none of several columns is simpler than another
+      for (std::size_t k = next; k < gains.size(); ++k)
+        if (gains[k].sum > gains[next].sum) next = k;
     double squares = 0;
     const double rise = gains[next].sum - now.sum, mean = rise / static_cast<double>(gains[next].parts.size());
     for (std::size_t p = 0; p < gains[next].parts.size(); ++p)
