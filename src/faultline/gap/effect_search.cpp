@@ -12,6 +12,8 @@ namespace faultline {
 namespace {
 
 constexpr int kMostValleys = 2;  // of the refit that are left for a better one
+// Of a gap, beyond which what was found is not sought once more beside a bias: a search as long as the first.
+constexpr double kClosesMost = 0.85;
 
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
 
@@ -507,7 +509,7 @@ class EffectRounds {
     if (!plain_ || most_effects_ < 2 || !large()) return;
     const double values = work_.held_out_values();
     const double closed = 1 - mean_excess(search_.losses, values) / mean_excess(plain_->search.losses, values);
-    if (closed > work_.options().verdict.closed_shrink_fraction) return;
+    if (closed > kClosesMost) return;
     const Structures& screened = plain_->search.screened;
     const auto bias = std::find_if(screened.begin(), screened.end(), is_bias);
     if (bias == screened.end()) return;
