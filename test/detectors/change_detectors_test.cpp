@@ -247,12 +247,16 @@ TEST(NoisyDetector, TakesARigsOwnNoiseForItsOwn) {
   for (int k = 0; k < 20000; ++k) ASSERT_FALSE(quiet.feed(random.normal()));  // no more than the datasheet's
 }
 
-// What a filter foresees is motion, however fast; noise surprises it.
-TEST(NoisyDetector, AFastMotionThatIsForeseenIsNoNoise) {
+std::unique_ptr<Detector> noisy_with_innovation() {
   const Settings settings("test",
                           {{"noise", 1}, {"limit", 3}, {"window", 10}, {"minimum_time", 0}, {"release_time", 0.5}}, {},
                           {{"quantity", "x"}, {"innovation", "surprise"}});
-  const auto detector = make_detector(Datasheet(), {"noisy", "noisy", settings});
+  return make_detector(Datasheet(), {"noisy", "noisy", settings});
+}
+
+// What a filter foresees is motion, however fast; noise surprises it.
+TEST(NoisyDetector, AFastMotionThatIsForeseenIsNoNoise) {
+  const auto detector = noisy_with_innovation();
   Feeder run(*detector);
   Random random(12);
   for (int k = 0; k < 50000; ++k) {
@@ -270,10 +274,7 @@ TEST(NoisyDetector, AFastMotionThatIsForeseenIsNoNoise) {
 
 // A model that is wrong foresees nothing of it, but it is not white.
 TEST(NoisyDetector, AFastMotionThatIsNotWhiteIsNoNoise) {
-  const Settings settings("test",
-                          {{"noise", 1}, {"limit", 3}, {"window", 10}, {"minimum_time", 0}, {"release_time", 0.5}}, {},
-                          {{"quantity", "x"}, {"innovation", "surprise"}});
-  const auto detector = make_detector(Datasheet(), {"noisy", "noisy", settings});
+  const auto detector = noisy_with_innovation();
   Feeder run(*detector);
   Random random(13);
   std::array<double, 60> phase;
