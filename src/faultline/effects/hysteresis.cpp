@@ -42,6 +42,7 @@ class Hysteresis : public Effect {
     return in;
   }
   bool remembers() const override { return true; }
+  bool resumes_by_values() const override { return true; }
   void resume(const Shown& /*in*/, const Shown& out) override {
     memory_ = out.value;
     started_ = true;

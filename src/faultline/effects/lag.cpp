@@ -35,6 +35,7 @@ class Lag : public Effect {
     return in;
   }
   bool remembers() const override { return true; }
+  bool resumes_by_values() const override { return true; }
   void resume(const Shown& in, const Shown& out) override {
     state_ = out.value;
     before_ = in.value;

@@ -31,6 +31,7 @@ class RateLimit : public Effect {
     return in;
   }
   bool remembers() const override { return true; }
+  bool resumes_by_values() const override { return true; }
   void resume(const Shown& /*in*/, const Shown& out) override {
     last_ = out.value;
     started_ = true;

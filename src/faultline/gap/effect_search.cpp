@@ -5,7 +5,7 @@
 #include <limits>
 #include <optional>
 
-#include "faultline/gap/input_noise.h"
+#include "faultline/gap/effect_worth.h"
 #include "faultline/gap/missing_signal.h"
 
 namespace faultline {
@@ -16,12 +16,6 @@ constexpr int kMostValleys = 2;  // of the refit that are left for a better one
 constexpr double kClosesMost = 0.85;
 
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
-
-// Around the start states of its own: those of hidden states may lie far from what fits the model that stands.
-double loss_of(const GapTrials& work, const std::vector<FreePlace>& noise, const Structure& structure) {
-  const ResidualModel& residuals = structure.around.residuals ? *structure.around.residuals : work.model();
-  return find_discrepancy(residuals, structure.fit.model, work.learned(), work.jobs(), Places::none, noise).loss;
-}
 
 // Among those that close the gap about as well over segments, the one comes first that does best in both: there, and in
 // how likely it leaves the recording from sample to sample. The two see different things of a cause; each counts as a
@@ -49,33 +43,6 @@ void best_of_both_first(const GapTrials& work, const EffectSearch& search, std::
   }
   const auto first = structures.begin() + static_cast<std::ptrdiff_t>(chosen);
   std::rotate(structures.begin(), first, first + 1);
-}
-
-// Whether much of what a structure wins is the noise's of measured inputs. What the rig has wins S here and loses it
-// where it is not there; the noise gives N in both: the gains are S + N and N - S.
-bool from_input_noise(const GapTrials& work, const FitResult& base, const Structure& structure) {
-  if (!has_noisy_inputs(work.model().runs())) return false;
-  const double gain = work.learned_gain(structure);
-  return 0.5 * (gain + work.gain_of_input_noise(base, structure)) > work.options().search.input_noise_fraction * gain;
-}
-
-// Of the range of a size, below which it is none: what such an effect wins its port alone brings into the model, as the
-// two bodies of a play without a gap.
-constexpr double kNoSize = 1e-4;
-
-bool has_no_size(const Structure& structure) {
-  const Candidate& candidate = structure.fit.effects.back();
-  const EffectType& type = *find_effect_type(candidate.effect.effect);
-  bool sized = false;
-  for (std::size_t p = 0; p < type.parameters.size(); ++p) {
-    const double none = type.parameters[p].none;
-    if (std::isnan(none)) continue;
-    sized = true;
-    const Bounds& b = candidate.bounds[p];
-    const double size = std::abs(candidate.effect.parameters[p] - none);
-    if (candidate.logarithmic(p) || !(size <= kNoSize * (b.maximum - b.minimum))) return false;
-  }
-  return sized;
 }
 
 // A range of the datasheet is what its author thought of: a size that lies at its end may lie beyond it. False: none
@@ -159,43 +126,6 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
   return structures;
 }
 
-// Whether a structure gains over what it was added to on runs that its fit did not see, and more than noise of inputs
-// would give it.
-bool gains(const GapTrials& work, const EffectSearch& now, const Structure& best) {
-  const std::vector<double> gain = minus(now.score, best.score);
-  return !has_no_size(best) &&
-         sum(gain) > work.options().search.significance_standard_errors * work.standard_error(gain) &&
-         !from_input_noise(work, now.base, best);
-}
-
-// The part of what `now` leaves that a structure closes.
-double closes(const GapTrials& work, const EffectSearch& now, const Structure& best) {
-  const double values = work.held_out_values();
-  return 1 - mean_excess(best.held_out, values) / std::max(mean_excess(now.losses, values), 1e-12);
-}
-
-// Whether a structure that gains over `now` is worth what it has more than `certain` against what that leaves.
-bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch& now, const Structure& best,
-          double quiet_variances) {
-  const GapOptions::Search& options = work.options().search;
-  const GapOptions::Verdict& verdict = work.options().verdict;
-  const bool first = now.base.effects.empty(), hidden = !restarts_freely(best.fit.effects.back().effect);
-  const double share = closes(work, now, best), left = mean_excess(best.held_out, work.held_out_values());
-  // Beside others a cause closes a good part of what they leave: less is what a cause leaves that is not quite what the
-  // rig has. Of what restarts hide the likelihood says too much: it must close as much as a first one must of the gap.
-  if (!first && share < (hidden ? verdict.hidden_shrink_fraction : options.further_closed_fraction)) return false;
-  if (&certain != &now && closes(work, certain, best) < verdict.hidden_shrink_fraction) return false;
-  // The likelihood takes each step of the model as straight. What a play does with what it remembers is not, and it
-  // may be unlikely from sample to sample that closes all of a large gap, or all that others leave, over segments which
-  // its fit did not see.
-  const bool large = mean_excess(now.losses, work.held_out_values()) > verdict.material_excess_variances;
-  if (hidden && (large || !first) && left < quiet_variances && share > verdict.closed_shrink_fraction) return true;
-  if (hidden && large && first && share > verdict.hidden_closed_fraction) return true;
-  const double loss = loss_of(work, now.noise, best);
-  const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
-  return won > options.evidence_fraction * certain.after.loss && won > options.further_evidence_fraction * before;
-}
-
 // What stands for certain while an effect is on trial: one that gains over segments and is not worth it from sample to
 // sample, where so much is left that another one is missing beside it; or a bias, which shows nothing alone.
 struct Certain {
@@ -203,13 +133,6 @@ struct Certain {
   GapTrials::Standing standing;
   bool bias = false;  // whether that is on trial
 };
-
-bool worth_a_trial(const GapTrials& work, const EffectSearch& now, const Structure& best) {
-  const double before = typical_excess(now.score, work.held_out_values());
-  const double after = typical_excess(best.score, work.held_out_values());
-  return after > work.options().verdict.material_excess_variances &&
-         after < (1 - work.options().verdict.material_shrink_fraction) * before;
-}
 
 // The last effect of a structure alone beside what stands.
 Structure alone_beside(const GapTrials& work, const EffectSearch& now, const Structure& best) {
@@ -219,18 +142,6 @@ Structure alone_beside(const GapTrials& work, const EffectSearch& now, const Str
   alone.front().fit.model = with_effects(alone.front().fit.effects, now.base.model.parameters);
   work.refine(alone, 0.88, 0.88);
   return alone.front();
-}
-
-// Whether what is left is worth a search: a gap that is large, or a free signal somewhere that would win much. Ripple,
-// friction that sticks and what acts in a part of the runs only are hardly like a free signal.
-bool more_to_find(const GapOptions::Search& options, const EffectSearch& now, bool large) {
-  if (now.after.places.empty()) return false;
-  if (large) return true;
-  const double most = now.after.places.front().gain;
-  if (now.base.effects.empty()) return most > options.least_free_fraction * now.before.loss;
-  const double won = now.before.loss - now.after.loss;
-  return most > options.further_evidence_fraction * won &&
-         most > options.further_free_fraction * std::min(won, now.after.loss);
 }
 
 Discrepancy discrepancy(const GapTrials& work, const EffectSearch& search) {

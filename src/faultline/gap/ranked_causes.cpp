@@ -146,8 +146,12 @@ void name_effects(const EffectSearch& search, double ninety, const GapOptions::V
     NamedEffect effect = named(search.base, e, search.apart[e], ninety, options);
     effect.probability = 1;
     if (round == 0)
-      for (const RankedCause& cause : result.ranked)
-        if (same_cause(cause.effect, effect)) effect.probability = cause.effect.probability;
+      for (RankedCause& cause : result.ranked)
+        if (same_cause(cause.effect, effect)) {
+          effect.probability = cause.effect.probability;
+          // One size for one cause: that of its trial was not fitted to the end.
+          if (search.round_of.size() == 1) cause.effect = effect;
+        }
     result.effects.push_back(effect);
   }
   for (const RankedCause& cause : result.ranked) {

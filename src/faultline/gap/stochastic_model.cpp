@@ -31,9 +31,37 @@ struct Pass {
   Eigen::MatrixXd passed;   // what passed the port of an extra effect
 };
 
+// States that are shown by a sensor with a memory which what goes in and comes out says: the sensor's output is the
+// state then, and what is behind it another one, after the rig's. Undone row by row instead, from the slope of what is
+// shown, the position behind a slow sensor would say nothing of the velocity.
+std::vector<std::size_t> behind_sensors(const ResidualModel& residuals, const ModelChange& change) {
+  const SegmentModel& model = residuals.model();
+  std::vector<std::size_t> result;
+  for (const EffectSpec& effect : change.effects) {
+    const Port& port = model.sheet().port(effect.port);
+    if (port.kind != PortKind::sensor || !find_effect_type(effect.effect)->make()->resumes_by_values()) continue;
+    const auto& shown = model.shown_by();
+    const auto found = std::find(shown.begin(), shown.end(), model.sheet().channel(port.channel));
+    const auto state = static_cast<std::size_t>(found - shown.begin());
+    if (found != shown.end() && std::find(result.begin(), result.end(), state) == result.end()) result.push_back(state);
+  }
+  return result;
+}
+
+// difference_steps() of all states, those behind sensors too.
+Eigen::VectorXd steps_of(const Datasheet& sheet, const Eigen::VectorXd& size, const std::vector<std::size_t>& behind) {
+  const auto extra = static_cast<Eigen::Index>(behind.size());
+  Eigen::VectorXd steps(size.size());
+  steps.head(size.size() - extra) = difference_steps(sheet, size.head(size.size() - extra));
+  for (Eigen::Index b = 0; b < extra; ++b)
+    steps[size.size() - extra + b] = steps[static_cast<Eigen::Index>(behind[static_cast<std::size_t>(b)])];
+  return steps;
+}
+
 class Passes {
  public:
-  Passes(const ResidualModel& residuals, const ModelChange& change) : residuals_(residuals), change_(change) {}
+  Passes(const ResidualModel& residuals, const ModelChange& change)
+      : residuals_(residuals), change_(change), behind_(behind_sensors(residuals, change)) {}
 
   Pass run(const StochasticStretch& stretch, const Eigen::VectorXd& offset, const EffectSpec* extra) const {
     const SegmentModel& model = residuals_.model();
@@ -41,13 +69,20 @@ class Passes {
     ModelChange change = change_;
     if (extra) change.effects.push_back(*extra);
     const auto driven = model.driven(change, run, residuals_.noise());
-    const auto states = static_cast<Eigen::Index>(stretch.reference.front().size());
+    const auto states = static_cast<Eigen::Index>(model.shown_by().size());
     const auto rows = static_cast<Eigen::Index>(stretch.rows.size());
     const auto outputs = static_cast<Eigen::Index>(model.outputs().size());
-    std::vector<double> starts;
+    std::vector<double> starts, behind;
     for (const Eigen::VectorXd& x : stretch.reference)
       for (Eigen::Index s = 0; s < states; ++s) starts.push_back(x[s] + offset[s]);
-    Pass pass{Eigen::MatrixXd::Constant(rows, states, std::nan("")),
+    if (!behind_.empty()) behind.assign(starts.size(), std::nan(""));
+    for (std::size_t i = 0; i < stretch.rows.size(); ++i)
+      for (std::size_t b = 0; b < behind_.size(); ++b) {
+        const auto at = states + static_cast<Eigen::Index>(b);
+        behind[i * static_cast<std::size_t>(states) + behind_[b]] = stretch.reference[i][at] + offset[at];
+      }
+    driven->set_behind(std::move(behind));
+    Pass pass{Eigen::MatrixXd::Constant(rows, stretch.reference.front().size(), std::nan("")),
               Eigen::MatrixXd::Zero(rows, outputs),
               Eigen::MatrixXd::Zero(rows, outputs),
               {}};
@@ -67,6 +102,8 @@ class Passes {
                     const int shown = model.shown_by()[static_cast<std::size_t>(s)];
                     pass.ended(at, s) = shown < 0 ? driven->ended()[s] : channels[shown];
                   }
+                  for (std::size_t b = 0; at > 0 && b < behind_.size(); ++b)
+                    pass.ended(at, states + static_cast<Eigen::Index>(b)) = driven->ended()[behind_[b]];
                   if (extra) {
                     const Passed passed = driven->passed(extra->port);
                     for (std::size_t p = 0; p < kMostPassing; ++p)
@@ -80,6 +117,7 @@ class Passes {
  private:
   const ResidualModel& residuals_;
   const ModelChange& change_;
+  const std::vector<std::size_t> behind_;
 };
 
 // Rows of neighbouring segments: all of a run, or of a long one evenly spread pieces, `most` segments in all.
@@ -138,6 +176,19 @@ void place_reference(const ResidualModel& residuals, const ModelChange& change, 
       if (std::isfinite(last)) stretch.reference[i][s] = last;
     }
   }
+  const std::vector<std::size_t> behind = behind_sensors(residuals, change);
+  if (behind.empty()) return;
+  std::vector<double> shown;
+  for (const Eigen::VectorXd& x : stretch.reference) shown.insert(shown.end(), x.begin(), x.end());
+  at = 0;
+  driven->run(run.recording, stretch.rows.front(), stretch.rows.back() - stretch.rows.front() + 1, stretch.rows,
+              shown.data(), [&](std::size_t k, const double*) {
+                if (at == stretch.rows.size() || k != stretch.rows[at]) return;
+                Eigen::VectorXd& x = stretch.reference[at++];
+                x.conservativeResize(states + static_cast<Eigen::Index>(behind.size()));
+                for (std::size_t b = 0; b < behind.size(); ++b)
+                  x[states + static_cast<Eigen::Index>(b)] = driven->state()[behind[b]];
+              });
 }
 
 // `known`: sigma, in sizes; without it F is taken over steps too small for C.
@@ -153,7 +204,7 @@ void linearise(const ResidualModel& residuals, const ModelChange& change, const 
   const std::size_t all = 1 + (wide ? 2 : 1) * count;
   std::vector<Pass> done(all * model.stretches.size());
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(states);
-  Eigen::VectorXd moves = difference_steps(sheet, model.size);
+  Eigen::VectorXd moves = steps_of(sheet, model.size, behind_sensors(residuals, change));
   if (wide) moves = moves.cwiseMax(known.cwiseMin(kWidest).cwiseProduct(model.size));
   in_parallel(done.size(), jobs, [&](std::size_t i) {
     const StochasticStretch& stretch = model.stretches[i / all];
@@ -348,7 +399,8 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
   const std::size_t strides = std::max<std::size_t>(1, slowest->segment / kStepsPerSegment);
   model.step = static_cast<double>(strides) * slowest->period;
   model.block = std::max<std::size_t>(2, slowest->segment / strides);
-  const auto states = static_cast<Eigen::Index>(segments.shown_by().size());
+  const std::vector<std::size_t> behind = behind_sensors(residuals, change);
+  const auto states = static_cast<Eigen::Index>(segments.shown_by().size() + behind.size());
   const std::size_t many = std::max(kMostStates, segments.shown_by().size());
   const std::size_t most = std::max(kLeastSegments, kMostSegments * kMostStates * kMostStates / (many * many));
   for (const std::size_t r : runs) {
@@ -367,7 +419,7 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
   for (const StochasticStretch& stretch : model.stretches)
     for (const Eigen::VectorXd& x : stretch.reference)
       if (x.allFinite()) model.size = model.size.cwiseMax(x.cwiseAbs());
-  model.size = model.size.cwiseMax(difference_steps(segments.sheet(), model.size));
+  model.size = model.size.cwiseMax(steps_of(segments.sheet(), model.size, behind));
   linearise(residuals, change, {}, jobs, model);
   return model;
 }

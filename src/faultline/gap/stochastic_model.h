@@ -10,6 +10,9 @@
 // i counts steps of `stride` samples. f is the model over such a step with all its effects, whose memories go on; F, B
 // and H are differences. B: of a free signal (effects/free_signal.cpp) at the port, D: at the sensor of an output.
 //
+// A state that is shown by a sensor with a memory (a lag, a play) is what the sensor shows; what is behind it is one
+// more state, after the rig's.
+//
 // C_i is what no linear model says of a step: dry friction that turns, a valve that opens or not within what is known
 // of the states. With the states known to sigma_s it is the second term of a divided difference filter (Norgaard,
 // Poulsen, Ravn, Automatica 36, 2000), squared; F is then taken over the same distance:

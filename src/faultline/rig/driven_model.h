@@ -79,6 +79,10 @@ class DrivenModel {
   using Around = std::function<Shown(const Recording& recording, std::size_t row, std::size_t channel, double later)>;
   void set_around(Around around);
 
+  // States behind sensors whose effects have a memory, for the next run: like start_states, one row per restart. NaN:
+  // what the effects make of what is shown.
+  void set_behind(std::vector<double> states);
+
   // Whether effects have memories or states of their own, which a run must first fill.
   bool remembers() const;
 

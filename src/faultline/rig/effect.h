@@ -75,6 +75,8 @@ class Effect {
   virtual bool remembers() const { return false; }
   // Sets the memory to that of an effect in which `in` goes while `out` comes out.
   virtual void resume(const Shown& /*in*/, const Shown& /*out*/) {}
+  // Whether the values of both say all of that memory: as a state of the rig would, beside the one that goes in.
+  virtual bool resumes_by_values() const { return false; }
   virtual void force(const Motion&, BodyForces&) const {}
   virtual double flow(const LeakPath&) const { return 0; }  // m^3/s, added
   virtual double arriving_share() const { return 1; }       // of flow(), at the port's TO side

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <memory>
@@ -46,13 +47,18 @@ class EffectChain {
     return in(0);
   }
   // The same; effects with memory go on from there. `own`: of a model that
-  // runs, what goes in.
-  Shown resume(const Course& out, double time, double own) const {
+  // runs, what goes in. `known`: what goes in, where that is known; else NaN.
+  Shown resume(const Course& out, double time, double own, double known) const {
     Course in = out;
     for (auto e = effects_.rbegin(); e != effects_.rend(); ++e) {
       const double mine = e + 1 == effects_.rend() ? own : std::numeric_limits<double>::quiet_NaN();
+      const double behind = e + 1 == effects_.rend() ? known : std::numeric_limits<double>::quiet_NaN();
       const Course after = std::move(in);
-      in = [effect = *e, after, time, mine](double later) { return effect->undo(after, later, time, mine); };
+      in = [effect = *e, after, time, mine, behind](double later) {
+        Shown result = effect->undo(after, later, time, mine);
+        if (!std::isnan(behind)) result.value = behind;
+        return result;
+      };
       (*e)->resume(in(0), after(0));
     }
     return in(0);

@@ -123,7 +123,8 @@ int RunningPlant::longest_even_step(const RigType& type, const SimulationSetup& 
   return std::clamp(static_cast<int>(type.even_substep / substep_ + 1e-9), 1, substeps_);
 }
 
-void RunningPlant::start(double time, const double* channels, const double* nominal_state, const CourseOf& around) {
+void RunningPlant::start(double time, const double* channels, const double* nominal_state, const double* behind,
+                         const CourseOf& around) {
   effects_.reset();
   effects_.set_time(time);
   std::copy_n(channels, true_.size(), true_.begin());
@@ -141,7 +142,7 @@ void RunningPlant::start(double time, const double* channels, const double* nomi
   effects_.reset();
   effects_.set_time(time);
   std::fill(resumed_.begin(), resumed_.end(), std::nan(""));
-  if (nominal_state) restart(time, channels, nominal_state, around, false);
+  if (nominal_state) restart(time, channels, nominal_state, behind, around, false);
   rig_->outputs(time, integrator_->state(), shown_.data());
   for (Sensor& sensor : sensors_) {
     const double resumed = resumed_[sensor.channel];
@@ -169,8 +170,8 @@ double RunningPlant::within_reading(std::size_t state, const double* channels) c
                                     : own;
 }
 
-void RunningPlant::restart(double time, const double* channels, const double* nominal_state, const CourseOf& around,
-                           bool running) {
+void RunningPlant::restart(double time, const double* channels, const double* nominal_state, const double* behind,
+                           const CourseOf& around, bool running) {
   std::vector<double>& state = start_;
   if (std::all_of(nominal_state, nominal_state + state.size(), [](double v) { return std::isnan(v); })) return;
   for (std::size_t i = 0; i < state.size(); ++i)
@@ -186,7 +187,8 @@ void RunningPlant::restart(double time, const double* channels, const double* no
       result.value += shown - at_now;
       return result;
     };
-    const double value = chain->resume(course, time, running ? own : std::nan("")).value;
+    const double known = behind ? behind[index] : std::nan("");
+    const double value = chain->resume(course, time, running ? own : std::nan(""), known).value;
     state[index] = std::isnan(value) ? own : value;
     if (!std::isnan(value)) resumed_[channel] = shown;
   }

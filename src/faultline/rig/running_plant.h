@@ -26,13 +26,16 @@ class RunningPlant {
   RunningPlant(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1);
 
   // `channels`: commands and inputs at this time. Afterwards seen() holds what the sensors show.
-  void start(double time, const double* channels, const double* nominal_state, const CourseOf& around);
+  void start(double time, const double* channels, const double* nominal_state, const double* behind,
+             const CourseOf& around);
 
   // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on; where its
   // channel stands at an end of the range, and no effect at it, from that end or beyond. A state that a channel shows
   // is what that channel says, back through its sensor's effects, which go on from there; other effects keep their
-  // memory. `running`: whether the states until now are worth anything.
-  void restart(double time, const double* channels, const double* nominal_state, const CourseOf& around, bool running);
+  // memory. `behind`: the states behind such effects, where they are known beside what is shown; NaN, or null: as the
+  // effects undo it. `running`: whether the states until now are worth anything.
+  void restart(double time, const double* channels, const double* nominal_state, const double* behind,
+               const CourseOf& around, bool running);
 
   // What inputs that follow a command do over the period from `time` on: seen() shows their mean, as their sensors do.
   // To be called once per period, before advance().

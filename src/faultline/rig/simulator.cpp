@@ -103,7 +103,7 @@ struct Simulator::Parts {
     }
     for (int i = 0; i < (droops ? kSettlings : 1); ++i) {
       fill_inputs(0, driving.data());
-      plant.start(0, driving.data(), nullptr, {});
+      plant.start(0, driving.data(), nullptr, nullptr, {});
       for (auto& [channel, source] : sources)
         if (source.droops()) source.settle(plant.drawn(static_cast<int>(channel), 0));
     }

@@ -178,7 +178,7 @@ void SegmentModel::place_starts(SegmentedRun& run, const std::vector<double>& no
           return shown_around(run, run.recording, run.restarts[g], static_cast<std::size_t>(shown_by_[state]), sigma,
                               later, options_);
         };
-        const double undone = chains[state] ? chains[state]->resume(shown, 0, std::nan("")).std : 0;
+        const double undone = chains[state] ? chains[state]->resume(shown, 0, std::nan(""), std::nan("")).std : 0;
         run.start_roots[g](s, direction) =
             std::max(options_.start_prior_sigma * std::max(sigma, std::isnan(undone) ? 0 : undone), start.std);
       }

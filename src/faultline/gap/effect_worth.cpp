@@ -1,0 +1,91 @@
+#include "faultline/gap/effect_worth.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "faultline/gap/input_noise.h"
+
+namespace faultline {
+namespace {
+
+constexpr double kNoSize = 1e-4;  // of the range of a size
+
+}  // namespace
+
+double loss_of(const GapTrials& work, const std::vector<FreePlace>& noise, const Structure& structure) {
+  const ResidualModel& residuals = structure.around.residuals ? *structure.around.residuals : work.model();
+  return find_discrepancy(residuals, structure.fit.model, work.learned(), work.jobs(), Places::none, noise).loss;
+}
+
+bool from_input_noise(const GapTrials& work, const FitResult& base, const Structure& structure) {
+  if (!has_noisy_inputs(work.model().runs())) return false;
+  const double gain = work.learned_gain(structure);
+  return 0.5 * (gain + work.gain_of_input_noise(base, structure)) > work.options().search.input_noise_fraction * gain;
+}
+
+bool has_no_size(const Structure& structure) {
+  const Candidate& candidate = structure.fit.effects.back();
+  const EffectType& type = *find_effect_type(candidate.effect.effect);
+  bool sized = false;
+  for (std::size_t p = 0; p < type.parameters.size(); ++p) {
+    const double none = type.parameters[p].none;
+    if (std::isnan(none)) continue;
+    sized = true;
+    const Bounds& b = candidate.bounds[p];
+    const double size = std::abs(candidate.effect.parameters[p] - none);
+    if (candidate.logarithmic(p) || !(size <= kNoSize * (b.maximum - b.minimum))) return false;
+  }
+  return sized;
+}
+
+bool gains(const GapTrials& work, const EffectSearch& now, const Structure& best) {
+  const std::vector<double> gain = minus(now.score, best.score);
+  return !has_no_size(best) &&
+         sum(gain) > work.options().search.significance_standard_errors * work.standard_error(gain) &&
+         !from_input_noise(work, now.base, best);
+}
+
+double closes(const GapTrials& work, const EffectSearch& now, const Structure& best) {
+  const double values = work.held_out_values();
+  return 1 - mean_excess(best.held_out, values) / std::max(mean_excess(now.losses, values), 1e-12);
+}
+
+bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch& now, const Structure& best,
+          double quiet_variances) {
+  const GapOptions::Search& options = work.options().search;
+  const GapOptions::Verdict& verdict = work.options().verdict;
+  const bool first = now.base.effects.empty(), hidden = !restarts_freely(best.fit.effects.back().effect);
+  const double share = closes(work, now, best), left = mean_excess(best.held_out, work.held_out_values());
+  // Beside others a cause closes a good part of what they leave: less is what a cause leaves that is not quite what the
+  // rig has. Of what restarts hide the likelihood says too much: it must close as much as a first one must of the gap.
+  if (!first && share < (hidden ? verdict.hidden_shrink_fraction : options.further_closed_fraction)) return false;
+  if (&certain != &now && closes(work, certain, best) < verdict.hidden_shrink_fraction) return false;
+  // The likelihood takes each step of the model as straight. What a play does with what it remembers is not, and it
+  // may be unlikely from sample to sample that closes all of a large gap, or all that others leave, over segments which
+  // its fit did not see.
+  const bool large = mean_excess(now.losses, work.held_out_values()) > verdict.material_excess_variances;
+  if (hidden && (large || !first) && left < quiet_variances && share > verdict.closed_shrink_fraction) return true;
+  if (hidden && large && first && share > verdict.hidden_closed_fraction) return true;
+  const double loss = loss_of(work, now.noise, best);
+  const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
+  return won > options.evidence_fraction * certain.after.loss && won > options.further_evidence_fraction * before;
+}
+
+bool worth_a_trial(const GapTrials& work, const EffectSearch& now, const Structure& best) {
+  const double before = typical_excess(now.score, work.held_out_values());
+  const double after = typical_excess(best.score, work.held_out_values());
+  return after > work.options().verdict.material_excess_variances &&
+         after < (1 - work.options().verdict.material_shrink_fraction) * before;
+}
+
+bool more_to_find(const GapOptions::Search& options, const EffectSearch& now, bool large) {
+  if (now.after.places.empty()) return false;
+  if (large) return true;
+  const double most = now.after.places.front().gain;
+  if (now.base.effects.empty()) return most > options.least_free_fraction * now.before.loss;
+  const double won = now.before.loss - now.after.loss;
+  return most > options.further_evidence_fraction * won &&
+         most > options.further_free_fraction * std::min(won, now.after.loss);
+}
+
+}  // namespace faultline
