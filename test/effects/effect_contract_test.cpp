@@ -253,7 +253,7 @@ TEST(EffectContract, WhatASensorShowsIsUndoneWhateverItRemembers) {
     double most = 1e-9;
     for (int k = 0; k <= count; ++k)
       most = std::max(most, std::fabs(out[static_cast<std::size_t>(k)] - in[static_cast<std::size_t>(k)]));
-    double alone = 0, beside = 0, gone_on = 0;
+    double alone = 0, beside = 0, gone_on = 0, by_values = 0;
     int found = 0;
     for (int k = 300; k < 650; k += 7) {
       const double time = k * kProbeStep;
@@ -270,6 +270,11 @@ TEST(EffectContract, WhatASensorShowsIsUndoneWhateverItRemembers) {
       ++found;
       alone += std::fabs(undone.value - went_in);
       beside += std::fabs(again.value - went_in);
+      const auto at = static_cast<std::size_t>(k);
+      const auto plain = made(type, typical_parameters(type));
+      plain->resume({in[at]}, {out[at]});
+      for (std::size_t i = at + 1; i <= at + 40; ++i)
+        by_values = std::max(by_values, std::fabs(plain->signal(in[i], static_cast<double>(i) * kProbeStep) - out[i]));
       other->resume(again, course(0));
       double late = 0;
       for (std::size_t i = static_cast<std::size_t>(k) + 1; i <= static_cast<std::size_t>(k) + 40; ++i)
@@ -283,6 +288,8 @@ TEST(EffectContract, WhatASensorShowsIsUndoneWhateverItRemembers) {
     EXPECT_LE(alone / found, share * most);
     EXPECT_LE(beside / found, 0.05 * most);
     EXPECT_LE(gone_on / found, 0.02 * most);
+    if (with_memory.count(type.name) == 0) continue;
+    EXPECT_EQ(effect->resumes_by_values(), by_values < 1e-9 * most) << by_values / most;
   }
   EXPECT_EQ(with_memory, (std::set<std::string>{"delay", "hysteresis", "lag", "rate_limit", "second_order_lag"}));
 }

@@ -152,14 +152,18 @@ void place_reference(const ResidualModel& residuals, const ModelChange& change, 
     restarts.push_back(run.restarts[g]);
     for (Eigen::Index s = 0; s < states; ++s) starts.push_back(all[g * static_cast<std::size_t>(states) + s]);
   }
+  const std::vector<std::size_t> behind = behind_sensors(residuals, change);
   const auto driven = model.driven(change, run, residuals.noise());
-  stretch.reference.assign(stretch.rows.size(), Eigen::VectorXd::Zero(states));
+  stretch.reference.assign(stretch.rows.size(),
+                           Eigen::VectorXd::Zero(states + static_cast<Eigen::Index>(behind.size())));
   std::size_t at = 0;
   driven->run(run.recording, stretch.rows.front(), stretch.rows.back() - stretch.rows.front() + 1, restarts,
               starts.data(), [&](std::size_t k, const double*) {
                 if (at == stretch.rows.size() || k != stretch.rows[at]) return;
-                for (Eigen::Index s = 0; s < states; ++s) stretch.reference[at][s] = driven->state()[s];
-                ++at;
+                Eigen::VectorXd& x = stretch.reference[at++];
+                for (Eigen::Index s = 0; s < states; ++s) x[s] = driven->state()[s];
+                for (std::size_t b = 0; b < behind.size(); ++b)
+                  x[states + static_cast<Eigen::Index>(b)] = x[static_cast<Eigen::Index>(behind[b])];
               });
   const std::size_t widest = run.segment / 10;
   for (Eigen::Index s = 0; s < states; ++s) {
@@ -176,19 +180,6 @@ void place_reference(const ResidualModel& residuals, const ModelChange& change, 
       if (std::isfinite(last)) stretch.reference[i][s] = last;
     }
   }
-  const std::vector<std::size_t> behind = behind_sensors(residuals, change);
-  if (behind.empty()) return;
-  std::vector<double> shown;
-  for (const Eigen::VectorXd& x : stretch.reference) shown.insert(shown.end(), x.begin(), x.end());
-  at = 0;
-  driven->run(run.recording, stretch.rows.front(), stretch.rows.back() - stretch.rows.front() + 1, stretch.rows,
-              shown.data(), [&](std::size_t k, const double*) {
-                if (at == stretch.rows.size() || k != stretch.rows[at]) return;
-                Eigen::VectorXd& x = stretch.reference[at++];
-                x.conservativeResize(states + static_cast<Eigen::Index>(behind.size()));
-                for (std::size_t b = 0; b < behind.size(); ++b)
-                  x[states + static_cast<Eigen::Index>(b)] = driven->state()[behind[b]];
-              });
 }
 
 // `known`: sigma, in sizes; without it F is taken over steps too small for C.
