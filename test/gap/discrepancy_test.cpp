@@ -337,6 +337,21 @@ TEST(Discrepancy, KnowsWhatIsBehindASlowSensor) {
   EXPECT_LT(with, loss({lag}, {}) - 0.015);
 }
 
+// The oil columns of the hoses swing with the piston: left to go on along the recording they took half of what their
+// effect wins.
+TEST(Discrepancy, KnowsTheStatesThatAnEffectAdds) {
+  const EffectSpec column = parse_effect("line_inertia@line.valve_cylinder:inertance=5e7");
+  SimulationSetup setup = servo_setup("multisine", 3);
+  setup.effects.push_back(column);
+  std::vector<SegmentedRun> runs;
+  runs.push_back(cut_run(servo(), "multisine", simulate(servo(), setup, 12), 0.25));
+  const ResidualModel residuals(servo(), std::move(runs));
+  const auto loss = [&](const std::vector<EffectSpec>& modelled) {
+    return find_discrepancy(residuals, {servo().nominal(), modelled}, {0}, 2, Places::none).loss;
+  };
+  EXPECT_LT(loss({column}), 0.25 * loss({}));
+}
+
 // As it is recorded at a plant: 10 Hz, flapper and spool not measured.
 Recording plant_recording(const SimulationSetup& setup, double duration) {
   const Recording all = simulate(valve(), setup, duration);

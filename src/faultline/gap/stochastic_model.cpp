@@ -20,6 +20,7 @@ constexpr double kPortFraction = 1e-4;     // of a port's range: a free signal's
 constexpr double kWidest = 0.1;            // of a state's size: farther off a rig may be another one
 constexpr double kNothing = 1e-300;        // a size that changes nothing; an effect of size 0 is not there
 constexpr double kLeastResponse = 1e-9;    // of a state's size, below which a port moves nothing
+constexpr double kAddedStep = 1e-5;        // of the size of a state that an effect added
 constexpr int kUnitAttempts = 6;           // to find a port's unit, each four decades up at most
 constexpr const char* kFree = "free_signal";
 
@@ -31,37 +32,50 @@ struct Pass {
   Eigen::MatrixXd passed;   // what passed the port of an extra effect
 };
 
-// States that are shown by a sensor with a memory which what goes in and comes out says: the sensor's output is the
-// state then, and what is behind it another one, after the rig's. Undone row by row instead, from the slope of what is
-// shown, the position behind a slow sensor would say nothing of the velocity.
-std::vector<std::size_t> behind_sensors(const ResidualModel& residuals, const ModelChange& change) {
+// States of the process beside the rig's own, after them. A state that is shown by a sensor with a memory which what
+// goes in and comes out says: the sensor's output is the state then, and what is behind it another one. Undone row by
+// row instead, from the slope of what is shown, the position behind a slow sensor would say nothing of the velocity.
+// And states that effects brought in, as what they are off from rest: left to go on along the recording, the load
+// behind a play would not move with the piston.
+struct HiddenStates {
+  std::vector<Eigen::Index> behind;  // of the rig's states
+  Eigen::Index added = 0;
+  Eigen::Index count() const { return static_cast<Eigen::Index>(behind.size()) + added; }
+};
+
+HiddenStates hidden_states(const ResidualModel& residuals, const ModelChange& change) {
   const SegmentModel& model = residuals.model();
-  std::vector<std::size_t> result;
+  HiddenStates result;
   for (const EffectSpec& effect : change.effects) {
     const Port& port = model.sheet().port(effect.port);
     if (port.kind != PortKind::sensor || !find_effect_type(effect.effect)->make()->resumes_by_values()) continue;
     const auto& shown = model.shown_by();
     const auto found = std::find(shown.begin(), shown.end(), model.sheet().channel(port.channel));
-    const auto state = static_cast<std::size_t>(found - shown.begin());
-    if (found != shown.end() && std::find(result.begin(), result.end(), state) == result.end()) result.push_back(state);
+    const auto state = static_cast<Eigen::Index>(found - shown.begin());
+    std::vector<Eigen::Index>& behind = result.behind;
+    if (found != shown.end() && std::find(behind.begin(), behind.end(), state) == behind.end()) behind.push_back(state);
   }
+  const auto driven = model.driven(change, residuals.runs().front(), residuals.noise());
+  result.added = static_cast<Eigen::Index>(driven->added_count());
   return result;
 }
 
-// difference_steps() of all states, those behind sensors too.
-Eigen::VectorXd steps_of(const Datasheet& sheet, const Eigen::VectorXd& size, const std::vector<std::size_t>& behind) {
-  const auto extra = static_cast<Eigen::Index>(behind.size());
+// difference_steps() of all states.
+Eigen::VectorXd steps_of(const Datasheet& sheet, const Eigen::VectorXd& size, const HiddenStates& hidden) {
+  const Eigen::Index own = size.size() - hidden.count();
   Eigen::VectorXd steps(size.size());
-  steps.head(size.size() - extra) = difference_steps(sheet, size.head(size.size() - extra));
-  for (Eigen::Index b = 0; b < extra; ++b)
-    steps[size.size() - extra + b] = steps[static_cast<Eigen::Index>(behind[static_cast<std::size_t>(b)])];
+  steps.head(own) = difference_steps(sheet, size.head(own));
+  for (std::size_t b = 0; b < hidden.behind.size(); ++b)
+    steps[own + static_cast<Eigen::Index>(b)] = steps[hidden.behind[b]];
+  for (Eigen::Index a = own + hidden.count() - hidden.added; a < size.size(); ++a)
+    steps[a] = std::max(kAddedStep * size[a], kLeastResponse);
   return steps;
 }
 
 class Passes {
  public:
   Passes(const ResidualModel& residuals, const ModelChange& change)
-      : residuals_(residuals), change_(change), behind_(behind_sensors(residuals, change)) {}
+      : residuals_(residuals), change_(change), hidden_(hidden_states(residuals, change)) {}
 
   Pass run(const StochasticStretch& stretch, const Eigen::VectorXd& offset, const EffectSpec* extra) const {
     const SegmentModel& model = residuals_.model();
@@ -72,16 +86,23 @@ class Passes {
     const auto states = static_cast<Eigen::Index>(model.shown_by().size());
     const auto rows = static_cast<Eigen::Index>(stretch.rows.size());
     const auto outputs = static_cast<Eigen::Index>(model.outputs().size());
-    std::vector<double> starts, behind;
+    std::vector<double> starts, hidden;
     for (const Eigen::VectorXd& x : stretch.reference)
       for (Eigen::Index s = 0; s < states; ++s) starts.push_back(x[s] + offset[s]);
-    if (!behind_.empty()) behind.assign(starts.size(), std::nan(""));
-    for (std::size_t i = 0; i < stretch.rows.size(); ++i)
-      for (std::size_t b = 0; b < behind_.size(); ++b) {
-        const auto at = states + static_cast<Eigen::Index>(b);
-        behind[i * static_cast<std::size_t>(states) + behind_[b]] = stretch.reference[i][at] + offset[at];
+    // A signal in a line or a transmission may bring states of its own: then these go on.
+    const auto hides = static_cast<Eigen::Index>(hidden_.behind.size()), first = states + hides;
+    const bool same = static_cast<Eigen::Index>(driven->added_count()) == hidden_.added;
+    if (same && hidden_.count() > 0) {
+      const auto width = static_cast<std::size_t>(states + hidden_.added);
+      hidden.assign(stretch.rows.size() * width, std::nan(""));
+      for (std::size_t i = 0; i < stretch.rows.size(); ++i) {
+        const Eigen::VectorXd x = stretch.reference[i] + offset;
+        double* known = &hidden[i * width];
+        for (Eigen::Index b = 0; b < hides; ++b) known[hidden_.behind[static_cast<std::size_t>(b)]] = x[states + b];
+        for (Eigen::Index a = 0; a < hidden_.added; ++a) known[states + a] = x[first + a];
       }
-    driven->set_behind(std::move(behind));
+    }
+    driven->set_hidden(std::move(hidden));
     Pass pass{Eigen::MatrixXd::Constant(rows, stretch.reference.front().size(), std::nan("")),
               Eigen::MatrixXd::Zero(rows, outputs),
               Eigen::MatrixXd::Zero(rows, outputs),
@@ -102,8 +123,10 @@ class Passes {
                     const int shown = model.shown_by()[static_cast<std::size_t>(s)];
                     pass.ended(at, s) = shown < 0 ? driven->ended()[s] : channels[shown];
                   }
-                  for (std::size_t b = 0; at > 0 && b < behind_.size(); ++b)
-                    pass.ended(at, states + static_cast<Eigen::Index>(b)) = driven->ended()[behind_[b]];
+                  for (Eigen::Index b = 0; at > 0 && b < hides; ++b)
+                    pass.ended(at, states + b) = driven->ended()[hidden_.behind[static_cast<std::size_t>(b)]];
+                  for (Eigen::Index a = 0; at > 0 && a < hidden_.added; ++a)
+                    pass.ended(at, first + a) = same ? driven->ended()[states + a] : 0;
                   if (extra) {
                     const Passed passed = driven->passed(extra->port);
                     for (std::size_t p = 0; p < kMostPassing; ++p)
@@ -117,7 +140,7 @@ class Passes {
  private:
   const ResidualModel& residuals_;
   const ModelChange& change_;
-  const std::vector<std::size_t> behind_;
+  const HiddenStates hidden_;
 };
 
 // Rows of neighbouring segments: all of a run, or of a long one evenly spread pieces, `most` segments in all.
@@ -152,18 +175,18 @@ void place_reference(const ResidualModel& residuals, const ModelChange& change, 
     restarts.push_back(run.restarts[g]);
     for (Eigen::Index s = 0; s < states; ++s) starts.push_back(all[g * static_cast<std::size_t>(states) + s]);
   }
-  const std::vector<std::size_t> behind = behind_sensors(residuals, change);
+  const HiddenStates hidden = hidden_states(residuals, change);
   const auto driven = model.driven(change, run, residuals.noise());
-  stretch.reference.assign(stretch.rows.size(),
-                           Eigen::VectorXd::Zero(states + static_cast<Eigen::Index>(behind.size())));
+  stretch.reference.assign(stretch.rows.size(), Eigen::VectorXd::Zero(states + hidden.count()));
   std::size_t at = 0;
   driven->run(run.recording, stretch.rows.front(), stretch.rows.back() - stretch.rows.front() + 1, restarts,
               starts.data(), [&](std::size_t k, const double*) {
                 if (at == stretch.rows.size() || k != stretch.rows[at]) return;
                 Eigen::VectorXd& x = stretch.reference[at++];
                 for (Eigen::Index s = 0; s < states; ++s) x[s] = driven->state()[s];
-                for (std::size_t b = 0; b < behind.size(); ++b)
-                  x[states + static_cast<Eigen::Index>(b)] = x[static_cast<Eigen::Index>(behind[b])];
+                Eigen::Index next = states;
+                for (const Eigen::Index shown : hidden.behind) x[next++] = x[shown];
+                driven->added(x.data() + next);
               });
   const std::size_t widest = run.segment / 10;
   for (Eigen::Index s = 0; s < states; ++s) {
@@ -195,7 +218,7 @@ void linearise(const ResidualModel& residuals, const ModelChange& change, const 
   const std::size_t all = 1 + (wide ? 2 : 1) * count;
   std::vector<Pass> done(all * model.stretches.size());
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(states);
-  Eigen::VectorXd moves = steps_of(sheet, model.size, behind_sensors(residuals, change));
+  Eigen::VectorXd moves = steps_of(sheet, model.size, hidden_states(residuals, change));
   if (wide) moves = moves.cwiseMax(known.cwiseMin(kWidest).cwiseProduct(model.size));
   in_parallel(done.size(), jobs, [&](std::size_t i) {
     const StochasticStretch& stretch = model.stretches[i / all];
@@ -390,8 +413,8 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
   const std::size_t strides = std::max<std::size_t>(1, slowest->segment / kStepsPerSegment);
   model.step = static_cast<double>(strides) * slowest->period;
   model.block = std::max<std::size_t>(2, slowest->segment / strides);
-  const std::vector<std::size_t> behind = behind_sensors(residuals, change);
-  const auto states = static_cast<Eigen::Index>(segments.shown_by().size() + behind.size());
+  const HiddenStates hidden = hidden_states(residuals, change);
+  const auto states = static_cast<Eigen::Index>(segments.shown_by().size()) + hidden.count();
   const std::size_t many = std::max(kMostStates, segments.shown_by().size());
   const std::size_t most = std::max(kLeastSegments, kMostSegments * kMostStates * kMostStates / (many * many));
   for (const std::size_t r : runs) {
@@ -410,7 +433,7 @@ StochasticModel stochastic_model(const ResidualModel& residuals, const ModelChan
   for (const StochasticStretch& stretch : model.stretches)
     for (const Eigen::VectorXd& x : stretch.reference)
       if (x.allFinite()) model.size = model.size.cwiseMax(x.cwiseAbs());
-  model.size = model.size.cwiseMax(steps_of(segments.sheet(), model.size, behind));
+  model.size = model.size.cwiseMax(steps_of(segments.sheet(), model.size, hidden));
   linearise(residuals, change, {}, jobs, model);
   return model;
 }

@@ -11,7 +11,7 @@
 // and H are differences. B: of a free signal (effects/free_signal.cpp) at the port, D: at the sensor of an output.
 //
 // A state that is shown by a sensor with a memory (a lag, a play) is what the sensor shows; what is behind it is one
-// more state, after the rig's.
+// more state, after the rig's; then come those that effects added, as what they are off from rest.
 //
 // C_i is what no linear model says of a step: dry friction that turns, a valve that opens or not within what is known
 // of the states. With the states known to sigma_s it is the second term of a divided difference filter (Norgaard,

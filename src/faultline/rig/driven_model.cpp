@@ -65,12 +65,12 @@ struct DrivenModel::Parts {
   std::vector<std::pair<std::size_t, double>> stuck;  // commands, and from when on, s
   Around look;
   // Of the next restart; null where nothing is known.
-  const double* known_behind() {
-    if (behind.empty()) return nullptr;
-    return &behind[sheet->states.size() * restarts++];
+  const double* known() {
+    if (hidden.empty()) return nullptr;
+    return &hidden[(sheet->states.size() + plant.added()) * restarts++];
   }
 
-  std::vector<double> behind;  // set_behind()
+  std::vector<double> hidden;  // set_hidden()
   std::size_t restarts = 0;
   std::vector<double> now, next, ended;
   std::vector<RunningPlant::Beside> plants;  // of those beside this one
@@ -83,17 +83,19 @@ DrivenModel::DrivenModel(std::shared_ptr<const Datasheet> sheet, const Simulatio
     : parts_(std::make_unique<Parts>(std::move(sheet), setup)) {}
 DrivenModel::~DrivenModel() = default;
 
-void DrivenModel::set_behind(std::vector<double> states) { parts_->behind = std::move(states); }
+void DrivenModel::set_hidden(std::vector<double> hidden) { parts_->hidden = std::move(hidden); }
+std::size_t DrivenModel::added_count() const { return parts_->plant.added(); }
+void DrivenModel::added(double* off) { parts_->plant.read_added(parts_->now.data(), off); }
 
 void DrivenModel::begin(const Recording& recording, std::size_t row, const double* state) {
   parts_->restarts = 0;
   parts_->take(recording, row, parts_->now);
-  parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, state ? parts_->known_behind() : nullptr,
+  parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, state ? parts_->known() : nullptr,
                       parts_->around(recording, row));
   parts_->read_held_commands(recording, row);
   parts_->plant.follow(Parts::time(recording, row), parts_->now.data());
   parts_->last = Parts::time(recording, row);
-  parts_->ended.assign(state_count(), std::nan(""));
+  parts_->ended.assign(state_count() + added_count(), std::nan(""));
 }
 
 bool DrivenModel::remembers() const { return parts_->plant.remembers(); }
@@ -124,8 +126,8 @@ void DrivenModel::advance(const Recording& recording, std::size_t to_row, const 
 
 void DrivenModel::restart(const Recording& recording, std::size_t row, const double* state) {
   std::copy_n(parts_->plant.state(), state_count(), parts_->ended.begin());
-  parts_->plant.restart(parts_->last, parts_->now.data(), state, parts_->known_behind(), parts_->around(recording, row),
-                        true);
+  added(parts_->ended.data() + state_count());
+  parts_->plant.restart(parts_->last, parts_->now.data(), state, parts_->known(), parts_->around(recording, row), true);
 }
 
 const double* DrivenModel::predicted() const { return parts_->plant.seen().data(); }

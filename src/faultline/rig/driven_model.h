@@ -79,15 +79,18 @@ class DrivenModel {
   using Around = std::function<Shown(const Recording& recording, std::size_t row, std::size_t channel, double later)>;
   void set_around(Around around);
 
-  // States behind sensors whose effects have a memory, for the next run: like start_states, one row per restart. NaN:
-  // what the effects make of what is shown.
-  void set_behind(std::vector<double> states);
+  // What no channel shows, for the next run, a row per restart: of each state what is behind the memory of its sensor,
+  // then the states that effects added, as what they are off from rest at the rig's states. NaN: what the effects make
+  // of what is shown, and what they are.
+  void set_hidden(std::vector<double> hidden);
+  std::size_t added_count() const;
+  void added(double* off);  // after the last row
 
   // Whether effects have memories or states of their own, which a run must first fill.
   bool remembers() const;
 
   // The rig's states after the last row, in the datasheet's order; and what they were there before a restart put them
-  // back.
+  // back, those that effects added after them, as in set_hidden().
   const double* state() const;
   const double* ended() const;
   // Output channels at state() before sensors, written into `channels`.

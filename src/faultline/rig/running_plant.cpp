@@ -123,7 +123,7 @@ int RunningPlant::longest_even_step(const RigType& type, const SimulationSetup& 
   return std::clamp(static_cast<int>(type.even_substep / substep_ + 1e-9), 1, substeps_);
 }
 
-void RunningPlant::start(double time, const double* channels, const double* nominal_state, const double* behind,
+void RunningPlant::start(double time, const double* channels, const double* nominal_state, const double* hidden,
                          const CourseOf& around) {
   effects_.reset();
   effects_.set_time(time);
@@ -142,7 +142,7 @@ void RunningPlant::start(double time, const double* channels, const double* nomi
   effects_.reset();
   effects_.set_time(time);
   std::fill(resumed_.begin(), resumed_.end(), std::nan(""));
-  if (nominal_state) restart(time, channels, nominal_state, behind, around, false);
+  if (nominal_state) restart(time, channels, nominal_state, hidden, around, false);
   rig_->outputs(time, integrator_->state(), shown_.data());
   for (Sensor& sensor : sensors_) {
     const double resumed = resumed_[sensor.channel];
@@ -170,7 +170,7 @@ double RunningPlant::within_reading(std::size_t state, const double* channels) c
                                     : own;
 }
 
-void RunningPlant::restart(double time, const double* channels, const double* nominal_state, const double* behind,
+void RunningPlant::restart(double time, const double* channels, const double* nominal_state, const double* hidden,
                            const CourseOf& around, bool running) {
   std::vector<double>& state = start_;
   if (std::all_of(nominal_state, nominal_state + state.size(), [](double v) { return std::isnan(v); })) return;
@@ -187,12 +187,12 @@ void RunningPlant::restart(double time, const double* channels, const double* no
       result.value += shown - at_now;
       return result;
     };
-    const double known = behind ? behind[index] : std::nan("");
+    const double known = hidden ? hidden[index] : std::nan("");
     const double value = chain->resume(course, time, running ? own : std::nan(""), known).value;
     state[index] = std::isnan(value) ? own : value;
     if (!std::isnan(value)) resumed_[channel] = shown;
   }
-  move_to(state.data(), channels);
+  move_to(state.data(), channels, hidden ? hidden + state.size() : nullptr);
   if (even_ == 1) return;
   rig_->outputs(time, integrator_->state(), plain_.data());
   for (Sensor& sensor : sensors_) sensor.before = plain_[sensor.channel];
@@ -307,14 +307,25 @@ bool RunningPlant::step_beside(double time, const double* now, const double* nex
   return true;
 }
 
-void RunningPlant::move_to(const double* nominal_state, const double* channels) {
+void RunningPlant::move_to(const double* nominal_state, const double* channels, const double* added) {
   double* state = integrator_->state();
   std::fill(rest_.begin(), rest_.end(), 0);
   std::fill(moved_.begin(), moved_.end(), 0);
   rig_->start_at(state, channels, rest_.data());
   rig_->start_at(nominal_state, channels, moved_.data());
   for (std::size_t i = 0; i < rest_.size(); ++i) state[i] = moved_[i] + (state[i] - rest_[i]);
+  const std::size_t own = sheet_.states.size();
+  for (std::size_t i = own; added && i < rest_.size(); ++i)
+    if (!std::isnan(added[i - own])) state[i] = moved_[i] + added[i - own];
   rig_->set_modes(state);
+}
+
+void RunningPlant::read_added(const double* channels, double* off) {
+  if (added() == 0) return;
+  const double* state = integrator_->state();
+  std::fill(rest_.begin(), rest_.end(), 0);
+  rig_->start_at(state, channels, rest_.data());
+  for (std::size_t i = sheet_.states.size(); i < rest_.size(); ++i) *off++ = state[i] - rest_[i];
 }
 
 void RunningPlant::observe(double time, int count) {

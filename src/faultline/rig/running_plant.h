@@ -26,16 +26,21 @@ class RunningPlant {
   RunningPlant(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1);
 
   // `channels`: commands and inputs at this time. Afterwards seen() holds what the sensors show.
-  void start(double time, const double* channels, const double* nominal_state, const double* behind,
+  void start(double time, const double* channels, const double* nominal_state, const double* hidden,
              const CourseOf& around);
 
   // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on; where its
   // channel stands at an end of the range, and no effect at it, from that end or beyond. A state that a channel shows
   // is what that channel says, back through its sensor's effects, which go on from there; other effects keep their
-  // memory. `behind`: the states behind such effects, where they are known beside what is shown; NaN, or null: as the
-  // effects undo it. `running`: whether the states until now are worth anything.
-  void restart(double time, const double* channels, const double* nominal_state, const double* behind,
+  // memory. `hidden`: of each state what is behind such an effect, then states that effects added, as what they are off from
+  // rest at the rig's states, where that is known beside what is shown; NaN, or null: as effects undo it, and as they
+  // are. `running`: whether the states until now are worth anything.
+  void restart(double time, const double* channels, const double* nominal_state, const double* hidden,
                const CourseOf& around, bool running);
+
+  // States that effects added; and what they are off from rest at the rig's states.
+  std::size_t added() const { return static_cast<std::size_t>(rig_->states()) - sheet_.states.size(); }
+  void read_added(const double* channels, double* off);
 
   // What inputs that follow a command do over the period from `time` on: seen() shows their mean, as their sensors do.
   // To be called once per period, before advance().
@@ -75,7 +80,7 @@ class RunningPlant {
  private:
   double within_reading(std::size_t state, const double* channels) const;  // of one that goes on
   // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
-  void move_to(const double* nominal_state, const double* channels);
+  void move_to(const double* nominal_state, const double* channels, const double* added);
 
   // What drives the equations in substeps `first` .. `first + count - 1` of the period.
   void drive(const double* now, const double* next, int first, int count);
