@@ -32,9 +32,9 @@ class RunningPlant {
   // Puts the rig's states back; what sensors show at this time stays as it was. A state that is NaN goes on; where its
   // channel stands at an end of the range, and no effect at it, from that end or beyond. A state that a channel shows
   // is what that channel says, back through its sensor's effects, which go on from there; other effects keep their
-  // memory. `hidden`: of each state what is behind such an effect, then states that effects added, as what they are off from
-  // rest at the rig's states, where that is known beside what is shown; NaN, or null: as effects undo it, and as they
-  // are. `running`: whether the states until now are worth anything.
+  // memory. `hidden`: of each state what is behind such an effect, then states that effects added, as what they are off
+  // from rest at the rig's states, where that is known beside what is shown; NaN, or null: as effects undo it, and as
+  // they are. `running`: whether the states until now are worth anything.
   void restart(double time, const double* channels, const double* nominal_state, const double* hidden,
                const CourseOf& around, bool running);
 
