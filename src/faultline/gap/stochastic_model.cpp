@@ -20,7 +20,8 @@ constexpr double kPortFraction = 1e-4;     // of a port's range: a free signal's
 constexpr double kWidest = 0.1;            // of a state's size: farther off a rig may be another one
 constexpr double kNothing = 1e-300;        // a size that changes nothing; an effect of size 0 is not there
 constexpr double kLeastResponse = 1e-9;    // of a state's size, below which a port moves nothing
-constexpr double kAddedStep = 1e-5;        // of the size of a state that an effect added
+constexpr double kAddedStep = 1e-5;        // of the size of a state that an effect added, for differences
+constexpr double kLeastAddedStep = 1e-9;   // where it has none
 constexpr int kUnitAttempts = 6;           // to find a port's unit, each four decades up at most
 constexpr const char* kFree = "free_signal";
 
@@ -68,7 +69,7 @@ Eigen::VectorXd steps_of(const Datasheet& sheet, const Eigen::VectorXd& size, co
   for (std::size_t b = 0; b < hidden.behind.size(); ++b)
     steps[own + static_cast<Eigen::Index>(b)] = steps[hidden.behind[b]];
   for (Eigen::Index a = own + hidden.count() - hidden.added; a < size.size(); ++a)
-    steps[a] = std::max(kAddedStep * size[a], kLeastResponse);
+    steps[a] = std::max(kAddedStep * size[a], kLeastAddedStep);
   return steps;
 }
 
