@@ -88,6 +88,7 @@ std::string told_beyond_range(const Datasheet& sheet, const std::vector<Candidat
     for (const FittingEffect& fitting : sheet.port(c.effect.port).effects) {
       if (fitting.effect != c.effect.effect) continue;
       const EffectType* type = find_effect_type(c.effect.effect);
+      if (type->family == "stuck") continue;  // a time is no size
       for (std::size_t p = 0; p < c.bounds.size(); ++p) {
         const auto range = fitting.bounds.find(type->parameters[p].name);
         if (range == fitting.bounds.end()) continue;
@@ -190,7 +191,7 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
         work.learned_segments(), work.segment_s()));
   work.tell(0.02, "refitting parameters");
   const EffectSearch search = search_effects(work, settings.most_effects, quiet);
-  if (std::string text = work.runs_disagree(search.base); !text.empty()) result.remarks.push_back(std::move(text));
+  std::string disagree = work.runs_disagree(search.base);
   for (const FreePlace& noise : search.noise)
     result.remarks.push_back(fmt::format("{}: its noise has a memory of {:.2g} s; what depends on nothing is no cause",
                                          sheet.port(noise.port).channel, noise.memory));
@@ -247,6 +248,15 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
                       effect.effect, effect.port, sizes[e].least, sizes[e].most));
   result.verdict = answer.verdict;
   result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (answer.doubt - 1)));
+  // What runs disagree in may keep a cause from being found that all of them have.
+  if (disagree.empty() && result.verdict == "unknown" && !found && !search.ranked.empty()) {
+    const GapTrials::Standing standing = work.standing();
+    const FitResult& likeliest = search.ranked.front().fit;
+    work.stand(likeliest.model);
+    disagree = work.runs_disagree(likeliest);
+    work.come_back(standing);
+  }
+  if (!disagree.empty()) result.remarks.push_back(std::move(disagree));
   // Where the likelihood from sample to sample says nothing for effects that close much, that much can be closed.
   result.closable = evidence.effects > 0 ? evidence.effects / (evidence.effects + evidence.free_after)
                                          : std::max(result.shrink_refit, 0.0);

@@ -111,8 +111,9 @@ struct GapOptions {
     std::size_t wide_points = 15;         // ... and the values tried in it before the best is narrowed down
     double close_span_coordinate = 0.22;  // the same for the few structures that are followed
     std::size_t close_points = 9;
-    std::size_t stuck_points = 3;  // values tried around a time from which a signal is stuck
-    std::size_t searches = 2;      // of a structure that is followed, at most
+    std::size_t judged_least_segments = 8;  // of a stretch without a break, whose first one is not judged
+    std::size_t stuck_points = 3;           // values tried around a time from which a signal is stuck
+    std::size_t searches = 2;               // of a structure that is followed, at most
     double search_excess_variances =
         0.04;  // excess of a typical segment below which no search is made: as quiet as a healthy rig
     double promising_gain_fraction = 0.25;  // of the best screening's gain, below which a finalist is not searched
@@ -137,8 +138,8 @@ struct GapOptions {
     // Of what effects found leave on segments that no fit saw, what a further one must close (development, at random,
     // three rigs: of 6 that closed less 1 was in the truth, of 23 that closed more 11, most others by its nature).
     double further_closed_fraction = 0.25;
-    // Of what an effect wins, what the noise of measured inputs may give: three times as much is the rig's.
-    double input_noise_fraction = 0.25;
+    // Of what an effect wins, what the noise of measured inputs may give: twice as much is the rig's.
+    double input_noise_fraction = 0.34;
     // How long a signal at a transducer may remember to be its noise: a drift does as long as can be told.
     double noise_memory_segments = 4;
     // ... and how large it may be, over the white part (development: what is larger was no noise).
@@ -325,6 +326,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.wide_points);
   FAULTLINE_OPTION(trials.close_span_coordinate);
   FAULTLINE_OPTION(trials.close_points);
+  FAULTLINE_OPTION(trials.judged_least_segments);
   FAULTLINE_OPTION(trials.stuck_points);
   FAULTLINE_OPTION(trials.searches);
   FAULTLINE_OPTION(trials.search_excess_variances);

@@ -207,6 +207,13 @@ void SegmentModel::place_hidden(SegmentedRun& run, std::size_t segment, const Ei
   }
 }
 
+std::vector<double> SegmentModel::shown_states(const SegmentedRun& run, std::size_t row) const {
+  std::vector<double> result;
+  for (const int channel : shown_by_)
+    result.push_back(channel < 0 ? std::nan("") : run.reading(row, static_cast<std::size_t>(channel)));
+  return result;
+}
+
 std::unique_ptr<DrivenModel> SegmentModel::driven(const ModelChange& change, const SegmentedRun& run,
                                                   const std::vector<double>& noise) const {
   SimulationSetup setup;
@@ -275,19 +282,33 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
   const std::size_t lead = goes_on || remembers ? 0 : run.lead;
   auto restart = restarts.begin();
   bool ended = false;
-  // From a restart on, of which `own` follow without a break.
-  const auto run_on = [&](const std::vector<std::size_t>& own, std::size_t first, std::size_t last) {
-    auto next = own.begin() + 1;
-    bool shows_the_last = false;
+  // From a restart on, of which `own` follow without a break; `ahead` rows before it fill memories.
+  const auto run_on = [&](const std::vector<std::size_t>& own, std::size_t first, std::size_t last, std::size_t ahead) {
+    std::vector<std::size_t> rows = own;
+    std::vector<std::vector<double>> led;
     std::vector<DrivenModel::Beside> beside;
-    for (std::size_t i = 1; i < models.size(); ++i) beside.push_back({models[i].get(), &variants[i].starts[first]});
-    driven.run(run.recording, own.front(), last - own.front(), own, &starts[first], beside,
+    if (ahead > 0) rows.insert(rows.begin(), own.front() - ahead);
+    for (std::size_t i = 0; i < models.size(); ++i) {
+      const double* from = &variants[i].starts[first];
+      if (ahead > 0) {
+        led.push_back(shown_states(run, rows.front()));
+        led.back().insert(led.back().end(), from, from + own.size() * shown_by_.size());
+        from = led.back().data();
+      }
+      beside.push_back({models[i].get(), from});
+    }
+    const double* const leader = beside.front().start_states;
+    beside.erase(beside.begin());
+    auto next = rows.begin() + 1;
+    bool shows_the_last = false;
+    driven.run(run.recording, rows.front(), last - rows.front(), rows, leader, beside,
                [&](std::size_t k, std::size_t which, const double* channels) {
                  if (which == 0) {
-                   const bool restarts_here = next != own.end() && *next == k;
-                   shows_the_last = restarts_here || (lead > 0 && k == own.front());
+                   const bool restarts_here = next != rows.end() && *next == k;
+                   shows_the_last = restarts_here || (lead > 0 && k == rows.front());
                    next += restarts_here;
                  }
+                 if (k < own.front()) return true;
                  if (!(shows_the_last && restarted == Restarted::left_out)) compare(k, channels, results[which].data());
                  if (which == 0) ended = enough && enough(k, results.front());
                  return !ended;
@@ -302,7 +323,9 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
       const std::size_t first = static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
       std::vector<std::size_t> own{*restart++};
       while (restart != ends && !(run.parted && *restart > own.back() + run.segment)) own.push_back(*restart++);
-      run_on(own, first, run.parted ? std::min(stretch.last, own.back() + run.segment) : stretch.last);
+      const std::size_t ahead = run.parted && remembers ? options_.ahead_segments * run.segment : 0;
+      run_on(own, first, run.parted ? std::min(stretch.last, own.back() + run.segment) : stretch.last,
+             std::min(ahead, own.front() - stretch.first));
     }
     if (ended) return results;
   }

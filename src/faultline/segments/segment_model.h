@@ -97,6 +97,8 @@ class SegmentModel {
                                         const Enough& enough) const;
   // In sigmas: beyond anything the sensor shows, and finite where a model diverges.
   double largest_residual(std::size_t output, double sigma) const;
+  // What the channels show of the states at a row; NaN: nothing.
+  std::vector<double> shown_states(const SegmentedRun& run, std::size_t row) const;
   void read_held_values(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma,
                         Eigen::MatrixXf& residuals) const;
   void place_hidden(SegmentedRun& run, std::size_t segment, const Eigen::VectorXd& mean,
