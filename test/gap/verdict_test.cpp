@@ -101,6 +101,23 @@ TEST(Verdict, WhatLeavesNothingIsNamed) {
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
 }
 
+// Next to nothing is left of a large gap, and rigs have small things that a free signal makes much of.
+TEST(Verdict, WhatLeavesNextToNothingIsNamed) {
+  GapEvidence evidence = of_effects({13000, 46500}, 29000, 0.05, 530);
+  evidence.shrink = evidence.typical_shrink = 0.96;
+  evidence.free_before = evidence.free_after = 8500;
+  evidence.left = 15;
+  evidence.quiet = 0.05;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.typical_shrink = 0.9;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+  // A size that changes is no cause, however much it closes.
+  evidence.typical_shrink = 0.96;
+  evidence.spread = 0.4;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+}
+
 // A gap that is too small to need a cause, or smaller than the noise, has one only where that closes most of it.
 TEST(Verdict, WhatClosesLittleOfASmallGapIsNoName) {
   GapEvidence evidence = of_effects({400, 1000}, 8000, 0.009, 2);

@@ -76,11 +76,14 @@ class CommandPath:
     def pieces(self, k, command):
         h = self.period
         start, end = k * h, (k + 1) * h
+        if not self.history:  # settled under the first command, as the rig is
+            self.first = command
+            self.out = self._static(command)
         self.history[k] = command
         if self.delay > 0:
             whole = int(self.delay / h)
             rest = self.delay - whole * h
-            old, new = self.history.get(k - whole - 1, 0.0), self.history.get(k - whole, 0.0)
+            old, new = self.history.get(k - whole - 1, self.first), self.history.get(k - whole, self.first)
             parts = [(start, start + rest, old), (start + rest, end, new)] if rest > 1e-9 else [(start, end, new)]
         else:
             parts = [(start, end, command)]

@@ -65,7 +65,7 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   // its fit did not see.
   const bool large = mean_excess(now.losses, work.held_out_values()) > verdict.material_excess_variances;
   if (hidden && (large || !first) && left < quiet_variances && share > verdict.closed_shrink_fraction) return true;
-  if (hidden && large && first && share > verdict.hidden_closed_fraction) return true;
+  if (hidden && large && first && share > verdict.nearly_closed_fraction) return true;
   const double loss = loss_of(work, now.noise, best);
   const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
   return won > options.evidence_fraction * certain.after.loss && won > options.further_evidence_fraction * before;

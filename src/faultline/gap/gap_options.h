@@ -111,9 +111,8 @@ struct GapOptions {
     std::size_t wide_points = 15;         // ... and the values tried in it before the best is narrowed down
     double close_span_coordinate = 0.22;  // the same for the few structures that are followed
     std::size_t close_points = 9;
-    std::size_t judged_least_segments = 8;  // of a stretch without a break, whose first one is not judged
-    std::size_t stuck_points = 3;           // values tried around a time from which a signal is stuck
-    std::size_t searches = 2;               // of a structure that is followed, at most
+    std::size_t stuck_points = 3;  // values tried around a time from which a signal is stuck
+    std::size_t searches = 2;      // of a structure that is followed, at most
     double search_excess_variances =
         0.04;  // excess of a typical segment below which no search is made: as quiet as a healthy rig
     double promising_gain_fraction = 0.25;  // of the best screening's gain, below which a finalist is not searched
@@ -201,8 +200,9 @@ struct GapOptions {
     double hidden_shrink_fraction = 0.5;
     // ... and from which they have closed it, where no more is left than a healthy rig has.
     double closed_shrink_fraction = 0.9;
-    // ... or, of a first effect that restarts hide, whatever is left: rigs have small things beside it.
-    double hidden_closed_fraction = 0.95;
+    // ... or, whatever is left, since rigs have small things beside a cause: of a typical segment, too, or of what
+    // restarts hide.
+    double nearly_closed_fraction = 0.95;
     // Of the gap from which there must be a cause, from which one that stands out is named.
     double named_matters_fraction = 0.1;
     // Of what named effects win, what a free signal at one place may still win beside them (development), if it is no
@@ -326,7 +326,6 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(trials.wide_points);
   FAULTLINE_OPTION(trials.close_span_coordinate);
   FAULTLINE_OPTION(trials.close_points);
-  FAULTLINE_OPTION(trials.judged_least_segments);
   FAULTLINE_OPTION(trials.stuck_points);
   FAULTLINE_OPTION(trials.searches);
   FAULTLINE_OPTION(trials.search_excess_variances);
@@ -369,7 +368,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.small_gap_shrink_fraction);
   FAULTLINE_OPTION(verdict.hidden_shrink_fraction);
   FAULTLINE_OPTION(verdict.closed_shrink_fraction);
-  FAULTLINE_OPTION(verdict.hidden_closed_fraction);
+  FAULTLINE_OPTION(verdict.nearly_closed_fraction);
   FAULTLINE_OPTION(verdict.named_matters_fraction);
   FAULTLINE_OPTION(verdict.free_evidence_fraction);
   FAULTLINE_OPTION(verdict.size_spread);

@@ -409,8 +409,8 @@ void GapTrials::cross_score(const Surroundings& around, Structure& structure, st
                      jobs, false);
     }
     if (!fit.effects.empty()) sizes[f] = free_sizes(fit.effects.back(), part.effects.back());
-    losses[f] = judged(fold.test, around.linear->subset(fold.test).segment_losses(
-                                      residuals_of(*around.residuals, part.model, fold.test, jobs)));
+    losses[f] =
+        around.linear->subset(fold.test).segment_losses(residuals_of(*around.residuals, part.model, fold.test, jobs));
   });
   structure.held_out.clear();
   for (const std::vector<double>& part : losses)
@@ -490,7 +490,7 @@ std::vector<double> GapTrials::held_out(const ModelChange& at) const {
     const Linearisation test = around_.linear->subset(fold.test);
     std::vector<Eigen::MatrixXf> residuals;
     for (const std::size_t run : fold.test) residuals.push_back(model().residuals(at, run));
-    const auto part = judged(fold.test, test.segment_losses(residuals));
+    const auto part = test.segment_losses(residuals);
     result.insert(result.end(), part.begin(), part.end());
   }
   return result;
@@ -513,26 +513,8 @@ double GapTrials::held_out_values() const {
   double count = 0;
   for (const Fold& fold : folds_)
     for (const std::size_t run : fold.test)
-      count += segment_values() *
-               static_cast<double>(judged({run}, std::vector<double>(model().runs()[run].segments())).size());
+      count += static_cast<double>(model().runs()[run].segments()) * segment_values();
   return count;
-}
-
-std::vector<double> GapTrials::judged(const std::vector<std::size_t>& runs, const std::vector<double>& losses) const {
-  std::vector<double> result;
-  std::size_t at = 0;
-  for (const std::size_t r : runs) {
-    const SegmentedRun& run = model().runs()[r];
-    for (const std::size_t restart : run.restarts) {
-      const double loss = losses[at++];
-      const bool first = std::any_of(run.stretches.begin(), run.stretches.end(), [&](const Stretched& stretch) {
-        return restart == stretch.first &&
-               stretch.last - stretch.first >= options().trials.judged_least_segments * run.segment;
-      });
-      if (!first) result.push_back(loss);
-    }
-  }
-  return result;
 }
 
 }  // namespace faultline

@@ -25,7 +25,7 @@ struct Structure {
   FitResult fit;                 // effects at their starting points until it was fitted
   double screened = 0;           // gain in the screening
   double quick = 0;              // gain of the quick fit
-  std::vector<double> held_out;  // loss per segment of all tests that is judged; empty until refined
+  std::vector<double> held_out;  // loss per segment of all tests; empty until refined
   std::vector<double> score;     // the same on the scale of GapTrials::robust()
   Eigen::VectorXd
       apart;  // how far the folds' fits of the last effect's coordinates lie from each other: standard deviation
@@ -106,7 +106,7 @@ class GapTrials {
   double learned_gain(const Structure& structure) const;
   double gain_of_input_noise(const FitResult& standing, const Structure& structure) const;
 
-  // Losses per held-out segment of a model as it is, of those that are judged.
+  // Losses per held-out segment of a model as it is.
   std::vector<double> held_out(const ModelChange& at) const;
 
   double segment_values() const { return model().segment_values(); }
@@ -141,9 +141,6 @@ class GapTrials {
   void finish(Structure& structure) const;
   // `base`: learned loss of what it is beside, over the same segments.
   double follow(Structure& structure, const Surroundings& from, double base, std::size_t rounds) const;
-  // Without the first segments of long stretches: what the commands did before a recording began is not in it, and what
-  // remembers it moves in a way that no model tells.
-  std::vector<double> judged(const std::vector<std::size_t>& runs, const std::vector<double>& losses) const;
   // The first `held` effects stay as they are.
   void cross_score(const Surroundings& around, Structure& structure, std::size_t held) const;
 

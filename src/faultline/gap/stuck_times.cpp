@@ -6,7 +6,6 @@
 namespace faultline {
 namespace {
 
-constexpr double kFewestReadings = 8;    // that show one value: fewer are a signal that turns
 constexpr double kBesideNormal = 3;      // standard deviations beyond what so many normal readings span
 constexpr double kNeighbourhood = 0.05;  // of the longest run, on both sides
 
@@ -21,7 +20,8 @@ double still_since(const SegmentedRun& run, std::size_t channel, double resoluti
     // So many normal readings lie within twice this of each other (extreme values).
     const double span = std::sqrt(2 * std::log(count)) + 0.5 * kBesideNormal;
     if (most - least > 2 * span * noise + resolution) break;
-    if (count >= kFewestReadings) since = run.recording.time[k] - run.recording.time.front();
+    // In less than a segment a signal turns.
+    if (run.recording.rows() - k >= run.segment) since = run.recording.time[k] - run.recording.time.front();
   }
   return since;
 }

@@ -20,10 +20,14 @@ GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bo
 GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptions::Verdict& options) {
   GapVerdict result;
   const double perfect = std::max(evidence.perfect, 1e-9), effects = std::max(evidence.effects, 1e-9);
+  // Next to nothing is left of the gap, in a typical segment neither: whatever a free signal wins more, it is not what
+  // was missing.
+  const bool nearly = std::min(evidence.shrink, evidence.typical_shrink) > options.nearly_closed_fraction;
   // What stands against a name: a free signal that wins much beside it, or a size that is not the same everywhere.
-  const double beside = std::max(evidence.free_after / std::max(options.free_evidence_fraction * effects,
-                                                                options.place_evidence_fraction * perfect),
-                                 evidence.spread / options.size_spread);
+  const double free_beside = nearly ? 0
+                                    : evidence.free_after / std::max(options.free_evidence_fraction * effects,
+                                                                     options.place_evidence_fraction * perfect);
+  const double beside = std::max(free_beside, evidence.spread / options.size_spread);
   const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
   // Of all that is left, or of what is left in most segments, where a few in which the model goes astray hold it all.
   const bool closes = (evidence.shrink > shrink && evidence.shrink_low > 0) ||
@@ -31,7 +35,7 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   // As little is left as on a rig in which nothing is missing, or next to nothing of what restarts hide: whatever wins
   // more there is no cause of this gap.
   const bool closed = (evidence.left < evidence.quiet && evidence.shrink > options.closed_shrink_fraction) ||
-                      (!evidence.plain && evidence.shrink > options.hidden_closed_fraction);
+                      (!evidence.plain && evidence.shrink > options.nearly_closed_fraction);
   // What restarts hide may be unlikely from sample to sample and close all (effect_search.cpp).
   const bool likely = evidence.effects > options.material_evidence_fraction * perfect ||
                       (closed && !evidence.plain && evidence.excess > options.material_excess_variances);
