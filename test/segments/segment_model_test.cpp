@@ -181,6 +181,29 @@ TEST(SegmentModel, SomeSegmentsAreAsInTheWholeRun) {
 }
 
 // Long steps where the motion is even cost a fraction of the noise, with effects that remember what they saw too.
+// Where the driven side stands in its play no reading says: what lies before a piece has to be run.
+TEST(SegmentModel, PiecesAreLedIntoWhereTheModelRemembers) {
+  const EffectSpec play = parse_effect("backlash@transmission.rod:gap=2e-3");
+  SimulationSetup setup = servo_setup("multisine");
+  setup.effects = {play};
+  Prepared whole(simulate(servo(), setup, 8), 0.25);
+  const std::vector<std::size_t> which = {6, 7, 15, 16, 24, 25};
+  const SegmentedRun part = some_segments(whole.run, which);
+  const Eigen::MatrixXf all = whole.model.residuals(nominal({play}), whole.run, whole.noise);
+  const auto misses = [&](std::size_t ahead) {
+    SegmentOptions options;
+    options.ahead_segments = ahead;
+    const Eigen::MatrixXf own = SegmentModel(servo(), options).residuals(nominal({play}), part, whole.noise);
+    float miss = 0;
+    for (const std::size_t restart : part.restarts) {
+      const auto first = static_cast<Eigen::Index>(restart), rows = static_cast<Eigen::Index>(part.segment);
+      miss += (own.middleRows(first, rows) - all.middleRows(first, rows)).squaredNorm();
+    }
+    return miss;
+  };
+  EXPECT_LT(misses(SegmentOptions().ahead_segments), 0.001F * misses(0));
+}
+
 TEST(SegmentModel, LongStepsAreAsNear) {
   const Prepared given(simulate(servo(), servo_setup("multisine"), 3), 0.25);
   SegmentOptions options;
