@@ -163,6 +163,8 @@ struct GapOptions {
   struct Agreement {
     double gain_fraction = 0.5;           // of what the model leaves that parameters of each run's own must win,
     double least_excess_variances = 0.1;  // but at least this: less is the scatter of what is never modelled
+    std::size_t rounds = 4;               // linearisations of a run's own parameters, at most,
+    double settled_gain_fraction = 0.1;   // ... until one gains less of what all have
     double apart_standard_errors = 5;     // between a parameter's values in two runs,
     double apart_tolerances = 1;          // but at least this: less is what an effect that is missing bends
   } agreement;
@@ -349,6 +351,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(nearer.bound_tolerances);
   FAULTLINE_OPTION(agreement.gain_fraction);
   FAULTLINE_OPTION(agreement.least_excess_variances);
+  FAULTLINE_OPTION(agreement.rounds);
+  FAULTLINE_OPTION(agreement.settled_gain_fraction);
   FAULTLINE_OPTION(agreement.apart_standard_errors);
   FAULTLINE_OPTION(agreement.apart_tolerances);
   FAULTLINE_OPTION(onset.least_segments);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include <fmt/format.h>
 #include <Eigen/LU>
@@ -25,23 +26,41 @@ std::vector<double> robust_losses(const Linearisation& linear, const std::vector
   return result;
 }
 
-OwnParameters fitted_alone(const ResidualModel& residuals, const Linearisation& linear, const FitResult& at) {
+double loss_of(const Linearisation& linear) { return sum(robust_losses(linear, linear.at_model())); }
+
+// From common parameters, which lie between those of the runs, one linearisation does not lead to a run's own.
+OwnParameters fitted_alone(const ResidualModel& residuals, std::size_t run, const FitResult& at) {
+  const GapOptions::Agreement& options = residuals.options().agreement;
   std::vector<Candidate> held = at.effects;
   for (Candidate& effect : held)
     for (std::size_t p = 0; p < effect.bounds.size(); ++p)
       effect.bounds[p].minimum = effect.bounds[p].maximum = effect.effect.parameters[p];
-  const FitResult fit = fit_gap(residuals, at.model, held, linear, residuals.options().trials.steps);
+  ResidualModel alone = residuals.only(run);
+  ModelChange model = at.model;
+  auto linear = std::make_unique<Linearisation>(alone, model, std::vector<std::size_t>{0}, 1);
   OwnParameters own;
-  own.run = linear.runs().front();
-  own.values = fit.model.parameters;
-  own.z = deviations(residuals.sheet(), linear.free_parameters(), own.values);
-  own.loss = sum(robust_losses(linear, linear.at_model()));
-  own.gain = own.loss - sum(robust_losses(linear, residuals_of(residuals, fit.model, linear.runs())));
+  own.run = run;
+  own.loss = loss_of(*linear);
+  double least = own.loss;
+  for (std::size_t round = 0; round < options.rounds; ++round) {
+    const FitResult fit = fit_gap(alone, model, held, *linear, residuals.options().trials.steps);
+    alone.settle_starts(fit.model, 0);
+    auto there = std::make_unique<Linearisation>(alone, fit.model, std::vector<std::size_t>{0}, 1);
+    const double now = loss_of(*there), gained = least - now;
+    if (!(gained > 0)) break;
+    model = fit.model;
+    linear = std::move(there);
+    least = now;
+    if (gained < options.settled_gain_fraction * (own.loss - least)) break;
+  }
+  own.gain = own.loss - least;
+  own.values = model.parameters;
+  own.z = deviations(residuals.sheet(), linear->free_parameters(), own.values);
   const Eigen::Index n = own.z.size();
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
   std::size_t segment = 0;
-  for (const Eigen::MatrixXd& products : linear.products(linear.at_model()))
-    information += linear.weights()[segment++] * products.block(1, 1, n, n);
+  for (const Eigen::MatrixXd& products : linear->products(linear->at_model()))
+    information += linear->weights()[segment++] * products.block(1, 1, n, n);
   own.variance = information.inverse().diagonal();
   return own;
 }
@@ -53,7 +72,7 @@ std::string disagreement(const ResidualModel& residuals, const Linearisation& li
   std::vector<OwnParameters> runs;
   double gain = 0, loss = 0;
   for (std::size_t r = 0; r < linear.runs().size(); ++r) {
-    runs.push_back(fitted_alone(residuals, linear.subset({r}), at));
+    runs.push_back(fitted_alone(residuals, linear.runs()[r], at));
     gain += runs.back().gain;
     loss += runs.back().loss;
   }
