@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "faultline/gap/effect_search.h"
@@ -47,6 +48,9 @@ TEST(StuckTimes, AreSeenInTheReadings) {
 TEST(StuckTimes, ASignalThatMovesInARunIsNotStuckUntilItsEnd) {
   EXPECT_EQ(still_since({held_since(3, 10, true, 1), held_since(100, 10, true, 2)}, 0, 0, kNoise), 10.0);
   EXPECT_EQ(still_since({held_since(100, 10.3, false, 1)}, 0, 0, 0), 10.3);
+  SegmentedRun off = held_since(100, 10, true, 1);  // a wire that is off for the last 5 s
+  std::fill(off.recording.values.begin() + 500, off.recording.values.end(), std::nan(""));
+  EXPECT_EQ(still_since({off}, 0, 0, kNoise), 10.0);
 }
 
 TEST(StuckTimes, OnlyATransducerThatShowsOneValueIsACandidate) {

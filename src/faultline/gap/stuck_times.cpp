@@ -20,8 +20,9 @@ double still_since(const SegmentedRun& run, std::size_t channel, double resoluti
     // So many normal readings lie within twice this of each other (extreme values).
     const double span = std::sqrt(2 * std::log(count)) + 0.5 * kBesideNormal;
     if (most - least > 2 * span * noise + resolution) break;
-    // In less than a segment a signal turns.
-    if (run.recording.rows() - k >= run.segment) since = run.recording.time[k] - run.recording.time.front();
+    // In less than a segment a signal turns; of one half may be missing.
+    if (run.recording.rows() - k >= run.segment && 2 * count >= static_cast<double>(run.segment))
+      since = run.recording.time[k] - run.recording.time.front();
   }
   return since;
 }
