@@ -46,8 +46,13 @@ class CommandPath:
         self.tau = effects.get("lag", {}).get("time_constant", 0.0)
         self.rate = effects.get("rate_limit", {}).get("rate", math.inf)
         self.stuck_from = effects.get("stuck", {}).get("from", math.inf)
-        self.history = {}
+        self.history, self.before = {}, 0.0
         self.out = 0.0
+
+    def settle(self, command):
+        """As it is when that command has stood for long: of a rig that does not begin at rest."""
+        self.before = command
+        self.out = self._static(command)
 
     def _static(self, u):
         e = self.e
@@ -76,14 +81,11 @@ class CommandPath:
     def pieces(self, k, command):
         h = self.period
         start, end = k * h, (k + 1) * h
-        if not self.history:  # settled under the first command, as the rig is
-            self.first = command
-            self.out = self._static(command)
         self.history[k] = command
         if self.delay > 0:
             whole = int(self.delay / h)
             rest = self.delay - whole * h
-            old, new = self.history.get(k - whole - 1, self.first), self.history.get(k - whole, self.first)
+            old, new = self.history.get(k - whole - 1, self.before), self.history.get(k - whole, self.before)
             parts = [(start, start + rest, old), (start + rest, end, new)] if rest > 1e-9 else [(start, end, new)]
         else:
             parts = [(start, end, command)]

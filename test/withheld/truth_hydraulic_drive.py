@@ -282,6 +282,8 @@ class Truth:
             volts, record["speed_setpoint"][k] = controller(k, shown.seen)
             volts = dac * math.floor(min(max(volts, -5.0), 5.0) / dac + 0.5)
             record["valve_voltage"][k] = volts
+            if k == 0:
+                path.settle(volts)
             self.advance(y, path.pieces(k, volts))
         self.seen = (supply, load, {})
         return {"t": np.arange(count) * h, "record": record, "states": states, "clean": clean, "truth": self}
@@ -315,5 +317,6 @@ class Truth:
         known = self.given[2]
         if key not in known:
             path = self.path()
+            path.settle(commands[0])
             known[key] = np.array([(k, *p) for k in range(count) for p in path.pieces(k, commands[k])])
         return known[key]
