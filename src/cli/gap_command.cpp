@@ -177,7 +177,8 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
                       {"calibrated", evidence.calibrated},
                       {"left", evidence.left},
                       {"quiet", evidence.quiet},
-                      {"spread", evidence.spread}};
+                      {"spread", evidence.spread},
+                      {"beyond", evidence.beyond}};
   json["missing"] = missing_json(sheet, result.missing);
   json["shrink"] = {{"heldout", result.shrink_refit},
                     {"against_nominal", result.shrink_nominal},

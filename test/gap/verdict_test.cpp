@@ -152,6 +152,19 @@ TEST(Verdict, ASizeThatChangesIsNoCause) {
   EXPECT_EQ(judge_gap(evidence, 2, options).verdict, "none");
 }
 
+// What would have to be four times as large as the datasheet lets it, or more, is another cause that looks like it.
+TEST(Verdict, ASizeAtTheEndOfWhatIsTriedIsNoName) {
+  GapEvidence evidence = of_effects({28000, 32000}, 29000, 0.27, 39);
+  evidence.shrink = evidence.typical_shrink = 0.97;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.beyond = true;
+  const GapVerdict answer = judge_gap(evidence, 0.01, options);
+  EXPECT_EQ(answer.verdict, "unknown");
+  EXPECT_TRUE(answer.names);
+  EXPECT_GT(answer.doubt, 1);
+}
+
 TEST(Verdict, SaysWhereAFewSegmentsHoldTheGap) {
   GapResult result;
   result.verdict = "named";

@@ -102,6 +102,22 @@ std::string told_beyond_range(const Datasheet& sheet, const std::vector<Candidat
   return text;
 }
 
+// Whether a size lies at the end of what is tried and beyond the datasheet's range.
+bool at_farthest(const Datasheet& sheet, const Candidate& candidate, const GapOptions& options) {
+  const EffectType* type = find_effect_type(candidate.effect.effect);
+  for (const FittingEffect& fitting : sheet.port(candidate.effect.port).effects) {
+    if (fitting.effect != candidate.effect.effect || type->family == "stuck") continue;
+    for (std::size_t p = 0; p < candidate.bounds.size(); ++p) {
+      const auto range = fitting.bounds.find(type->parameters[p].name);
+      if (range == fitting.bounds.end()) continue;
+      const double value = candidate.effect.parameters[p], place = candidate.to_coordinate(p, value);
+      const bool outside = value < range->second.minimum || value > range->second.maximum;
+      if (outside && std::abs(place - 0.5) > 0.5 - options.verdict.bound_coordinate) return true;
+    }
+  }
+  return false;
+}
+
 using Excess = double (*)(const std::vector<double>& segments, double values);
 
 // 1 - excess(after)/excess(before)
@@ -238,6 +254,8 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   evidence.quiet = quiet;
   const std::vector<SizeAgreement> sizes = work.sizes_agree(search.base);
   for (const SizeAgreement& size : sizes) evidence.spread = std::max(evidence.spread, size.spread);
+  evidence.beyond = std::any_of(search.base.effects.begin(), search.base.effects.end(),
+                                [&](const Candidate& effect) { return at_farthest(sheet, effect, options); });
   result.matters = settings.matters;
   const GapVerdict answer = judge_gap(evidence, settings.matters, verdict);
   for (std::size_t e = 0; e < sizes.size() && answer.names; ++e)

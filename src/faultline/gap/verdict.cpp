@@ -3,6 +3,11 @@
 #include <algorithm>
 
 namespace faultline {
+namespace {
+
+constexpr double kBeyondDoubt = 2;
+
+}  // namespace
 
 GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bool found) {
   const auto most = [](const Discrepancy& d) { return d.places.empty() ? 0 : d.places.front().gain; };
@@ -53,7 +58,8 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   const double misfit = std::min(evidence.size / (options.silent_matters_ratio * std::max(matters, 1e-9)),
                                  evidence.excess / options.silent_excess_variances);
   const double silent = std::max(large ? place : std::min(place, 0.5), misfit);
-  if (result.names && (beside <= 1 || closed)) {
+  // What would have to be larger than anything that is tried acts like the cause and is another one.
+  if (result.names && (beside <= 1 || closed) && !evidence.beyond) {
     result.verdict = "named";
     result.doubt = std::min(beside, 1.0);
     return result;
@@ -61,7 +67,7 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   // Effects that win much and leave much are a part of the cause, in a gap that must have one.
   const bool part = result.names && evidence.size > matters &&
                     (large || evidence.effects > options.partial_evidence_fraction * perfect);
-  result.doubt = part ? std::max(beside, silent) : silent;
+  result.doubt = part ? std::max({beside, silent, evidence.beyond ? kBeyondDoubt : 0}) : silent;
   result.names = part || (result.names && silent > 1);
   result.placed = result.names || place > 1;
   if (result.doubt > 1)

@@ -28,6 +28,7 @@ struct GapEvidence {
   double left = 0;        // excess beside the effects on held-out data ...
   double quiet = 0;       // ... and that of a healthy rig
   double spread = 0;      // of an effect's size from part to part of the runs, the largest: SizeAgreement
+  bool beyond = false;    // whether a size lies at the end of what is tried, far beyond the datasheet's range
 };
 
 struct GapVerdict {
