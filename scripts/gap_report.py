@@ -287,7 +287,11 @@ def marks_of(answer):
     for place in ranked[:1]:
         for other in place.get("inseparable", []):
             marks[other] = ("rival", "or here")
-    found = [effect["port"] for effect in answer["cause"]["effects"]] or [place["port"] for place in ranked[:1]]
+    found, place = [effect["port"] for effect in answer["cause"]["effects"]], [p["port"] for p in ranked[:1]]
+    if answer["cause"]["verdict"] == "unknown" and place:  # the effects are a part of the cause, at most
+        marks.update({port: ("rival", "a part") for port in found})
+        found = place
+    found = found or place
     for port in found:
         share = shares.get(port, 0.0)
         marks[port] = (

@@ -34,6 +34,20 @@ CLOGGED = {
 }
 
 
+class Drawing(unittest.TestCase):
+    def test_an_unknown_cause_is_where_the_sentence_says_and_what_was_found_is_a_part(self):
+        unknown = answer(CLOGGED)
+        unknown["cause"].update(verdict="unknown", equivalent=[])
+        unknown["where"] = {"ranked": [{"port": "sensor.position", "share": 1.0}]}
+        marks = gap_report.marks_of(unknown)
+        self.assertEqual(marks["sensor.position"][0], "found")
+        self.assertEqual(marks["restriction.valve"], ("rival", "a part"))
+        unknown["where"]["ranked"] = [{"port": "restriction.valve", "share": 1.0}]
+        self.assertEqual({k: m[0] for k, m in gap_report.marks_of(unknown).items()}, {"restriction.valve": "found"})
+        unknown["cause"]["verdict"] = "named"
+        self.assertEqual(gap_report.marks_of(unknown)["restriction.valve"][0], "found")
+
+
 class FirstSentence(unittest.TestCase):
     def test_an_effect_closes_its_share(self):
         text, after = gap_report.sentence_of(answer(CLOGGED), Sheet)
