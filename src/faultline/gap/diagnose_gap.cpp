@@ -81,41 +81,45 @@ std::vector<std::string> at_bounds(const Datasheet& sheet, const GapResult& resu
   return at_bounds(sheet, parameters, options);
 }
 
-// Sizes of what was found that lie beyond the datasheet's ranges, in one sentence; empty: none.
-std::string told_beyond_range(const Datasheet& sheet, const std::vector<Candidate>& effects) {
-  std::string text;
-  for (const Candidate& c : effects)
-    for (const FittingEffect& fitting : sheet.port(c.effect.port).effects) {
-      if (fitting.effect != c.effect.effect) continue;
-      const EffectType* type = find_effect_type(c.effect.effect);
-      if (type->family == "stuck") continue;  // a time is no size
-      for (std::size_t p = 0; p < c.bounds.size(); ++p) {
-        const auto range = fitting.bounds.find(type->parameters[p].name);
-        if (range == fitting.bounds.end()) continue;
-        const double value = c.effect.parameters[p];
-        if (value >= range->second.minimum && value <= range->second.maximum) continue;
-        text += fmt::format("{}{} of {}@{} ({:.4g}) lies beyond the datasheet's range, {:.4g} to {:.4g}",
-                            text.empty() ? "" : "; ", type->parameters[p].name, c.effect.effect, c.effect.port, value,
-                            range->second.minimum, range->second.maximum);
-      }
-    }
-  return text;
-}
+struct BeyondRange {
+  std::size_t parameter;
+  Bounds range;
+};
 
-// Whether a size lies at the end of what is tried and beyond the datasheet's range.
-bool at_farthest(const Datasheet& sheet, const Candidate& candidate, const GapOptions& options) {
+// Parameters of an effect that lie beyond the datasheet's ranges; a time is no size.
+std::vector<BeyondRange> beyond_range(const Datasheet& sheet, const Candidate& candidate) {
+  std::vector<BeyondRange> result;
   const EffectType* type = find_effect_type(candidate.effect.effect);
   for (const FittingEffect& fitting : sheet.port(candidate.effect.port).effects) {
     if (fitting.effect != candidate.effect.effect || type->family == "stuck") continue;
     for (std::size_t p = 0; p < candidate.bounds.size(); ++p) {
       const auto range = fitting.bounds.find(type->parameters[p].name);
-      if (range == fitting.bounds.end()) continue;
-      const double value = candidate.effect.parameters[p], place = candidate.to_coordinate(p, value);
-      const bool outside = value < range->second.minimum || value > range->second.maximum;
-      if (outside && std::abs(place - 0.5) > 0.5 - options.verdict.bound_coordinate) return true;
+      const double value = candidate.effect.parameters[p];
+      if (range != fitting.bounds.end() && (value < range->second.minimum || value > range->second.maximum))
+        result.push_back({p, range->second});
     }
   }
-  return false;
+  return result;
+}
+
+// Those of what was found in one sentence; empty: none.
+std::string told_beyond_range(const Datasheet& sheet, const std::vector<Candidate>& effects) {
+  std::string text;
+  for (const Candidate& c : effects)
+    for (const auto& [p, range] : beyond_range(sheet, c))
+      text += fmt::format("{}{} of {}@{} ({:.4g}) lies beyond the datasheet's range, {:.4g} to {:.4g}",
+                          text.empty() ? "" : "; ", find_effect_type(c.effect.effect)->parameters[p].name,
+                          c.effect.effect, c.effect.port, c.effect.parameters[p], range.minimum, range.maximum);
+  return text;
+}
+
+// Whether one of them lies at the end of what is tried.
+bool at_farthest(const Datasheet& sheet, const Candidate& candidate, const GapOptions& options) {
+  const std::vector<BeyondRange> beyond = beyond_range(sheet, candidate);
+  return std::any_of(beyond.begin(), beyond.end(), [&](const BeyondRange& size) {
+    const double place = candidate.to_coordinate(size.parameter, candidate.effect.parameters[size.parameter]);
+    return std::abs(place - 0.5) > 0.5 - options.verdict.bound_coordinate;
+  });
 }
 
 using Excess = double (*)(const std::vector<double>& segments, double values);

@@ -5,7 +5,7 @@
 namespace faultline {
 namespace {
 
-constexpr double kBeyondDoubt = 2;
+constexpr double kBeyondDoubt = 2;  // of effects that are a part at most: clearly above 1
 
 }  // namespace
 
