@@ -56,7 +56,7 @@ StochasticModel scalar_model(double level, std::uint64_t seed, std::vector<doubl
 
 double loss(const StochasticModel& model, double q, const FreeSignal& signal) {
   double sum = 0;
-  for (const double block : block_losses(model, gather(model), Eigen::VectorXd::Constant(1, q), signal)) sum += block;
+  for (const double block : block_losses(model, Eigen::VectorXd::Constant(1, q), signal)) sum += block;
   return sum;
 }
 
@@ -162,7 +162,7 @@ TEST(FreeSignalFilter, HasTheLikelihoodOfAllReadingsTogether) {
     const double n = static_cast<double>(counts.size());
     const double square = readings.dot(covariance.ldlt().solve(readings));
     const double expected = 0.5 * std::log(covariance.determinant()) + 0.5 * n * std::log(square / n);
-    const std::vector<double> losses = block_losses(model, gather(model), q, signal);
+    const std::vector<double> losses = block_losses(model, q, signal);
     ASSERT_EQ(losses.size(), 1u);
     EXPECT_NEAR(losses.front(), expected, 1e-8) << port;
   }
@@ -247,8 +247,7 @@ double likeliest(const StochasticModel& model, double q, const FreeSignal& from)
 TEST(SignalScan, AgreesWithTheFilter) {
   for (const double level : {0.3, 1.0}) {
     const StochasticModel model = scalar_model(level, 8);
-    const std::vector<ScannedSignal> scanned =
-        scan_signals(model, gather(model), Eigen::VectorXd::Constant(1, 1e-4), 2);
+    const std::vector<ScannedSignal> scanned = scan_signals(model, Eigen::VectorXd::Constant(1, 1e-4), 2);
     ASSERT_EQ(scanned.size(), 2u);
     for (const ScannedSignal& found : scanned) {
       const double exact = loss(model, 1e-4, {}) - likeliest(model, 1e-4, found.signal);
@@ -256,14 +255,14 @@ TEST(SignalScan, AgreesWithTheFilter) {
     }
   }
   const StochasticModel nothing = scalar_model(0, 9);
-  for (const ScannedSignal& found : scan_signals(nothing, gather(nothing), Eigen::VectorXd::Constant(1, 1e-4), 1))
+  for (const ScannedSignal& found : scan_signals(nothing, Eigen::VectorXd::Constant(1, 1e-4), 1))
     EXPECT_LT(found.gain, 5);
 }
 
 TEST(SignalScan, LeavesOutReadingsThatDoNotCount) {
   StochasticModel model = scalar_model(1, 10);
   for (std::size_t i = 300; i < 500; ++i) model.stretches[0].misfit[i][0] = std::nan("");
-  for (const ScannedSignal& found : scan_signals(model, gather(model), Eigen::VectorXd::Constant(1, 1e-4), 1)) {
+  for (const ScannedSignal& found : scan_signals(model, Eigen::VectorXd::Constant(1, 1e-4), 1)) {
     const double exact = loss(model, 1e-4, {}) - likeliest(model, 1e-4, found.signal);
     EXPECT_NEAR(found.gain, exact, 0.35 * exact) << found.signal.port;
   }

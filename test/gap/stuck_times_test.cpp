@@ -73,5 +73,25 @@ TEST(StuckTimes, OnlyATransducerThatShowsOneValueIsACandidate) {
   EXPECT_EQ(stuck, 1u);
 }
 
+TEST(StuckTimes, ACommandThatIsStuckIsNotFollowed) {
+  constexpr double kSince = 2.6;
+  std::vector<SegmentedRun> runs;
+  for (const std::uint64_t seed : {5, 6}) {
+    SimulationSetup setup = servo_setup("multisine", seed);
+    setup.effects = {parse_effect("stuck@command.valve_command:from=2.6")};
+    runs.push_back(cut_run(servo(), "run", simulate(servo(), setup, 4), 0.25));
+  }
+  const ResidualModel residuals(servo(), runs);
+  EXPECT_NEAR(not_followed_since(residuals), kSince, 0.25);
+  std::size_t near = 0;
+  for (const Candidate& candidate : where_still(candidates(servo(), {}, 4), residuals)) {
+    if (candidate.effect.effect != "stuck" || candidate.effect.port != "command.valve_command") continue;
+    const Bounds& bounds = candidate.bounds.front();
+    EXPECT_TRUE(bounds.minimum < kSince && bounds.maximum > kSince) << bounds.minimum << " " << bounds.maximum;
+    near += bounds.maximum - bounds.minimum < 1;
+  }
+  EXPECT_EQ(near, 1u);
+}
+
 }  // namespace
 }  // namespace faultline

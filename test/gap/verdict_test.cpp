@@ -165,6 +165,20 @@ TEST(Verdict, ASizeAtTheEndOfWhatIsTriedIsNoName) {
   EXPECT_GT(answer.doubt, 1);
 }
 
+// Where a perfect model would win very much, a tenth of that is much in itself.
+TEST(Verdict, WhatWinsMuchOfEveryReadingStandsBesideAName) {
+  GapEvidence evidence = of_effects({6000, 34000}, 28800, 0.15, 126);
+  evidence.shrink = evidence.typical_shrink = 0.6;
+  evidence.free_after = 2000;
+  EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "unknown");
+  EXPECT_TRUE(judge_gap(evidence, 0.01, {}).names);
+  evidence.readings = 288000;
+  EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "named");
+  evidence.readings = 28800;
+  evidence.free_after = 1400;  // less than a quarter of what the effects win
+  EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "named");
+}
+
 TEST(Verdict, SaysWhereAFewSegmentsHoldTheGap) {
   GapResult result;
   result.verdict = "named";
@@ -183,6 +197,28 @@ TEST(Verdict, SaysWhereAFewSegmentsHoldTheGap) {
       result.sentence,
       "offset at command.valve closes 79 % of what the refit leaves in a typical segment; most of the gap is in a "
       "few segments, in which something else is missing.");
+}
+
+// What is rounded is told whatever the verdict, and closes nothing.
+TEST(Verdict, TellsAGridBesideWhatCloses) {
+  GapResult result;
+  result.gap.resize(2);
+  result.effects.resize(2);
+  result.effects[0].effect = "coulomb_friction";
+  result.effects[0].port = "force.shaft";
+  result.effects[1].effect = "quantisation";
+  result.effects[1].port = "sensor.shaft_speed";
+  result.shrink_refit = 0.12;
+  const std::string grid = " quantisation at sensor.shaft_speed: it is in the noise, which no model closes.";
+  result.verdict = "unknown";
+  describe({}, result, "");
+  EXPECT_EQ(result.sentence,
+            "Something the library does not know; the nearest, coulomb_friction at force.shaft, closes 12 % of what "
+            "the refit leaves." +
+                grid);
+  result.verdict = "named";
+  describe({}, result, "");
+  EXPECT_EQ(result.sentence, "coulomb_friction at force.shaft closes 12 % of what the refit leaves." + grid);
 }
 
 // A few segments in which the model goes astray hold the mean: a typical one decides.

@@ -26,9 +26,12 @@ TODAY = {
     "material_evidence_fraction": 0.1,
     "material_shrink_fraction": 0.1,
     "hidden_shrink_fraction": 0.5,
+    "small_gap_shrink_fraction": 0.4,
     "closed_shrink_fraction": 0.9,
+    "nearly_closed_fraction": 0.95,
     "named_matters_fraction": 0.1,
     "free_evidence_fraction": 0.25,
+    "beside_log_likelihood": 0.05,
     "partial_evidence_fraction": 0.2,
     "place_evidence_fraction": 0.1,
     "place_log_likelihood": 0.02,
@@ -37,7 +40,7 @@ TODAY = {
     "silent_excess_variances": 10.0,
     "size_spread": 0.25,
 }
-FRACTIONS = {"closed_shrink_fraction", "hidden_shrink_fraction"}  # of 1: their distance from it is drawn
+FRACTIONS = {"closed_shrink_fraction", "hidden_shrink_fraction", "nearly_closed_fraction"}  # of 1: their distance from it is drawn
 PARTS = ("closed", "open", "none", "two")
 VERDICTS = ("named", "unknown", "silent")
 
@@ -46,31 +49,41 @@ def judged(evidence, options):
     """The verdict as src/faultline/gap/verdict.h describes it; miscalibrated and none are both "silent"."""
     e, o = evidence, options
     perfect, effects = max(e["perfect"], 1e-9), max(e["effects"], 1e-9)
-    least = max(o["free_evidence_fraction"] * effects, o["place_evidence_fraction"] * perfect)
-    beside = max(e["free_after"] / least, e.get("spread", 0.0) / o["size_spread"])  # older answers hold none
+    readings = max(e["readings"], 1.0)
+    little = min(o["place_evidence_fraction"] * perfect, o["beside_log_likelihood"] * readings)
+    typical = e.get("typical_shrink", 0.0)  # older answers hold none
+    nearly = min(e["shrink"], typical) > o["nearly_closed_fraction"]
+    free_beside = 0.0 if nearly else e["free_after"] / max(o["free_evidence_fraction"] * effects, little)
+    beside = max(free_beside, e.get("spread", 0.0) / o["size_spread"])
     shrink = o["material_shrink_fraction"] if e["plain"] else o["hidden_shrink_fraction"]
+    large = e["size"] > e["matters"] and e["excess"] > o["material_excess_variances"]
+    closed = (e["left"] < e["quiet"] and e["shrink"] > o["closed_shrink_fraction"]) or (
+        not e["plain"] and e["shrink"] > o["nearly_closed_fraction"]
+    )
     names = (
         e["found"]
         and e["size"] > o["named_matters_fraction"] * e["matters"]
         and (
             (e["shrink"] > shrink and e.get("shrink_low", 1.0) > 0)
-            or (e.get("typical_shrink", 0.0) > shrink and e["typical_shrink_low"] > 0)  # older answers hold none
+            or (typical > shrink and e["typical_shrink_low"] > 0)
         )
-        and e["effects"] > o["material_evidence_fraction"] * perfect
+        and (
+            e["effects"] > o["material_evidence_fraction"] * perfect
+            or (closed and not e["plain"] and e["excess"] > o["material_excess_variances"])
+        )
+        and (large or max(e["shrink"], typical) >= o["small_gap_shrink_fraction"])
     )
-    large = e["size"] > e["matters"] and e["excess"] > o["material_excess_variances"]
-    seen = max(o["place_evidence_fraction"] * perfect, o["place_log_likelihood"] * max(e["readings"], 1.0))
+    seen = max(o["place_evidence_fraction"] * perfect, o["place_log_likelihood"] * readings)
     place = (min(e["free_before"], e["free_after"]) if e["found"] else e["free_before"]) / seen
     misfit = min(
         e["size"] / (o["silent_matters_ratio"] * max(e["matters"], 1e-9)), e["excess"] / o["silent_excess_variances"]
     )
     silent = max(place if large else min(place, 0.5), misfit)
-    closed = e["left"] < e["quiet"] and e["shrink"] > o["closed_shrink_fraction"]
-    if names and (beside <= 1 or closed):
+    if names and (beside <= 1 or closed) and not e.get("beyond", False):
         return "named"
     part = names and e["size"] > e["matters"]
     part = part and (large or e["effects"] > o["partial_evidence_fraction"] * perfect)
-    return "unknown" if (max(beside, silent) if part else silent) > 1 else "silent"
+    return "unknown" if (e.get("beyond", False) or max(beside, silent) > 1 if part else silent > 1) else "silent"
 
 
 def drawn(source):

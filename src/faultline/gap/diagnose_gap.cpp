@@ -299,10 +299,11 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
         unknown_shape(work, search, answer.names, answer.names ? explained_excess : refit_excess, result.remarks);
   }
 
-  // Rounding is in the noise, so it is beside all this: a fact of the recording.
+  // Rounding is in the noise, so it is beside all this: a fact of the recording, and under "unknown" a part.
   const std::vector<NamedEffect> rounded = rounded_channels(work.model(), settings.without);
-  if (!rounded.empty() && result.verdict != "unknown") {
-    if (result.effects.empty()) {
+  const bool unknown = result.verdict == "unknown";
+  if (!rounded.empty()) {
+    if (result.effects.empty() && !unknown) {
       PlaceScore place;
       place.port = rounded.front().port;
       place.component = sheet.port(place.port).component;
@@ -310,7 +311,7 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
       place.share = 1;
       result.places = {place};
     }
-    result.verdict = "named";
+    if (!unknown) result.verdict = "named";
     result.effects.insert(result.effects.end(), rounded.begin(), rounded.end());
   }
   result.where_kind = result.verdict == "none" || result.verdict == "miscalibrated" || result.places.empty()

@@ -22,8 +22,8 @@ double total(const std::vector<double>& losses) { return std::accumulate(losses.
 
 // The likeliest level and memory of a free signal at a port, from where the scan found it on. `ridge`: also where both
 // change so that it moves as far in a step, which is what the filter sees least of.
-FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q, double before,
-                      const FreeSignal& from, bool ridge) {
+FreePlace best_signal(const StochasticModel& model, const Eigen::VectorXd& q, double before, const FreeSignal& from,
+                      bool ridge) {
   FreeSignal at = from;
   at.level = 0;
   double least = before;
@@ -31,7 +31,7 @@ FreePlace best_signal(const StochasticModel& model, const GatheredRows& rows, co
     FreeSignal tried = from;
     tried.level = level;
     tried.memory = memory;
-    const double loss = total(block_losses(model, rows, q, tried));
+    const double loss = total(block_losses(model, q, tried));
     if (!(loss < least)) return false;
     least = loss;
     at = tried;
@@ -109,15 +109,13 @@ void let_in(const ResidualModel& residuals, const FreePlace& noise, const std::v
 bool by_gain(const FreePlace& a, const FreePlace& b) { return a.gain > b.gain; }
 
 // What a free signal at each port wins, best first: the scan's word, and the filter's for the few that stand out.
-std::vector<FreePlace> free_places(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q,
-                                   double loss, int jobs) {
-  std::vector<ScannedSignal> scanned = scan_signals(model, rows, q, jobs);
+std::vector<FreePlace> free_places(const StochasticModel& model, const Eigen::VectorXd& q, double loss, int jobs) {
+  std::vector<ScannedSignal> scanned = scan_signals(model, q, jobs);
   std::stable_sort(scanned.begin(), scanned.end(),
                    [](const ScannedSignal& a, const ScannedSignal& b) { return a.gain > b.gain; });
   std::vector<FreePlace> places(scanned.size());
   const std::size_t few = std::min(kPolished, places.size());
-  in_parallel(few, jobs,
-              [&](std::size_t i) { places[i] = best_signal(model, rows, q, loss, scanned[i].signal, false); });
+  in_parallel(few, jobs, [&](std::size_t i) { places[i] = best_signal(model, q, loss, scanned[i].signal, false); });
   std::stable_sort(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(few), by_gain);
   // What enters with a command goes on through the place that it drives: where both win alike, that place is told,
   // since a cause there may depend on more than the command.
@@ -132,8 +130,7 @@ std::vector<FreePlace> free_places(const StochasticModel& model, const GatheredR
     if (!(place.gain > 0) || (i > 0 && (port_kind(place.port) != PortKind::sensor || place.gain < near))) continue;
     const auto port =
         static_cast<std::size_t>(std::find(model.ports.begin(), model.ports.end(), place.port) - model.ports.begin());
-    place =
-        best_signal(model, rows, q, loss, {static_cast<int>(port), place.level / model.unit[port], place.memory}, true);
+    place = best_signal(model, q, loss, {static_cast<int>(port), place.level / model.unit[port], place.memory}, true);
   }
   for (std::size_t i = few; i < places.size(); ++i) {
     const ScannedSignal& s = scanned[i];
@@ -158,7 +155,7 @@ FittedProcess fit_process(const ResidualModel& residuals, const ModelChange& cha
       count += 1;
     }
   q /= std::max(1.0, count);
-  const auto loss = [&q](const StochasticModel& around) { return total(block_losses(around, gather(around), q, {})); };
+  const auto loss = [&q](const StochasticModel& around) { return total(block_losses(around, q, {})); };
   for (int reference = 0;; ++reference) {
     Smoothing course;
     for (int i = 0; i < kExpectations; ++i) {
@@ -194,15 +191,14 @@ Discrepancy find_discrepancy(const ResidualModel& residuals, const ModelChange& 
   for (int i = 0; !noise.empty() && i < kExpectations; ++i)
     q.head(states) = smooth(model, q, {}, jobs).q.head(states).cwiseMax(kLeastVariance);
   Discrepancy result;
-  const GatheredRows rows = gather(model);
-  result.losses = block_losses(model, rows, q, {});
+  result.losses = block_losses(model, q, {});
   result.loss = total(result.losses);
   for (const StochasticStretch& stretch : model.stretches)
     for (const Eigen::VectorXd& misfit : stretch.misfit)
       result.readings += static_cast<double>((misfit.array() == misfit.array()).count());
   for (Eigen::Index s = 0; s < states; ++s) result.noise.push_back(model.size[s] * std::sqrt(q[s]));
   if (places == Places::none) return result;
-  result.places = free_places(model, rows, q, result.loss, jobs);
+  result.places = free_places(model, q, result.loss, jobs);
   return result;
 }
 

@@ -22,23 +22,11 @@ struct FreeSignal {
   double memory = 0;  // s
 };
 
-// The readings of a row as one: of H and y - m, over those that count.
-struct GatheredRow {
-  Eigen::MatrixXd information;  // H'H
-  Eigen::VectorXd weighted;     // H'(y - m)
-  double square = 0;            // |y - m|^2
-  double count = 0;
-};
-using GatheredRows = std::vector<std::vector<GatheredRow>>;  // per stretch, per row
-GatheredRows gather(const StochasticModel& model);
-
 // Noise level of a block, 1/count of the sum of innovation^2/S, but no better than noise can be.
 double block_variance(double square, double count);
 
 // Loss of each block, stretches one after the other. `q`: variances of the process noise per step, in sizes squared.
-// `rows`: gather(model), which is the same for all signals.
-std::vector<double> block_losses(const StochasticModel& model, const GatheredRows& rows, const Eigen::VectorXd& q,
-                                 const FreeSignal& signal);
+std::vector<double> block_losses(const StochasticModel& model, const Eigen::VectorXd& q, const FreeSignal& signal);
 
 // What the filter without a signal knows along a stretch.
 struct FilteredStretch {
@@ -46,8 +34,7 @@ struct FilteredStretch {
   std::vector<Eigen::MatrixXd> known;      // per row: covariance of e with them
   std::vector<double> square, count;       // per block: sum of innovation^2/S, and readings
 };
-std::vector<FilteredStretch> filter_stretches(const StochasticModel& model, const GatheredRows& rows,
-                                              const Eigen::VectorXd& q, int jobs);
+std::vector<FilteredStretch> filter_stretches(const StochasticModel& model, const Eigen::VectorXd& q, int jobs);
 
 struct Smoothing {
   std::vector<Eigen::MatrixXd> states;  // per stretch, e: states x rows

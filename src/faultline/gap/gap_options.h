@@ -208,8 +208,12 @@ struct GapOptions {
     // Of the gap from which there must be a cause, from which one that stands out is named.
     double named_matters_fraction = 0.1;
     // Of what named effects win, what a free signal at one place may still win beside them (development), if it is no
-    // less than place_evidence_fraction.
+    // less than place_evidence_fraction ...
     double free_evidence_fraction = 0.25;
+    // ... or than this per reading, 10 % off the squared error from sample to sample: where everything is far from
+    // perfect, that is not little. Three names beside a cause that was withheld left 0.07 to 0.25 and more than a
+    // quarter of what they won, no right one of 24 more than a fifth.
+    double beside_log_likelihood = 0.05;
     // Standard deviation of an effect's size from part to part of the runs, over its size, from which it is no cause
     // (size_agreement.h): 31 sizes of what a rig has differ by 0.04 and less, 19 beside a wrong name by up to 0.22.
     double size_spread = 0.25;
@@ -373,6 +377,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.hidden_shrink_fraction);
   FAULTLINE_OPTION(verdict.closed_shrink_fraction);
   FAULTLINE_OPTION(verdict.nearly_closed_fraction);
+  FAULTLINE_OPTION(verdict.beside_log_likelihood);
   FAULTLINE_OPTION(verdict.named_matters_fraction);
   FAULTLINE_OPTION(verdict.free_evidence_fraction);
   FAULTLINE_OPTION(verdict.size_spread);

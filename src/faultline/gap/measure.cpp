@@ -232,9 +232,30 @@ std::string untold(const GapResult& result, const std::string& left) {
                      left, result.evidence.size, result.matters);
 }
 
+// Effects in words: those that close something, and grids, which are in the noise.
+struct Told {
+  std::string closing, rounded;
+  const char* close;  // the verb
+};
+
+Told told_of(const std::vector<NamedEffect>& effects) {
+  Told told;
+  std::size_t closing = 0;
+  for (const NamedEffect& e : effects) {
+    const bool grid = e.effect == "quantisation";
+    closing += !grid;
+    std::string& part = grid ? told.rounded : told.closing;
+    part += fmt::format("{}{} at {}", part.empty() ? "" : " and ", e.effect, e.port);
+  }
+  if (!told.rounded.empty()) told.rounded += ": it is in the noise, which no model closes.";
+  told.close = closing > 1 ? "close" : "closes";
+  return told;
+}
+
 }  // namespace
 
 void describe(const Datasheet& sheet, GapResult& result, const std::string& left) {
+  const Told told = told_of(result.effects);
   if (result.verdict == "none") {
     result.sentence =
         left.empty() ? "No gap beyond the noise and the tolerances of the datasheet." : untold(result, left);
@@ -253,44 +274,35 @@ void describe(const Datasheet& sheet, GapResult& result, const std::string& left
           (left.empty() ? "The structure fits; the parameters are off: " : "The parameters are off: ") + moved + ".";
     if (!left.empty()) result.sentence += " " + untold(result, left);
   } else if (result.verdict == "named") {
-    std::string rounded;
-    for (const NamedEffect& e : result.effects) {
-      std::string& part = e.effect == "quantisation" ? rounded : result.sentence;
-      part += fmt::format("{}{} at {}", part.empty() ? "" : " and ", e.effect, e.port);
-    }
+    result.sentence = told.closing;
     const double typical = result.evidence.typical_shrink;
-    const char* close = result.effects.size() > 1 ? "close" : "closes";
     if (!result.sentence.empty() && typical > 0 && result.shrink_refit < kHeldByFew * typical)
       result.sentence += fmt::format(
           " {} {:.0f} % of what the refit leaves in a typical segment; most of the gap is in a few segments, in which "
           "something else is missing.",
-          close, 100 * typical);
+          told.close, 100 * typical);
     else if (!result.sentence.empty())
-      result.sentence += fmt::format(" {} {:.0f} % of what the refit leaves.", close, 100 * result.shrink_refit);
-    if (!rounded.empty())
-      result.sentence +=
-          (result.sentence.empty() ? "" : " ") + rounded + ": it is in the noise, which no model closes.";
+      result.sentence += fmt::format(" {} {:.0f} % of what the refit leaves.", told.close, 100 * result.shrink_refit);
+    result.sentence += (result.sentence.empty() || told.rounded.empty() ? "" : " ") + told.rounded;
     if (!result.equivalent.empty())
       result.sentence += result.equivalent.size() == 1
                              ? " One other effect explains these runs as well."
                              : fmt::format(" {} other effects explain these runs as well.", result.equivalent.size());
     if (!left.empty()) result.sentence += fmt::format(" Beside that something is missing that matters: {}.", left);
   } else {
-    std::string found;
-    for (const NamedEffect& e : result.effects)
-      found += fmt::format("{}{} at {}", found.empty() ? "" : " and ", e.effect, e.port);
     result.sentence = "Something the library does not know";
     if (!result.places.empty()) result.sentence += " at or near " + result.places.front().port;
     if (!left.empty()) result.sentence += ", and no single place explains much of it (" + left + ")";
     result.sentence += "; ";
-    if (!found.empty())
-      result.sentence += fmt::format("the nearest, {}, {} {} of what the refit leaves.", found,
-                                     result.effects.size() > 1 ? "close" : "closes", percent(result.shrink_refit));
+    if (!told.closing.empty())
+      result.sentence += fmt::format("the nearest, {}, {} {} of what the refit leaves.", told.closing, told.close,
+                                     percent(result.shrink_refit));
     else if (result.ranked.empty())
       result.sentence += "no effect of the library could be tried.";
     else
       result.sentence += fmt::format("no effect of the library explains it, {} at {} the nearest.",
                                      result.ranked.front().effect.effect, result.ranked.front().effect.port);
+    if (!told.rounded.empty()) result.sentence += " " + told.rounded;
   }
 }
 

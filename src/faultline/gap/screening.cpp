@@ -5,9 +5,13 @@
 
 #include "faultline/attribution/fault_hypothesis.h"
 #include "faultline/attribution/screening.h"
+#include "faultline/gap/discrepancy.h"
+#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {
+
+constexpr std::size_t kTogether = 16;  // models that run beside one: their residuals are held at once
 
 FitResult beside(const FitResult& base, const Candidate& candidate, const std::vector<double>& values) {
   FitResult fit;
@@ -21,6 +25,39 @@ FitResult beside(const FitResult& base, const Candidate& candidate, const std::v
 bool has(const std::vector<Candidate>& effects, const Candidate& candidate) {
   return std::any_of(effects.begin(), effects.end(),
                      [&](const Candidate& known) { return same_effect(known, candidate); });
+}
+
+// Where no state is put back to what a sensor shows, an effect there moves nothing: all of them are tried beside one run
+// of the base. Of the first trials; returns which were judged.
+template <class Judge>
+std::vector<char> try_sensors(const ResidualModel& residuals, const std::vector<std::size_t>& runs,
+                              const std::vector<Candidate>& candidates, const std::vector<Trial>& trials,
+                              const std::vector<std::vector<double>>& values, const FitResult& base, int jobs,
+                              Judge&& judge) {
+  std::vector<char> judged(trials.size(), 0);
+  if (residuals.model().directions() > 0) return judged;
+  std::vector<std::size_t> at_sensors;
+  for (std::size_t i = 0; i < trials.size(); ++i)
+    if (trials[i].first && output_of(residuals, candidates[trials[i].hypothesis].effect.port)) at_sensors.push_back(i);
+  in_parallel((at_sensors.size() + kTogether - 1) / kTogether, jobs, [&](std::size_t batch) {
+    const std::size_t first = batch * kTogether, count = std::min(kTogether, at_sensors.size() - first);
+    std::vector<ModelChange> tried;
+    for (std::size_t k = first; k < first + count; ++k)
+      tried.push_back(beside(base, candidates[trials[at_sensors[k]].hypothesis], values[at_sensors[k]]).model);
+    std::vector<std::vector<Eigen::MatrixXf>> full(count);
+    for (const std::size_t r : runs) {
+      const SegmentedRun& run = residuals.runs()[r];
+      std::vector<SegmentModel::Variant> variants{{&base.model, starts_of(run)}};
+      for (const ModelChange& change : tried) variants.push_back({&change, variants.front().starts});
+      std::vector<Eigen::MatrixXf> found = residuals.model().residuals(variants, run, residuals.noise(), 1);
+      for (std::size_t k = 0; k < count; ++k) full[k].push_back(std::move(found[1 + k]));
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      judge(at_sensors[first + k], full[k]);
+      judged[at_sensors[first + k]] = 1;
+    }
+  });
+  return judged;
 }
 
 }  // namespace
@@ -44,9 +81,7 @@ std::vector<Structure> screen_candidates(const ResidualModel& residuals, const L
   const double before = adjusted(linear, linear.products(linear.at_model()), z).loss;
   std::vector<Adjusted> found(trials.size());
   std::atomic<std::size_t> done{0};
-  const auto loss = [&](std::size_t i, double) {
-    const FitResult tried = beside(base, candidates[trials[i].hypothesis], values[i]);
-    const std::vector<Eigen::MatrixXf> full = residuals_of(residuals, tried.model, linear.runs());
+  const auto judge = [&](std::size_t i, const std::vector<Eigen::MatrixXf>& full) {
     const std::vector<Eigen::MatrixXd> products =
         linear.products(linear.at_model(), {difference(full, linear.at_model(), 1)});
     // The loss has a valley where segments turn quiet, from both ends.
@@ -54,6 +89,11 @@ std::vector<Structure> screen_candidates(const ResidualModel& residuals, const L
     Adjusted small = adjusted(linear, products, z, options.least_size_fraction);
     if (small.loss < found[i].loss) found[i] = std::move(small);
     if (progress) progress(static_cast<double>(++done) / static_cast<double>(trials.size()));
+  };
+  const std::vector<char> judged = try_sensors(residuals, linear.runs(), candidates, trials, values, base, jobs, judge);
+  const auto loss = [&](std::size_t i, double) {
+    if (!judged[i])
+      judge(i, residuals_of(residuals, beside(base, candidates[trials[i].hypothesis], values[i]).model, linear.runs()));
     return found[i].loss;
   };
   std::vector<Structure> result;

@@ -17,9 +17,23 @@ constexpr double kWeakest = 1e-7, kStrongest = 1;  // levels that are tried, in 
 constexpr double kMiddleMemory = 0.3;              // of a block: a memory between bumps and blocks
 constexpr double kShortest = 0.1, kLongest = 100;  // memories that are tried, over the middle one
 
+// The readings of a row as one: of H and y - m, over those that count.
+struct GatheredRow {
+  Eigen::MatrixXd information;  // H'H
+  Eigen::VectorXd weighted;     // H'(y - m)
+};
+
+GatheredRow gather(const StochasticStretch& stretch, std::size_t i) {
+  const Eigen::VectorXd counts = (stretch.misfit[i].array() == stretch.misfit[i].array()).cast<double>();
+  const Eigen::VectorXd misfit = (counts.array() > 0).select(stretch.misfit[i], 0);
+  const Eigen::MatrixXd h = counts.asDiagonal() * stretch.h[i];  // what does not count weighs nothing
+  return {h.transpose() * h, h.transpose() * misfit};
+}
+
 // What serves all ports: the filter's loop along a stretch.
 struct Loop {
   std::vector<Eigen::MatrixXd> step;       // L, per row but the last
+  std::vector<Eigen::MatrixXd> shows;      // J, per row
   std::vector<Eigen::MatrixXd> seen;       // M, per row
   std::vector<Eigen::MatrixXd> ahead;      // N, per row
   std::vector<Eigen::VectorXd> score;      // r, per row
@@ -29,20 +43,22 @@ struct Loop {
   std::vector<Eigen::MatrixXd> bump_seen;  // information of a bump's rows about an error at its head
 };
 
-Loop close_loop(const StochasticModel& model, const StochasticStretch& stretch, const std::vector<GatheredRow>& rows,
-                const FilteredStretch& filtered) {
+Loop close_loop(const StochasticModel& model, const StochasticStretch& stretch, const FilteredStretch& filtered) {
   const std::size_t count = stretch.rows.size();
   const Eigen::Index states = model.size.size();
   Loop loop;
   loop.step.resize(count - 1);
+  loop.shows.resize(count);
   loop.seen.resize(count);
   loop.ahead.resize(count);
   loop.score.resize(count);
   loop.news.resize(count);
   for (std::size_t i = count; i-- > 0;) {
-    const Eigen::MatrixXd& information = rows[i].information;
+    GatheredRow row = gather(stretch, i);
+    loop.shows[i] = std::move(row.information);
+    const Eigen::MatrixXd& information = loop.shows[i];
     const Eigen::MatrixXd told = filtered.known[i] * information;  // P J
-    loop.news[i] = rows[i].weighted - information * filtered.predicted[i];
+    loop.news[i] = row.weighted - information * filtered.predicted[i];
     loop.seen[i] = information;
     loop.seen[i].noalias() -= information * told;
     loop.score[i] = loop.news[i] - told.transpose() * loop.news[i];
@@ -73,8 +89,8 @@ struct Normal {
   std::vector<double> square, count;  // per block, without a signal
 };
 
-Normal normal_of(const StochasticModel& model, const StochasticStretch& stretch, const std::vector<GatheredRow>& rows,
-                 const FilteredStretch& filtered, const Loop& loop, std::size_t port) {
+Normal normal_of(const StochasticModel& model, const StochasticStretch& stretch, const FilteredStretch& filtered,
+                 const Loop& loop, std::size_t port) {
   const std::size_t count = stretch.rows.size(), bumps = loop.heads.size();
   const Eigen::Index states = model.size.size();
   const int shows = model.shows[port];
@@ -103,7 +119,7 @@ Normal normal_of(const StochasticModel& model, const StochasticStretch& stretch,
         const Eigen::VectorXd known = filtered.known[i] * row;
         if (i + 1 < count) enters = -shown * (stretch.f[i] * known);
         // H'S^-1 D, D'S^-1 D and D'S^-1 v with S^-1 = I - H P H'.
-        cross = shown * (row - rows[i].information * known);
+        cross = shown * (row - loop.shows[i] * known);
         own[k] += shown * shown * (1 - row.dot(known));
         b += shown * (stretch.misfit[i][shows] - row.dot(filtered.predicted[i]) - known.dot(loop.news[i]));
       }
@@ -206,20 +222,18 @@ double won(const Normal& normal, double level, double memory, double bump) {
 
 }  // namespace
 
-std::vector<ScannedSignal> scan_signals(const StochasticModel& model, const GatheredRows& rows,
-                                        const Eigen::VectorXd& q, int jobs) {
-  const std::vector<FilteredStretch> filtered = filter_stretches(model, rows, q, jobs);
+std::vector<ScannedSignal> scan_signals(const StochasticModel& model, const Eigen::VectorXd& q, int jobs) {
+  const std::vector<FilteredStretch> filtered = filter_stretches(model, q, jobs);
   const std::size_t stretches = model.stretches.size();
   std::vector<Loop> loops(stretches);
-  in_parallel(stretches, jobs,
-              [&](std::size_t n) { loops[n] = close_loop(model, model.stretches[n], rows[n], filtered[n]); });
+  in_parallel(stretches, jobs, [&](std::size_t n) { loops[n] = close_loop(model, model.stretches[n], filtered[n]); });
   const double bump = model.step * static_cast<double>(std::max<std::size_t>(1, model.block / kBumpsPerBlock));
   const double middle = kMiddleMemory * static_cast<double>(model.block) * model.step;
   std::vector<ScannedSignal> result(model.ports.size());
   in_parallel(model.ports.size(), jobs, [&](std::size_t p) {
     std::vector<Normal> normals;
     for (std::size_t n = 0; n < stretches; ++n)
-      normals.push_back(normal_of(model, model.stretches[n], rows[n], filtered[n], loops[n], p));
+      normals.push_back(normal_of(model, model.stretches[n], filtered[n], loops[n], p));
     ScannedSignal& best = result[p];
     best.signal.port = static_cast<int>(p);
     best.signal.memory = middle;

@@ -27,8 +27,7 @@ struct ScannedSignal {
   double gain = 0;    // log likelihood
 };
 
-// Per port of the model. `rows`: gather(model); `q`: as of block_losses().
-std::vector<ScannedSignal> scan_signals(const StochasticModel& model, const GatheredRows& rows,
-                                        const Eigen::VectorXd& q, int jobs);
+// Per port of the model. `q`: as of block_losses().
+std::vector<ScannedSignal> scan_signals(const StochasticModel& model, const Eigen::VectorXd& q, int jobs);
 
 }  // namespace faultline

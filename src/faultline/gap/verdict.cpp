@@ -29,9 +29,10 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   // was missing.
   const bool nearly = std::min(evidence.shrink, evidence.typical_shrink) > options.nearly_closed_fraction;
   // What stands against a name: a free signal that wins much beside it, or a size that is not the same everywhere.
-  const double free_beside = nearly ? 0
-                                    : evidence.free_after / std::max(options.free_evidence_fraction * effects,
-                                                                     options.place_evidence_fraction * perfect);
+  const double little = std::min(options.place_evidence_fraction * perfect,
+                                 options.beside_log_likelihood * std::max(evidence.readings, 1.0));
+  const double free_beside =
+      nearly ? 0 : evidence.free_after / std::max(options.free_evidence_fraction * effects, little);
   const double beside = std::max(free_beside, evidence.spread / options.size_spread);
   const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
   // Of all that is left, or of what is left in most segments, where a few in which the model goes astray hold it all.

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "faultline/numerics/padded_product.h"
 #include "faultline/numerics/small_lu.h"
 #include "faultline/numerics/sparse_lu.h"
 
@@ -67,30 +68,38 @@ class AnyLu : public SparseLu {
  public:
   explicit AnyLu(OdeSystem& system)
       : SparseLu(system.states(), system.jacobian_entries()),
-        inverse_(system.states(), system.states()),
-        once_(system.states()),
-        power_(system.states()),
-        product_(system.states()) {}
-  // Four products with a vector are less than the products of matrices that would make them one, until many go beside.
-  void weigh(double) {
-    inverse_.setIdentity();
-    for (Eigen::Index i = 0; i < inverse_.cols(); ++i) solve(inverse_.col(i).data());
+        states_(system.states()),
+        inverse_(Eigen::MatrixXd::Zero(padded(states_), states_)),
+        other_(inverse_),
+        weight_(inverse_),
+        factor_(states_, states_),
+        product_(states_) {}
+  // Horner's scheme, each product as X F' with F = m'.
+  void weigh(double dt) {
+    auto inverse = inverse_.topRows(states_);
+    inverse.setIdentity();
+    solve(inverse_.data(), static_cast<int>(states_), static_cast<int>(inverse_.rows()));
+    factor_ = inverse.transpose() / dt;
+    weight_ = 8.0 / (3 * dt) * inverse_;
+    weight_.diagonal().array() -= 20.0 / 3;
+    multiply_transposed(weight_.data(), factor_.data(), states_, other_.data());
+    other_.diagonal().array() += 14.0 / 3;
+    multiply_transposed(other_.data(), factor_.data(), states_, weight_.data());
+    weight_.diagonal().array() += 1;
+    factor_ *= dt;
+    multiply_transposed(weight_.data(), factor_.data(), states_, other_.data());
+    weight_.swap(other_);
   }
-  void apply_weight(double dt, double* rate) const {
-    Eigen::Map<Eigen::VectorXd> x(rate, once_.size());
-    once_.noalias() = inverse_ * x;
-    x = once_;
-    power_ = once_;
-    for (const double factor : {14.0 / 3, -20.0 / 3, 8.0 / 3}) {
-      product_.noalias() = inverse_ * power_;
-      power_ = product_ / dt;
-      x += factor * power_;
-    }
+  void apply_weight(double, double* rate) const {
+    Eigen::Map<Eigen::VectorXd> x(rate, states_);
+    product_.noalias() = weight_.topRows(states_) * x;
+    x = product_;
   }
 
  private:
-  Eigen::MatrixXd inverse_;
-  mutable Eigen::VectorXd once_, power_, product_;
+  Eigen::Index states_;
+  Eigen::MatrixXd inverse_, other_, weight_, factor_;  // the first three padded
+  mutable Eigen::VectorXd product_;
 };
 
 // State: a vector, or an array of as many doubles as there are states.

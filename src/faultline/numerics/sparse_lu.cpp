@@ -90,13 +90,18 @@ void SparseLu::solve_full(double* right_side) const {
   with_size<kFewStates>(size_, [&](auto n) { solve_in_place<n()>(values_.data(), order_.data(), right_side); });
 }
 
-void SparseLu::solve(double* right_side) const {
-  if (!order_.empty())
-    solve_full(right_side);
-  else if (klu_->numeric)
-    klu_solve(klu_->symbolic, klu_->numeric, size_, 1, right_side, &klu_->common);
-  else
-    std::fill_n(right_side, size_, std::numeric_limits<double>::quiet_NaN());
+void SparseLu::solve(double* right_side) const { solve(right_side, 1, size_); }
+
+void SparseLu::solve(double* right_sides, int count, int stride) const {
+  if (order_.empty() && klu_->numeric) {
+    klu_solve(klu_->symbolic, klu_->numeric, stride, count, right_sides, &klu_->common);
+    return;
+  }
+  for (int i = 0; i < count; ++i, right_sides += stride)
+    if (!order_.empty())
+      solve_full(right_sides);
+    else
+      std::fill_n(right_sides, size_, std::numeric_limits<double>::quiet_NaN());
 }
 
 }  // namespace faultline

@@ -22,7 +22,8 @@ class SparseLu {
 
   // `values`: one per entry, in the same order.
   void factor(double diagonal, const double* values);
-  void solve(double* right_side) const;  // in place
+  void solve(double* right_side) const;                          // in place
+  void solve(double* right_sides, int count, int stride) const;  // each so many values behind the one before
 
  private:
   void factor_full();

@@ -106,6 +106,8 @@ bool DrivenModel::goes_beside(const DrivenModel& leader) const {
   return parts_->plant.goes_beside(leader.parts_->plant);
 }
 
+bool DrivenModel::moves_as(const DrivenModel& leader) const { return parts_->plant.moves_as(leader.parts_->plant); }
+
 void DrivenModel::advance(const Recording& recording, std::size_t to_row, const std::vector<Beside>& beside) {
   const double time = Parts::time(recording, to_row - 1);
   parts_->take(recording, to_row, parts_->next);
@@ -116,7 +118,7 @@ void DrivenModel::advance(const Recording& recording, std::size_t to_row, const 
     for (const Beside& other : beside) {
       Parts& parts = *other.model->parts_;
       parts.take(recording, to_row, parts.next);
-      parts_->plants.push_back({&parts.plant, parts.now.data(), parts.next.data()});
+      parts_->plants.push_back({&parts.plant, parts.now.data(), parts.next.data(), other.alike});
     }
     parts_->plant.advance(time, parts_->now.data(), parts_->next.data(), parts_->plants);
   }

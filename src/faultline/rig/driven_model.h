@@ -42,8 +42,10 @@ class DrivenModel {
   struct Beside {
     DrivenModel* model;
     const double* start_states;
+    bool alike = false;  // moves_as() this one
   };
   bool goes_beside(const DrivenModel& leader) const;
+  bool moves_as(const DrivenModel& leader) const;  // RunningPlant
   template <class Row>
   void run(const Recording& recording, std::size_t first, std::size_t count, const std::vector<std::size_t>& restarts,
            const double* start_states, const std::vector<Beside>& beside, Row&& row) {

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "faultline/rig/even_step.h"
 #include "faultline/signal/error.h"
@@ -35,6 +36,22 @@ bool asks_for_short_steps(const RigType& type, const EffectSpec& effect) {
                                    (effect.effect == "hysteresis" || effect.effect == "presliding_friction"));
 }
 
+// The parameters, and the effects but those at sensors of outputs; empty where a start is read from these.
+std::string moved_by(const Datasheet& sheet, const SimulationSetup& setup) {
+  if (std::any_of(sheet.states.begin(), sheet.states.end(), [](const State& s) { return s.channel >= 0; })) return {};
+  std::string result;
+  for (const double value : setup.parameters.empty() ? sheet.nominal() : setup.parameters)
+    result += fmt::format("{} ", value);
+  for (const EffectSpec& effect : setup.effects) {
+    const Port& port = sheet.port(effect.port);
+    if (port.kind != PortKind::sensor ||
+        sheet.channels[static_cast<std::size_t>(sheet.channel(port.channel))].role != Role::output)
+      result += fmt::format("{}@{} {} {} {} {};", effect.effect, effect.port, fmt::join(effect.parameters, " "),
+                            effect.from, effect.to, effect.swells);
+  }
+  return result;
+}
+
 // A multiple of `parts`.
 int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use, int parts = 1) {
   const RigType* type = find_rig_type(sheet.rig);
@@ -61,7 +78,8 @@ RunningPlant::RunningPlant(const Datasheet& sheet, const SimulationSetup& setup,
       substeps_(substeps_of(sheet, setup, use, parts)),
       substep_(period_ / substeps_),
       effects_(sheet, all_effects(sheet, setup.effects), substep_, setup.seed, period_),
-      beside_(setup.beside) {
+      beside_(setup.beside),
+      moved_by_(moved_by(sheet, setup)) {
   const RigType* type = find_rig_type(sheet.rig);
   if (!type)
     throw InputError(
@@ -248,6 +266,10 @@ bool RunningPlant::goes_beside(const RunningPlant& leader) const {
          !own_states(*this) && !own_states(leader);
 }
 
+bool RunningPlant::moves_as(const RunningPlant& leader) const {
+  return !moved_by_.empty() && moved_by_ == leader.moved_by_;
+}
+
 void RunningPlant::advance(double time, const double* now, const double* next, const std::vector<Beside>& beside) {
   effects_.set_time(time);
   take_commands(time, now, 0, substeps_);
@@ -255,16 +277,20 @@ void RunningPlant::advance(double time, const double* now, const double* next, c
     other.plant->effects_.set_time(time);
     other.plant->take_commands(time, other.now, 0, substeps_);
   }
+  const bool led = std::any_of(beside.begin(), beside.end(), [](const Beside& other) { return !other.alike; });
   for (int i = 0; i < substeps_;) {
     const int motion = rig_->motion(integrator_->state());
     const int count = take_step(time, now, next, i, substeps_), end = i + count;
     // An explicit method meets its events in the shorter steps, and what leads has none.
-    const bool leads =
-        (rig_->stiff() || count == even_) && integrator_->lead(time + i * substep_, count * substep_, true_.data());
+    const bool leads = led && (rig_->stiff() || count == even_) &&
+                       integrator_->lead(time + i * substep_, count * substep_, true_.data());
     if (end == substeps_ || !sensors_.empty()) observe(time + end * substep_, count);
     for (const Beside& other : beside) {
       RunningPlant& plant = *other.plant;
-      if (leads && plant.step_beside(time, other.now, other.next, i, count, motion, *integrator_)) {
+      if (other.alike) {
+        std::copy_n(integrator_->state(), rig_->states(), plant.integrator_->state());
+        if (end == substeps_ || !plant.sensors_.empty()) plant.observe(time + end * substep_, count);
+      } else if (leads && plant.step_beside(time, other.now, other.next, i, count, motion, *integrator_)) {
         if (end == substeps_ || !plant.sensors_.empty()) plant.observe(time + end * substep_, count);
       } else {
         plant.take_steps(time, other.now, other.next, i, end);

@@ -55,11 +55,14 @@ class RunningPlant {
   struct Beside {
     RunningPlant* plant;
     const double *now, *next;
+    bool alike;  // moves_as() the one that leads: its states are those
   };
   void advance(double time, const double* now, const double* next, const std::vector<Beside>& beside);
   // Only where no effect in the equations has a memory or states of its own, and both take the same steps: implicit
   // ones, or long ones where that is asked for.
   bool goes_beside(const RunningPlant& leader) const;
+  // Whether it differs in what sensors of outputs show alone, and no start is read from what they show.
+  bool moves_as(const RunningPlant& leader) const;
 
   // What a command's effects with memory were given before a start. After start().
   void remember(std::size_t command, double value, double time);
@@ -127,8 +130,9 @@ class RunningPlant {
   int parts_, substeps_;
   double substep_;
   EffectSet effects_;
-  int even_ = 1;  // substeps of a long step
-  bool beside_;   // SimulationSetup
+  int even_ = 1;          // substeps of a long step
+  bool beside_;           // SimulationSetup
+  std::string moved_by_;  // all that the motion depends on; empty: what sensors show as well
   std::unique_ptr<Rig> rig_;
   std::unique_ptr<Integrator> integrator_;
   std::vector<std::pair<std::size_t, const EffectChain*>> inputs_;

@@ -295,7 +295,7 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
         led.back().insert(led.back().end(), from, from + own.size() * shown_by_.size());
         from = led.back().data();
       }
-      beside.push_back({models[i].get(), from});
+      beside.push_back({models[i].get(), from, models[i]->moves_as(driven)});
     }
     const double* const leader = beside.front().start_states;
     beside.erase(beside.begin());

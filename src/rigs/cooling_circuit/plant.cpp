@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "faultline/numerics/quick_power.h"
 #include "faultline/numerics/rosenbrock.h"
 #include "faultline/rig/orifice.h"
 #include "faultline/signal/error.h"
@@ -17,6 +18,7 @@ constexpr int kBranchStates = 4;
 
 constexpr double kTransition = 100;            // Pa, below which roots and tubes turn linear
 constexpr double kTubePower = 8.0 / 7;         // of c
+constexpr double kTubeBend = 3.0 / 14;         // tube: x/(x^2 + d^2)^(3/14)
 constexpr double kReferenceTemperature = 288;  // K, where the viscosity is nominal
 constexpr double kViscositySpan = 15;          // K above it, where the viscosity is factor times nominal
 constexpr double kViscosityPower = -0.125;     // of c with the viscosity
@@ -48,17 +50,9 @@ struct Values {
   void time(int row, double value) { time_rate[row] += value; }
 };
 
-// x/(x^2 + d^2)^power and its derivative.
-template <class Power>
-std::pair<double, double> bent(double x, double exponent, Power power) {
-  const double y = x * x + kTransition * kTransition;
-  const double p = power(y);
-  return {x * p, p * (1 - 2 * exponent * x * x / y)};
-}
+std::pair<double, double> root(double x) { return signed_root_and_slope(x, kTransition); }
 
-std::pair<double, double> root(double x) {
-  return bent(x, 0.25, [](double y) { return 1 / std::sqrt(std::sqrt(y)); });
-}
+const QuickPower tube_power(-kTubeBend);
 
 }  // namespace
 
@@ -138,8 +132,8 @@ double CoolingCircuit::viscosity(double temperature) const {
 
 CoolingCircuit::Flow CoolingCircuit::tube(const Branch& branch, double drop, double viscosity) const {
   const auto plain = [&](double x) {
-    const auto [value, slope] = bent(x, 3.0 / 14, [](double y) { return std::pow(y, -3.0 / 14); });
-    return Flow{branch.tube * viscosity * value, branch.tube * viscosity * slope};
+    const double y = x * x + kTransition * kTransition, p = branch.tube * viscosity * tube_power(y);
+    return Flow{x * p, p * (1 - 2 * kTubeBend * x * x / y)};
   };
   if (branch.tube_port->empty()) return plain(drop);
   // Effects act on c sqrt(x), scaled such that it is the flow q_r where the flow is q_r.

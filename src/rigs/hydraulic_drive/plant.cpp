@@ -21,12 +21,6 @@ constexpr double kHighestPressure = 5e7;      // Pa, within which the state of r
 constexpr int kFlowSteps = 3;                 // of Newton's method; droop moves the flow by a tenth
 constexpr int kHalvings = 80;                 // of the interval that holds the pressure at rest
 
-// Slope of R.
-double root_slope(double drop) {
-  const double square = drop * drop + kTransition * kTransition;
-  return (1 - 0.5 * drop * drop / square) / std::sqrt(std::sqrt(square));
-}
-
 }  // namespace
 
 HydraulicDrive::HydraulicDrive(const Datasheet& sheet, const std::vector<double>& parameters, const EffectSet& effects)
@@ -92,7 +86,8 @@ double HydraulicDrive::valve_flow(double time, double spool, double pressure, co
   double q = std::abs(opening) * signed_root(still - back, kTransition);
   for (int i = 0; i < kFlowSteps && fall > 0; ++i) {
     const double drop = still - fall * q - back;
-    q -= (q - std::abs(opening) * signed_root(drop, kTransition)) / (1 + std::abs(opening) * root_slope(drop) * fall);
+    const auto [root, slope] = signed_root_and_slope(drop, kTransition);
+    q -= (q - std::abs(opening) * root) / (1 + std::abs(opening) * slope * fall);
   }
   return opening < 0 ? -q : q;
 }
