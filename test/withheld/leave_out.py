@@ -40,7 +40,8 @@ TODAY = {
     "silent_excess_variances": 10.0,
     "size_spread": 0.25,
 }
-FRACTIONS = {"closed_shrink_fraction", "hidden_shrink_fraction", "nearly_closed_fraction"}  # of 1: their distance from it is drawn
+# of 1: their distance from it is drawn
+FRACTIONS = {"closed_shrink_fraction", "hidden_shrink_fraction", "nearly_closed_fraction"}
 PARTS = ("closed", "open", "none", "two")
 VERDICTS = ("named", "unknown", "silent")
 

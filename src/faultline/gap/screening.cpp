@@ -27,8 +27,8 @@ bool has(const std::vector<Candidate>& effects, const Candidate& candidate) {
                      [&](const Candidate& known) { return same_effect(known, candidate); });
 }
 
-// Where no state is put back to what a sensor shows, an effect there moves nothing: all of them are tried beside one run
-// of the base. Of the first trials; returns which were judged.
+// Where no state is put back to what a sensor shows, an effect there moves nothing: all of them are tried beside one
+// run of the base. Of the first trials; returns which were judged.
 template <class Judge>
 std::vector<char> try_sensors(const ResidualModel& residuals, const std::vector<std::size_t>& runs,
                               const std::vector<Candidate>& candidates, const std::vector<Trial>& trials,

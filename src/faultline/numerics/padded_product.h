@@ -1,8 +1,8 @@
 // Y = X F' of matrices that are small, but too large for a size that the compiler knows.
 //
-// X and Y are padded: their columns are as long as whole vectors, so that all loops run along memory. Where the processor
-// has AVX2 and FMA, which is asked at run time, the loops are taken as compiled for these (sum_of_products.h); the last
-// digits depend on which it was.
+// X and Y are padded: their columns are as long as whole vectors, so that all loops run along memory. Where the
+// processor has AVX2 and FMA, which is asked at run time, the loops are taken as compiled for these
+// (sum_of_products.h); the last digits depend on which it was.
 #pragma once
 
 #include <Eigen/Core>
