@@ -2,6 +2,7 @@
 // of their own say, or nearer to what short steps say.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "faultline/attribution/fault_hypothesis.h"
@@ -77,11 +78,11 @@ void expect_as_near(const Course& course, std::size_t least, float within = kNea
       const Eigen::MatrixXf alone = course.model.residuals(all[i], course.run, course.sigma) - now;
       const float apart = (together[i + 1] - now - alone).norm();
       EXPECT_LT(apart, std::max(small, within * alone.norm())) << i << " " << name_of(all[i]) << " of " << alone.norm();
-      if (!course.driven(all[i]).goes_beside(leader)) {
+      const DrivenModel own = course.driven(all[i]);
+      if (!own.goes_beside(leader) || own.moves_as(leader)) {
         EXPECT_EQ(apart, 0.0f) << name_of(all[i]);
-      } else {
-        ++beside;
       }
+      beside += own.goes_beside(leader);
     }
     EXPECT_GE(beside, least);
   }
@@ -98,6 +99,32 @@ TEST(Beside, ControlValveAtItsStopsRespondsAsAlone) { expect_as_near({valve(), "
 
 // Steps with an event in them are taken alone.
 TEST(Beside, ServoActuatorRespondsAsAlone) { expect_as_near({servo(), "random", 0.25}, 30); }
+
+// Sensors of a rig whose starts are not read from them move nothing; another start does.
+TEST(Beside, OnlySensorsMoveAsTheLeader) {
+  const Course course(cooling(), "valve_steps", 0.2);
+  const ModelChange nominal = course.model.nominal();
+  const DrivenModel leader = course.driven(nominal);
+  const auto moves_as = [&](const std::string& effect) {
+    return course.driven({nominal.parameters, {parse_effect(effect)}}).moves_as(leader);
+  };
+  EXPECT_TRUE(moves_as("lag@sensor.m_inlet_pressure:time_constant=0.1"));
+  EXPECT_FALSE(moves_as("offset@sensor.supply_pressure:value=1e5"));
+  EXPECT_FALSE(moves_as("clogging@restriction.m_feed:fraction=0.1"));
+  ModelChange moved = nominal;
+  moved.parameters[0] *= 1.001;
+  EXPECT_FALSE(course.driven(moved).moves_as(leader));
+  const Course shown(cylinder(), "steps", 0.25);
+  EXPECT_FALSE(shown.driven(shown.model.nominal()).moves_as(shown.driven(shown.model.nominal())));
+
+  std::vector<SegmentModel::Variant> variants(2, {&nominal, starts_of(course.run)});
+  const auto state =
+      std::find_if(cooling().states.begin(), cooling().states.end(), [](const State& s) { return s.name == "m_t2"; });
+  ASSERT_NE(state, cooling().states.end());
+  variants[1].starts[cooling().states.size() * 3 + static_cast<std::size_t>(state - cooling().states.begin())] = 320;
+  const std::vector<Eigen::MatrixXf> both = course.model.residuals(variants, course.run, course.sigma, 1);
+  EXPECT_GT((both[1] - both[0]).norm(), 1);
+}
 
 TEST(Beside, StartsAreAsAlone) {
   const Course course(cylinder(), "steps", 0.25);

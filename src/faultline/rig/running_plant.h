@@ -61,7 +61,8 @@ class RunningPlant {
   // Only where no effect in the equations has a memory or states of its own, and both take the same steps: implicit
   // ones, or long ones where that is asked for.
   bool goes_beside(const RunningPlant& leader) const;
-  // Whether it differs in what sensors of outputs show alone, and no start is read from what they show.
+  // Whether it differs in what sensors of outputs show alone, and no start is read from what they show. From the same
+  // starts its states are the leader's.
   bool moves_as(const RunningPlant& leader) const;
 
   // What a command's effects with memory were given before a start. After start().

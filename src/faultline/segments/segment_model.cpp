@@ -77,6 +77,12 @@ double noise_beside_model(const SegmentedRun& run, const Eigen::MatrixXf& residu
   return noise > 0 ? noise : std::numeric_limits<double>::infinity();
 }
 
+// A start that is not a number goes on.
+bool same_starts(const std::vector<double>& a, const std::vector<double>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](double x, double y) { return x == y || (std::isnan(x) && std::isnan(y)); });
+}
+
 }  // namespace
 
 Eigen::MatrixXf settled(const SegmentedRun& run, const std::vector<Eigen::MatrixXf>& columns,
@@ -280,6 +286,9 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
   const bool goes_on = std::any_of(starts.begin(), starts.end(), [](double value) { return std::isnan(value); });
   const bool remembers = std::any_of(models.begin(), models.end(), [](const auto& m) { return m->remembers(); });
   const std::size_t lead = goes_on || remembers ? 0 : run.lead;
+  std::vector<char> alike;  // as the first moves
+  for (std::size_t i = 0; i < models.size(); ++i)
+    alike.push_back(same_starts(variants[i].starts, starts) && models[i]->moves_as(driven));
   auto restart = restarts.begin();
   bool ended = false;
   // From a restart on, of which `own` follow without a break; `ahead` rows before it fill memories.
@@ -295,7 +304,7 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
         led.back().insert(led.back().end(), from, from + own.size() * shown_by_.size());
         from = led.back().data();
       }
-      beside.push_back({models[i].get(), from, models[i]->moves_as(driven)});
+      beside.push_back({models[i].get(), from, alike[i] != 0});
     }
     const double* const leader = beside.front().start_states;
     beside.erase(beside.begin());
