@@ -166,16 +166,18 @@ TEST(Verdict, ASizeAtTheEndOfWhatIsTriedIsNoName) {
 }
 
 // Where a perfect model would win very much, a tenth of that is much in itself.
-TEST(Verdict, WhatWinsMuchOfEveryReadingStandsBesideAName) {
+TEST(Verdict, WhatWinsMuchStandsBesideAName) {
   GapEvidence evidence = of_effects({6000, 34000}, 28800, 0.15, 126);
   evidence.shrink = evidence.typical_shrink = 0.6;
   evidence.free_after = 2000;
   EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "unknown");
   EXPECT_TRUE(judge_gap(evidence, 0.01, {}).names);
-  evidence.readings = 288000;
-  EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "named");
-  evidence.readings = 28800;
   evidence.free_after = 1400;  // less than a quarter of what the effects win
+  EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "named");
+  // The measured tanks: few readings, of which neither wins much.
+  evidence = of_effects({129, 844}, 493, 0.26, 1093);
+  evidence.shrink = 0.7;
+  evidence.free_after = 60;
   EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "named");
 }
 

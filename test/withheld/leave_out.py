@@ -31,7 +31,7 @@ TODAY = {
     "nearly_closed_fraction": 0.95,
     "named_matters_fraction": 0.1,
     "free_evidence_fraction": 0.25,
-    "beside_log_likelihood": 0.05,
+    "beside_log_likelihood": 500.0,
     "partial_evidence_fraction": 0.2,
     "place_evidence_fraction": 0.1,
     "place_log_likelihood": 0.02,
@@ -51,7 +51,7 @@ def judged(evidence, options):
     e, o = evidence, options
     perfect, effects = max(e["perfect"], 1e-9), max(e["effects"], 1e-9)
     readings = max(e["readings"], 1.0)
-    little = min(o["place_evidence_fraction"] * perfect, o["beside_log_likelihood"] * readings)
+    little = min(o["place_evidence_fraction"] * perfect, o["beside_log_likelihood"])
     typical = e.get("typical_shrink", 0.0)  # older answers hold none
     nearly = min(e["shrink"], typical) > o["nearly_closed_fraction"]
     free_beside = 0.0 if nearly else e["free_after"] / max(o["free_evidence_fraction"] * effects, little)

@@ -210,10 +210,10 @@ struct GapOptions {
     // Of what named effects win, what a free signal at one place may still win beside them (development), if it is no
     // less than place_evidence_fraction ...
     double free_evidence_fraction = 0.25;
-    // ... or than this per reading, 10 % off the squared error from sample to sample: where everything is far from
-    // perfect, that is not little. Three names beside a cause that was withheld left 0.07 to 0.25 and more than a
-    // quarter of what they won, no right one of 24 more than a fifth.
-    double beside_log_likelihood = 0.05;
+    // ... or than this: where everything is far from perfect, a tenth of that is not little. Three names beside a cause
+    // that was withheld left 2000 to 7000 and more than a quarter of what they won, no right one of 24 more than a
+    // fifth; on few readings, the measured tanks, 60 and 120 withdraw no name.
+    double beside_log_likelihood = 500;
     // Standard deviation of an effect's size from part to part of the runs, over its size, from which it is no cause
     // (size_agreement.h): 31 sizes of what a rig has differ by 0.04 and less, 19 beside a wrong name by up to 0.22.
     double size_spread = 0.25;

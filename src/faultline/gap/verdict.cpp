@@ -29,8 +29,7 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   // was missing.
   const bool nearly = std::min(evidence.shrink, evidence.typical_shrink) > options.nearly_closed_fraction;
   // What stands against a name: a free signal that wins much beside it, or a size that is not the same everywhere.
-  const double little = std::min(options.place_evidence_fraction * perfect,
-                                 options.beside_log_likelihood * std::max(evidence.readings, 1.0));
+  const double little = std::min(options.place_evidence_fraction * perfect, options.beside_log_likelihood);
   const double free_beside =
       nearly ? 0 : evidence.free_after / std::max(options.free_evidence_fraction * effects, little);
   const double beside = std::max(free_beside, evidence.spread / options.size_spread);
