@@ -34,6 +34,16 @@ SegmentedRun held_since(double since, double duration, bool noisy, std::uint64_t
   return run;
 }
 
+std::vector<SegmentedRun> two_runs_with(const std::string& effect) {
+  std::vector<SegmentedRun> runs;
+  for (const std::uint64_t seed : {3, 4}) {
+    SimulationSetup setup = servo_setup("multisine", seed);
+    setup.effects = {parse_effect(effect)};
+    runs.push_back(cut_run(servo(), "run", simulate(servo(), setup, 4), 0.25));
+  }
+  return runs;
+}
+
 TEST(StuckTimes, AreSeenInTheReadings) {
   for (const bool noisy : {false, true})
     for (const double since : {0.5, 3.3, 7.0, 9.5}) {
@@ -54,13 +64,7 @@ TEST(StuckTimes, ASignalThatMovesInARunIsNotStuckUntilItsEnd) {
 }
 
 TEST(StuckTimes, OnlyATransducerThatShowsOneValueIsACandidate) {
-  std::vector<SegmentedRun> runs;
-  for (const std::uint64_t seed : {3, 4}) {
-    SimulationSetup setup = servo_setup("multisine", seed);
-    setup.effects = {parse_effect("stuck@sensor.load_pressure:from=2.2")};
-    runs.push_back(cut_run(servo(), "run", simulate(servo(), setup, 4), 0.25));
-  }
-  const ResidualModel residuals(servo(), runs);
+  const ResidualModel residuals(servo(), two_runs_with("stuck@sensor.load_pressure:from=2.2"));
   std::size_t stuck = 0;
   for (const Candidate& candidate : where_still(candidates(servo(), {}, 4), residuals)) {
     if (candidate.family != "stuck" || port_kind(candidate.effect.port) != PortKind::sensor) continue;
@@ -75,13 +79,7 @@ TEST(StuckTimes, OnlyATransducerThatShowsOneValueIsACandidate) {
 
 TEST(StuckTimes, ACommandThatIsStuckIsNotFollowed) {
   constexpr double kSince = 2.6;
-  std::vector<SegmentedRun> runs;
-  for (const std::uint64_t seed : {5, 6}) {
-    SimulationSetup setup = servo_setup("multisine", seed);
-    setup.effects = {parse_effect("stuck@command.valve_command:from=2.6")};
-    runs.push_back(cut_run(servo(), "run", simulate(servo(), setup, 4), 0.25));
-  }
-  const ResidualModel residuals(servo(), runs);
+  const ResidualModel residuals(servo(), two_runs_with("stuck@command.valve_command:from=2.6"));
   EXPECT_NEAR(not_followed_since(residuals), kSince, 0.25);
   std::size_t near = 0;
   for (const Candidate& candidate : where_still(candidates(servo(), {}, 4), residuals)) {

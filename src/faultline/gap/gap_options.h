@@ -210,9 +210,9 @@ struct GapOptions {
     // Of what named effects win, what a free signal at one place may still win beside them (development), if it is no
     // less than place_evidence_fraction ...
     double free_evidence_fraction = 0.25;
-    // ... or than this: where everything is far from perfect, a tenth of that is not little. Three names beside a cause
-    // that was withheld left 2000 to 7000 and more than a quarter of what they won, no right one of 24 more than a
-    // fifth; on few readings, the measured tanks, 60 and 120 withdraw no name.
+    // ... or than this: where everything is far from perfect, a tenth of that is not little. Five wrong names, four of
+    // them beside a cause that was withheld, left 700 to 7000 and more than a quarter of what they won, no right one of
+    // 24 more than a fifth; on few readings, the measured tanks, 60 and 120 withdraw no name.
     double beside_log_likelihood = 500;
     // Standard deviation of an effect's size from part to part of the runs, over its size, from which it is no cause
     // (size_agreement.h): 31 sizes of what a rig has differ by 0.04 and less, 19 beside a wrong name by up to 0.22.
