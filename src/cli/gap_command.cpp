@@ -17,9 +17,12 @@
 #include "cli/options.h"
 #include "cli/output_file.h"
 #include "cli/subcommand.h"
+#include "faultline/gap/averaging.h"
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/numerics/usable_cores.h"
 #include "faultline/rig/effect_unit.h"
+#include "faultline/segments/averaged_rows.h"
+#include "faultline/segments/even_rows.h"
 #include "faultline/segments/segment_length.h"
 #include "faultline/signal/error.h"
 
@@ -342,25 +345,36 @@ void run(const Options& options) {
   for (const auto* list : {&runs, &holdout})
     for (const LoadedRecording& run : *list) recordings.push_back(&run.recording);
   const double segment = segment_length(sheet, recordings);
+  const std::size_t averaged = rows_to_average(sheet, recordings);
+  settings.options = for_averages(settings.options, averaged);
   const auto cut = [&](const std::vector<std::string>& files, std::vector<LoadedRecording>& list) {
     std::vector<SegmentedRun> result;
-    for (std::size_t i = 0; i < list.size(); ++i)
-      result.push_back(cut_run(sheet, files[i], std::move(list[i].recording), segment));
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      Recording& recording = list[i].recording;
+      if (averaged > 1) {
+        const double period = fitted_period(sheet, recording);
+        recording = averaged_rows(sheet, std::move(recording), period, averaged);
+      }
+      result.push_back(cut_run(sheet, files[i], std::move(recording), segment));
+    }
     return result;
   };
   std::vector<SegmentedRun> learned = cut(options.runs, runs), held_out = cut(options.holdout, holdout);
   const bool show = isatty(STDERR_FILENO) != 0;
   std::mutex guard;
   int shown = -1;
-  const GapResult result = diagnose_gap(sheet, std::move(learned), std::move(held_out), settings,
-                                        [&](double share, const std::string& text) {
-                                          const std::lock_guard<std::mutex> lock(guard);
-                                          const int percent = static_cast<int>(100 * share);
-                                          if (!show || percent == shown) return;
-                                          shown = percent;
-                                          std::fputs(fmt::format("\r{:>3} % {:<28}", percent, text).c_str(), stderr);
-                                        });
+  GapResult result = diagnose_gap(sheet, std::move(learned), std::move(held_out), settings,
+                                  [&](double share, const std::string& text) {
+                                    const std::lock_guard<std::mutex> lock(guard);
+                                    const int percent = static_cast<int>(100 * share);
+                                    if (!show || percent == shown) return;
+                                    shown = percent;
+                                    std::fputs(fmt::format("\r{:>3} % {:<28}", percent, text).c_str(), stderr);
+                                  });
   if (show) std::fputs(fmt::format("\r{:<40}\r", "").c_str(), stderr);
+  if (averaged > 1)
+    result.remarks.push_back(fmt::format(
+        "means of {} readings are compared, since the rig shows nothing faster; the noise is theirs", averaged));
 
   const std::string answer = json_text(result_json(sheet, result));
   if (!options.json.empty()) write_text(options.json, answer);

@@ -5,6 +5,7 @@ sigma has its plot topic with the numbers of the messages, and the layouts for p
 import ast
 import json
 import pathlib
+import signal
 import subprocess
 import time
 import unittest
@@ -44,8 +45,9 @@ class ViewNode(unittest.TestCase):
             while "player" in self.nodes(graph) and time.monotonic() < limit:
                 time.sleep(0.5)
             time.sleep(2)  # a further drawing
-            for process in (watcher, launch):
-                graph.end(process)
+            watcher.send_signal(signal.SIGINT)
+            watcher.wait(120)  # it takes apart what it heard
+            graph.end(launch)
             entries, said = [json.loads(line) for line in heard.read_text().splitlines()], graph.said(launch)
         self.plots(rig, entries, drawn, exist)
         return entries, said
@@ -88,8 +90,8 @@ class ViewNode(unittest.TestCase):
         for name, plot in plots.items():
             points = plot["points"]
             compared = [(value, told) for _, value, told in points if told is not None]
-            # A watcher in Python misses messages of a busy machine.
-            self.assertGreaterEqual(len(compared), 0.5 * len(points), name)
+            # What was sent before the watcher knew the topic, or when the machine was busy, it did not hear.
+            self.assertGreaterEqual(len(compared), 0.9 * len(points), name)
             wrong = [pair for pair in compared if not (pair[0] == pair[1] or pair[0] != pair[0] and pair[1] != pair[1])]
             self.assertEqual(wrong, [], name)
             stamps = [stamp for stamp, _, _ in points]
@@ -292,8 +294,10 @@ class ViewNode(unittest.TestCase):
             while self.samples_seen(told, rig) < 1000 or self.placed(heard, f"{rig}/piston") < 100:
                 self.assertLess(time.monotonic(), limit, graph.said(view) + graph.said(live))
                 time.sleep(0.2)
-            for process in (view, live, watcher, listener):
+            for process in (view, live, listener):
                 graph.end(process)
+            watcher.send_signal(signal.SIGINT)
+            watcher.wait(120)
             entries = [json.loads(line) for line in heard.read_text().splitlines()]
         moving = [e for e in entries if e["topic"] == "frame" and e["frame"] == f"{rig}/piston"]
         self.follows(part, 0.02, moving, [e for e in entries if e["topic"] == "estimate"])

@@ -1,6 +1,7 @@
 """Run in the built environment: writes what view_node says of a rig as JSON lines, until SIGINT or nothing comes for
-QUIET s. At the end: of each plot topic that the rig's messages promise its points, each beside the number that the
-message of that stamp has; of each stage how large its residuals over sigma are.
+QUIET s. At the end: the estimates; of each plot topic that the rig's messages promise its points, each beside the
+number that the message of that stamp has; of each stage how large its residuals over sigma are. Samples and estimates,
+thousands a second, are kept as bytes until then: taking them apart at once, it would miss messages of a busy machine.
 
 watch_view.py RIG QUIET FILE"""
 
@@ -27,6 +28,7 @@ lock = threading.Lock()  # rospy calls back from a thread per publisher
 topics = {}  # of each message that is plotted, "channel" or a stage: its numbers' topics below /RIG/plot
 numbers = {}  # by what and microsecond: a node's stamps are doubles and lose the last digits
 points = {}  # by topic: [stamp, value]
+sent = {Sample: [], Estimate: []}  # as they came over the wire
 squares = {}  # by stage: its last stamp, and of each channel the mean square of residual over sigma, forgotten in 1 s
 
 
@@ -68,7 +70,16 @@ def point(message, name):
     points[name].append([microsecond(message), message.value])
 
 
+def promise(message):
+    """The topics that a stage's numbers have."""
+    names = [f"{message.stage}/state/{name}" for name in message.state_names]
+    names += [f"{message.stage}/quantity/{quantity.name}" for quantity in message.quantities]
+    names += [f"{message.stage}/residual/{name}" for name in message.channel_names]
+    topics.setdefault(message.stage, [re.sub("[^A-Za-z0-9/]", "_", name) for name in names])
+
+
 def estimate(message):
+    promise(message)
     stamp = message.header.stamp.to_nsec()
     write(
         {
@@ -79,10 +90,6 @@ def estimate(message):
         }
     )
     ratios = [e / s if s > 0 else math.nan for e, s in zip(message.innovation, message.innovation_std)]
-    names = [f"{message.stage}/state/{name}" for name in message.state_names]
-    names += [f"{message.stage}/quantity/{quantity.name}" for quantity in message.quantities]
-    names += [f"{message.stage}/residual/{name}" for name in message.channel_names]
-    topics.setdefault(message.stage, [re.sub("[^A-Za-z0-9/]", "_", name) for name in names])
     values = [*message.state, *(quantity.value for quantity in message.quantities), *ratios]
     numbers[message.stage, microsecond(message)] = array.array("d", values)
     before, means = squares.get(message.stage, (stamp, {}))
@@ -128,21 +135,36 @@ def alarms(message):
     )
 
 
+def keep(topic, kind):
+    rospy.Subscriber(
+        f"/{rig}/{topic}",
+        rospy.AnyMsg,
+        lambda message: sent[kind].append(message._buff),  # all that rospy has of a message that it does not take apart
+        queue_size=20000,
+        tcp_nodelay=True,
+    )
+
+
 rospy.init_node("watcher", disable_signals=True)
 stopped = []
 signal.signal(signal.SIGINT, lambda *_: stopped.append(True))
 rospy.Subscriber("/tf", TFMessage, frames, False, queue_size=10000)
 rospy.Subscriber("/tf_static", TFMessage, frames, True, queue_size=100)
-rospy.Subscriber("/{}/estimate".format(rig), Estimate, estimate, queue_size=20000, tcp_nodelay=True)
+keep("estimate", Estimate)
+keep("sample", Sample)
 rospy.Subscriber("/{}/alarms".format(rig), AlarmArray, alarms, queue_size=100)
 rospy.Subscriber("/{}/view".format(rig), MarkerArray, markers, queue_size=100)
 rospy.Subscriber("/{}/description".format(rig), RigDescription, description, queue_size=1)
-rospy.Subscriber("/{}/sample".format(rig), Sample, sample, queue_size=20000, tcp_nodelay=True)
 while not stopped and time.monotonic() < last[0] + float(quiet):
+    for message in sent[Estimate][-4:]:  # of every stage after a few times
+        promise(Estimate().deserialize(message))
     for name in [name for names in list(topics.values()) for name in names if name not in points]:
         points[name] = []
         rospy.Subscriber("/{}/plot/{}".format(rig, name), Scalar, point, name, queue_size=1000)
     time.sleep(0.05)
+for kind, take in ((Sample, sample), (Estimate, estimate)):
+    for message in list(sent[kind]):
+        take(kind().deserialize(message))
 for what, names in list(topics.items()):
     told = sum(1 for key in list(numbers) if key[0] == what)
     for i, name in enumerate(names):

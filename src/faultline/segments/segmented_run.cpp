@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "faultline/rig/rig.h"
 #include "faultline/rig/time_scales.h"
 #include "faultline/segments/even_rows.h"
 #include "faultline/segments/grid_step.h"
@@ -206,7 +207,9 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
             : "record longer, give the datasheet a shorter segment, or bring the samples to an even rate (import "
               "--resample)"));
   std::string slow;
-  if (run.period > kSlower * sheet.sample_period && run.period > kFast * time_scales(sheet).fastest_s)
+  const RigType* type = find_rig_type(sheet.rig);
+  if (run.period > kSlower * std::max(sheet.sample_period, type ? type->shown_period : 0) &&
+      run.period > kFast * time_scales(sheet).fastest_s)
     slow = fmt::format(
         "{}: samples every {:g} s are slow against the rig's fastest motion: what lies between them is "
         "taken as straight, and answers may be off by more than their intervals",

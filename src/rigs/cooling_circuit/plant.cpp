@@ -400,7 +400,11 @@ void CoolingCircuit::outputs(double time, const double* state, double* channels)
 }
 
 namespace {
-FAULTLINE_RIG(cooling_circuit, {"cooling_circuit", 0.25e-3, make_rig<CoolingCircuit>, 1e-3});
-}
+// A water column against the stiffness of a cavity, and what swings up to 120 times a second.
+bool is_fast(const EffectSpec& effect) { return effect.effect == "line_inertia" || effect.effect == "ripple"; }
+
+// Valve and firing settle in 150 ms, temperatures in 60 ms, pressures within a step: means over 5 ms show all of it.
+FAULTLINE_RIG(cooling_circuit, {"cooling_circuit", 0.25e-3, make_rig<CoolingCircuit>, 5e-3, 0, 1e-3, is_fast, 0, 5e-3});
+}  // namespace
 
 }  // namespace faultline
