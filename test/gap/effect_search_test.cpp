@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "faultline/gap/effect_worth.h"
 #include "faultline/gap/size_search.h"
 #include "rigs/pump_cylinder/runs.h"
 #include "rigs/servo_actuator/runs.h"
@@ -79,6 +80,23 @@ TEST(Narrow, FindsTheDeepestOfSeveralValleys) {
 }
 
 // Candidates that only do harm, from sizes that one round of fitting does not bring back.
+// One cause in one branch closes what its output lacks, and little of all.
+TEST(EffectWorth, IsWhatIsClosedOfTheOutputThatItClosesMost) {
+  Eigen::MatrixXf before(4, 3), after(4, 3);
+  before << 0, 9, 2,  //
+      -3, 0, -2,      // 0: does not count
+      3, -9, 0,       //
+      0, 9, 2;
+  after = before;
+  after.col(0) *= 0.5f;  // 8 -> 1.25 beyond the noise
+  EXPECT_NEAR(closes_one_output({before, before}, {after, after}, 1), 1 - 1.25 / 8, 1e-6);
+  EXPECT_NEAR(closes_one_output({before}, {before}, 1), 0, 1e-6);
+  after = before;
+  after.col(2) *= 0.1f;  // 3 -> 0
+  EXPECT_NEAR(closes_one_output({before}, {after}, 1), 1, 1e-6);
+  EXPECT_NEAR(closes_one_output({before}, {after}, 5), 0, 1e-6);  // what is left there is not large
+}
+
 TEST(GapTrials, TheBestIsScoredWhereNoneWins) {
   const GapSettings settings = among(servo(), {"force.piston", "flow.chamber_a_tank"});
   GapTrials work(servo(), runs_with({}), kFolds, {0, 1}, settings, kSilent);

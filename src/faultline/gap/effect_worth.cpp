@@ -10,7 +10,38 @@ namespace {
 
 constexpr double kNoSize = 1e-4;  // of the range of a size
 
+// Per output, the mean square of what counts beyond the noise's.
+std::vector<double> excess_by_output(const std::vector<Eigen::MatrixXf>& residuals) {
+  std::vector<double> result;
+  for (Eigen::Index o = 0; o < residuals.front().cols(); ++o) {
+    double squares = 0, count = 0;
+    for (const Eigen::MatrixXf& run : residuals) {
+      squares += static_cast<double>(run.col(o).squaredNorm());
+      count += static_cast<double>((run.col(o).array() != 0).count());
+    }
+    result.push_back(std::max(0.0, squares / std::max(count, 1.0) - 1));
+  }
+  return result;
+}
+
+// closes_one_output() of a structure beside what stands. Nothing where its last effect is at a sensor: that closes its
+// own channel, whatever is wrong.
+double most_closed(const GapTrials& work, const Structure& best) {
+  if (port_kind(best.fit.effects.back().effect.port) == PortKind::sensor || !best.around.linear) return 0;
+  return closes_one_output(work.left(), best.around.linear->at_model(),
+                           work.options().verdict.material_excess_variances);
+}
+
 }  // namespace
+
+double closes_one_output(const std::vector<Eigen::MatrixXf>& before, const std::vector<Eigen::MatrixXf>& after,
+                         double least_excess) {
+  const std::vector<double> left = excess_by_output(before), now = excess_by_output(after);
+  double most = 0;
+  for (std::size_t o = 0; o < left.size(); ++o)
+    if (left[o] > least_excess) most = std::max(most, 1 - now[o] / left[o]);
+  return most;
+}
 
 double loss_of(const GapTrials& work, const std::vector<FreePlace>& noise, const Structure& structure) {
   const ResidualModel& residuals = structure.around.residuals ? *structure.around.residuals : work.model();
@@ -58,7 +89,9 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   const double share = closes(work, now, best), left = mean_excess(best.held_out, work.held_out_values());
   // Beside others a cause closes a good part of what they leave: less is what a cause leaves that is not quite what the
   // rig has. Of what restarts hide the likelihood says too much: it must close as much as a first one must of the gap.
-  if (!first && share < (hidden ? verdict.hidden_shrink_fraction : options.further_closed_fraction)) return false;
+  if (!first && share < (hidden ? verdict.hidden_shrink_fraction : options.further_closed_fraction) &&
+      (hidden || most_closed(work, best) < options.further_output_closed_fraction))
+    return false;
   if (&certain != &now && closes(work, certain, best) < verdict.hidden_shrink_fraction) return false;
   // The likelihood takes each step of the model as straight. What a play does with what it remembers is not, and it
   // may be unlikely from sample to sample that closes all of a large gap, or all that others leave, over segments which

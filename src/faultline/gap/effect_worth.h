@@ -25,6 +25,11 @@ bool gains(const GapTrials& work, const EffectSearch& now, const Structure& best
 // The part of what `now` leaves on held-out data that a structure closes.
 double closes(const GapTrials& work, const EffectSearch& now, const Structure& best);
 
+// The most that is closed of what is left in one output, among those where that is more than `least_excess` noise
+// variances. Residuals per run, rows x outputs; 0 where a reading does not count.
+double closes_one_output(const std::vector<Eigen::MatrixXf>& before, const std::vector<Eigen::MatrixXf>& after,
+                         double least_excess);
+
 // Whether a structure that gains over `now` is worth what it has more than `certain` against what that leaves.
 bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch& now, const Structure& best,
           double quiet_variances);

@@ -204,8 +204,8 @@ double ServoActuator::drooped(double time, const double* state, double measured)
   const double node_b = has_line_ ? state[line_ + 1] : state[kPressureB];
   double drawn = 0, pressure = before;
   for (int i = 0; i < 3; ++i) {
-    drawn = std::max(0.0, ahead * signed_root(pressure - node_a, kTransition)) +
-            std::max(0.0, astern * signed_root(pressure - node_b, kTransition));
+    drawn = (ahead > 0 ? std::max(0.0, ahead * signed_root(pressure - node_a, kTransition)) : 0.0) +
+            (astern > 0 ? std::max(0.0, astern * signed_root(pressure - node_b, kTransition)) : 0.0);
     pressure = 0.5 * (pressure + supply_port_.boundary(measured, drawn, time));
   }
   return pressure;
