@@ -14,6 +14,41 @@
 #include "faultline/signal/error.h"
 
 namespace faultline {
+namespace {
+
+// Puts a text in place of a scalar. False: it does not stand where the parser says.
+bool replace_scalar(std::string& text, const YAML::Node& old, const std::string& by) {
+  const auto begin = static_cast<std::size_t>(old.Mark().pos);
+  if (!old.IsScalar() || text.compare(begin, old.Scalar().size(), old.Scalar()) != 0) return false;
+  text.replace(begin, old.Scalar().size(), by);
+  return true;
+}
+
+std::string of_branch(std::string name, const std::string& branch) {
+  const std::string placeholder = "{b}";
+  for (std::size_t at = 0; (at = name.find(placeholder, at)) != std::string::npos; at += branch.size())
+    name.replace(at, placeholder.size(), branch);
+  return name;
+}
+
+// A number of an entry that stands for one per branch. One that all share becomes one of each.
+bool set_of_branch(const Datasheet& sheet, std::string& text, const std::string& parameter, const std::string& key,
+                   const std::string& value) {
+  const YAML::Node all = YAML::Load(text);
+  for (const YAML::Node& entry : all["parameters"])
+    for (const std::string& branch : sheet.branches) {
+      if (!entry["name"] || !entry[key] || of_branch(entry["name"].Scalar(), branch) != parameter) continue;
+      const YAML::Node old = entry[key];
+      if (old.IsMap()) return old[branch] && replace_scalar(text, old[branch], value);
+      std::string each;
+      for (const std::string& other : sheet.branches)
+        each += fmt::format("{}{}: {}", each.empty() ? "{" : ", ", other, other == branch ? value : old.Scalar());
+      return replace_scalar(text, old, each + "}");
+    }
+  return false;
+}
+
+}  // namespace
 
 std::string datasheet_text(const Datasheet& sheet) {
   std::string text = read_text(sheet.file);
@@ -29,11 +64,13 @@ void set_parameter(const Datasheet& sheet, std::string& text, const std::string&
   // name: X ... key: NUMBER, on one line or the lines of one entry.
   const std::regex entry("(name: *" + parameter + "\\b[^}]*?\\b" + key + ": *)([-+0-9.eE]+)");
   std::smatch match;
-  if (!std::regex_search(text, match, entry))
+  const std::string number = fmt::format("{:.6e}", value);
+  if (std::regex_search(text, match, entry))
+    text = match.prefix().str() + match[1].str() + number + match.suffix().str();
+  else if (!set_of_branch(sheet, text, parameter, key, number))
     throw InputError(
         fmt::format("{}: parameter {} is not written as 'name: {}, ..., {}: NUMBER'; edit it by hand to {:.6g}",
                     sheet.file, parameter, parameter, key, value));
-  text = match.prefix().str() + match[1].str() + fmt::format("{:.6e}", value) + match.suffix().str();
 }
 
 void set_stage_setting(const Datasheet& sheet, std::string& text, const std::string& stage, const std::string& key,

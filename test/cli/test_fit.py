@@ -29,6 +29,20 @@ class Fit(ProgramTest):
         self.assertAlmostEqual(values["coulomb_friction"] / found["coulomb_friction"]["estimate"], 1, places=5)
         self.assertEqual(values["ram_area"], 6.33e-4)
 
+    def test_patches_what_stands_for_one_per_branch(self):
+        words = ["--profile", "valve_steps", "--duration", 2, "--seed", 3, "--quiet"]
+        self.run_program("simulate", "cooling_circuit", *words, "-o", "c.bag")
+        said = self.run_program("fit", "cooling_circuit", "c.bag", "--json", "-", "--patch", "mine.yaml").stdout
+        found = {p["name"]: p for p in json.loads(said)["parameters"]}
+        listed = json.loads(self.run_program("rigs", "cooling_circuit", "--config", "mine.yaml", "--json", "-").stdout)
+        values = {p["name"]: p for p in listed["rigs"][0]["parameters"]}
+        branches = [name for name in found if re.match("(m|v1|v2|v3|t)_", name)]
+        self.assertEqual(len(branches), 25)
+        for name in found:
+            self.assertAlmostEqual(values[name]["nominal"] / found[name]["estimate"], 1, places=5, msg=name)
+        # One tolerance of all has become one of each.
+        self.assertEqual(len({values[name]["tolerance"] for name in branches if name.endswith("_c")}), 5)
+
     def test_no_tolerance_is_written_that_a_datasheet_refuses(self):
         run = self.simulate("a.bag", "--profile", "prbs", duration=2)
         text = re.sub(r"tolerance: 0\.[0-9]+", "tolerance: 0.49", CONFIG.read_text())
