@@ -32,6 +32,14 @@ double most_closed(const GapTrials& work, const Structure& best) {
                            work.options().verdict.material_excess_variances);
 }
 
+// Of what `now` leaves, the part of a typical segment and, at the loss given, of the likelihood that a perfect model
+// would win: the lesser.
+double closes_typically(const GapTrials& work, const EffectSearch& now, const Structure& best, double loss) {
+  const double values = work.held_out_values();
+  const double typical = 1 - typical_excess(best.score, values) / std::max(typical_excess(now.score, values), 1e-12);
+  return std::min(typical, 1 - loss / std::max(now.after.loss, 1e-9));
+}
+
 }  // namespace
 
 double closes_one_output(const std::vector<Eigen::MatrixXf>& before, const std::vector<Eigen::MatrixXf>& after,
@@ -87,10 +95,13 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   const GapOptions::Verdict& verdict = work.options().verdict;
   const bool first = now.base.effects.empty(), hidden = !restarts_freely(best.fit.effects.back().effect);
   const double share = closes(work, now, best), left = mean_excess(best.held_out, work.held_out_values());
-  // Beside others a cause closes a good part of what they leave: less is what a cause leaves that is not quite what the
-  // rig has. Of what restarts hide the likelihood says too much: it must close as much as a first one must of the gap.
-  if (!first && share < (hidden ? verdict.hidden_shrink_fraction : options.further_closed_fraction) &&
-      (hidden || most_closed(work, best) < options.further_output_closed_fraction))
+  const double loss = loss_of(work, now.noise, best);
+  // Beside others a cause closes a good part of what they leave: of all, of a typical segment and of the likelihood,
+  // or of one output. Less is what a cause leaves that is not quite what the rig has. Of what restarts hide the
+  // likelihood says too much: it must close as much as a first one must of the gap.
+  if (!first && hidden && share < verdict.hidden_shrink_fraction) return false;
+  if (!first && !hidden && std::max(share, closes_typically(work, now, best, loss)) < options.further_closed_fraction &&
+      most_closed(work, best) < options.further_output_closed_fraction)
     return false;
   if (&certain != &now && closes(work, certain, best) < verdict.hidden_shrink_fraction) return false;
   // The likelihood takes each step of the model as straight. What a play does with what it remembers is not, and it
@@ -99,7 +110,6 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   const bool large = mean_excess(now.losses, work.held_out_values()) > verdict.material_excess_variances;
   if (hidden && (large || !first) && left < quiet_variances && share > verdict.closed_shrink_fraction) return true;
   if (hidden && large && first && share > verdict.nearly_closed_fraction) return true;
-  const double loss = loss_of(work, now.noise, best);
   const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
   return won > options.evidence_fraction * certain.after.loss && won > options.further_evidence_fraction * before;
 }
