@@ -137,8 +137,8 @@ struct GapOptions {
     // Of what effects found leave on segments that no fit saw, what a further one must close (development, at random,
     // three rigs: of 6 that closed less 1 was in the truth, of 23 that closed more 11, most others by its nature).
     double further_closed_fraction = 0.25;
-    // ... or of what they leave in one output, if it acts in the equations: of a rig of many branches and small causes in
-    // all of them, a cause in one closes little of all (development, the cooling circuit).
+    // ... or of what they leave in one output, if it acts in the equations: of a rig of many branches with small causes
+    // in all of them, a cause in one closes little of all (development, the cooling circuit).
     double further_output_closed_fraction = 0.75;
     // Of what an effect wins, what the noise of measured inputs may give: twice as much is the rig's.
     double input_noise_fraction = 0.34;

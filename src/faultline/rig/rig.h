@@ -55,7 +55,7 @@ struct RigType {
   bool (*is_fast)(const EffectSpec& effect) = nullptr;
   // s, of the same where derivatives may be as far off as SimulationSetup::beside lets them; 0: fast_substep.
   double rough_fast_substep = 0;
-  // s, between which its channels show nothing new: readings may be averaged over it. 0: each sample may show something.
+  // s, between which its channels show nothing new: readings may be averaged over it. 0: each sample may.
   double shown_period = 0;
 };
 
