@@ -25,9 +25,9 @@ bool replace_scalar(std::string& text, const YAML::Node& old, const std::string&
 }
 
 std::string of_branch(std::string name, const std::string& branch) {
-  const std::string placeholder = "{b}";
-  for (std::size_t at = 0; (at = name.find(placeholder, at)) != std::string::npos; at += branch.size())
-    name.replace(at, placeholder.size(), branch);
+  const std::string mark = "{b}";
+  for (std::size_t at = 0; (at = name.find(mark, at)) != std::string::npos; at += branch.size())
+    name.replace(at, mark.size(), branch);
   return name;
 }
 
