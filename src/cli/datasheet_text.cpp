@@ -11,6 +11,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "cli/output_file.h"
+#include "faultline/rig/yaml_reader.h"
 #include "faultline/signal/error.h"
 
 namespace faultline {
@@ -24,20 +25,13 @@ bool replace_scalar(std::string& text, const YAML::Node& old, const std::string&
   return true;
 }
 
-std::string of_branch(std::string name, const std::string& branch) {
-  const std::string mark = "{b}";
-  for (std::size_t at = 0; (at = name.find(mark, at)) != std::string::npos; at += branch.size())
-    name.replace(at, mark.size(), branch);
-  return name;
-}
-
 // A number of an entry that stands for one per branch. One that all share becomes one of each.
 bool set_of_branch(const Datasheet& sheet, std::string& text, const std::string& parameter, const std::string& key,
                    const std::string& value) {
   const YAML::Node all = YAML::Load(text);
   for (const YAML::Node& entry : all["parameters"])
     for (const std::string& branch : sheet.branches) {
-      if (!entry["name"] || !entry[key] || of_branch(entry["name"].Scalar(), branch) != parameter) continue;
+      if (!entry["name"] || !entry[key] || with_branch(entry["name"].Scalar(), branch) != parameter) continue;
       const YAML::Node old = entry[key];
       if (old.IsMap()) return old[branch] && replace_scalar(text, old[branch], value);
       std::string each;

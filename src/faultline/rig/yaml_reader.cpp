@@ -192,13 +192,15 @@ std::vector<YamlValue> YamlValue::items() const {
   return all;
 }
 
-std::string YamlValue::with_branch(std::string text) const {
-  if (branch_.empty()) return text;
+std::string with_branch(std::string text, const std::string& branch) {
+  if (branch.empty()) return text;
   const std::string mark = kBranch;
-  for (auto at = text.find(mark); at != std::string::npos; at = text.find(mark, at + branch_.size()))
-    text.replace(at, mark.size(), branch_);
+  for (auto at = text.find(mark); at != std::string::npos; at = text.find(mark, at + branch.size()))
+    text.replace(at, mark.size(), branch);
   return text;
 }
+
+std::string YamlValue::with_branch(std::string text) const { return faultline::with_branch(std::move(text), branch_); }
 
 std::string YamlValue::text() const {
   if (!node_.IsScalar() || node_.Scalar().empty()) fail(fmt::format("must be text, it is {}", kind_of(node_)));

@@ -71,6 +71,8 @@ class YamlValue {
 
 // "is not known" and the like end with what is: names joined with commas.
 std::string joined(const std::vector<std::string>& names);
+// A text of an entry that stands for one per branch, for this branch; as it is where that is empty.
+std::string with_branch(std::string text, const std::string& branch);
 // A name as name() demands it.
 bool is_name(const std::string& text);
 
