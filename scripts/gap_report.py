@@ -97,6 +97,7 @@ def effect_row(effect, sheet):
         "sensor": effect["port"].startswith("sensor."),
         "share": 100 * min(max(p, 0.0), 1.0),
         "p": probability_text(p),
+        "instead_of": effect.get("instead_of", ""),
         "gain": None
         if effect.get("gain") is None
         else ("" if effect.get("followed", True) else "< ") + show(round(effect["gain"]) + 0.0, decimals=0),

@@ -136,7 +136,10 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
                    {"bands", regions_json(result.bands)}};
   Json effects = Json::array(), equivalent = Json::array(), causes = Json::array();
   for (const NamedEffect& e : result.effects) effects.push_back(effect_json(sheet, e));
-  for (const NamedEffect& e : result.equivalent) equivalent.push_back(effect_json(sheet, e));
+  for (const NamedEffect& e : result.equivalent) {
+    equivalent.push_back(effect_json(sheet, e));
+    equivalent.back()["instead_of"] = e.instead_of;
+  }
   for (const RankedCause& cause : result.ranked) {
     Json entry = effect_json(sheet, cause.effect);
     entry["gain"] = cause.gain;
@@ -296,6 +299,9 @@ void print_result(const GapResult& result) {
       fmt::print("\ntogether:\n");
       for (const NamedEffect& effect : result.effects) fmt::print("  {}\n", with_sizes(effect));
     }
+    if (!result.equivalent.empty()) fmt::print("\nnot told apart on these runs:\n");
+    for (const NamedEffect& effect : result.equivalent)
+      fmt::print("  {}, instead of {}\n", with_sizes(effect), effect.instead_of);
     if (!result.effects.empty())
       fmt::print("\nshrink on held-out data: {:.0f} % (90 %: {:.0f} to {:.0f}), against nominal {:.0f} %\n",
                  100 * result.shrink_refit, 100 * result.shrink_interval.low, 100 * result.shrink_interval.high,

@@ -4,9 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include "faultline/attribution/candidates.h"
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/gap/fit_gap.h"
 #include "faultline/gap/next_run.h"
+#include "faultline/gap/ranked_causes.h"
 #include "two_gains.h"
 
 namespace faultline {
@@ -28,6 +30,7 @@ TEST(Rivals, AreBothToldWhereTheRunCannotTellThemApart) {
   EXPECT_EQ(result.verdict, "named");
   ASSERT_FALSE(result.effects.empty());
   ASSERT_FALSE(result.equivalent.empty());
+  EXPECT_EQ(result.equivalent.front().instead_of, result.effects.front().effect + "@" + result.effects.front().port);
   std::map<std::string, double> sizes;
   for (const NamedEffect& e : {result.effects.front(), result.equivalent.front()})
     sizes[e.effect] = e.parameters.begin()->second;
@@ -35,6 +38,35 @@ TEST(Rivals, AreBothToldWhereTheRunCannotTellThemApart) {
   EXPECT_NEAR(sizes["offset"], -0.4, 0.05);
   ASSERT_FALSE(result.remarks.empty());
   EXPECT_NE(result.remarks.front().find("no profile"), std::string::npos);
+}
+
+// What may stand for a further effect is told beside the others, with what it stands for.
+TEST(Rivals, OfALaterEffectAreToldToo) {
+  const std::vector<Candidate> all = candidates(two_gains(), {});
+  ASSERT_GE(all.size(), 3u);
+  const auto name = [&](std::size_t i) { return all[i].effect.effect + "@" + all[i].effect.port; };
+  EffectSearch search;
+  search.base.effects = {all[0], all[1]};
+  search.round_of = {0, 1};
+  search.apart.resize(2);
+  Rival rival;
+  rival.round = 1;
+  rival.fit.effects = {all[0], all[2]};
+  rival.standard_error = 2;
+  for (const double behind : {3.0, 5.0}) {
+    rival.behind = behind;
+    search.rivals = {rival};
+    GapResult result;
+    name_effects(search, 1.645, GapOptions().verdict, result);
+    ASSERT_EQ(result.effects.size(), 2u);
+    const double weight = std::exp(-0.5 * std::pow(behind / 2, 2));
+    EXPECT_NEAR(result.effects[1].probability, 1 / (1 + weight), 1e-9);
+    ASSERT_EQ(result.equivalent.size(), behind < 4 ? 1u : 0u);
+    if (result.equivalent.empty()) continue;
+    EXPECT_EQ(result.equivalent.front().effect + "@" + result.equivalent.front().port, name(2));
+    EXPECT_EQ(result.equivalent.front().instead_of, name(1));
+    EXPECT_NEAR(result.equivalent.front().probability, weight / (1 + weight), 1e-9);
+  }
 }
 
 TEST(Rivals, AreToldApartWhereTheRunCan) {

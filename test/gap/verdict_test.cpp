@@ -110,12 +110,40 @@ TEST(Verdict, WhatLeavesNextToNothingIsNamed) {
   evidence.quiet = 0.05;
   const GapOptions::Verdict options;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  // Nine tenths are enough of what wins more than a free signal anywhere.
+  evidence.typical_shrink = 0.92;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  for (double* free : {&evidence.free_before, &evidence.free_after}) {
+    *free = 13500;
+    EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+    *free = 8500;
+  }
   evidence.typical_shrink = 0.9;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
   // A size that changes is no cause, however much it closes.
   evidence.typical_shrink = 0.96;
   evidence.spread = 0.4;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+}
+
+// A perfect model is no measure of what nobody can win: two leaks in a rig whose noise has far outliers.
+TEST(Verdict, WhatWinsMoreThanAFreeSignalIsToldThoughAPerfectModelWouldWinMuchMore) {
+  GapEvidence evidence = of_effects({1780, 30300}, 29000, 0.18, 52);
+  evidence.shrink = 0.76;
+  evidence.typical_shrink = 0.81;
+  evidence.free_before = 870;
+  evidence.free_after = 500;
+  evidence.left = 12;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.free_after = 1700;  // wins as much again: they are a part
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+  EXPECT_TRUE(judge_gap(evidence, 0.01, options).names);
+  evidence.free_before = 1800;
+  EXPECT_FALSE(judge_gap(evidence, 0.01, options).names);
+  evidence.free_before = 870;
+  evidence.shrink = 0.45;
+  EXPECT_FALSE(judge_gap(evidence, 0.01, options).names);
 }
 
 // A gap that is too small to need a cause, or smaller than the noise, has one only where that closes most of it.

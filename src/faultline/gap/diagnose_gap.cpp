@@ -321,16 +321,20 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   if (result.verdict == "named" && !result.equivalent.empty()) {
     work.tell(0.95, "looking for a run that separates");
     const NamedEffect& rival = result.equivalent.front();
-    const auto model_of = [&](const NamedEffect& wanted) -> const FitResult& {
-      for (const Structure& s : search.ranked)
-        if (s.fit.effects.back().effect.effect == wanted.effect && s.fit.effects.back().effect.port == wanted.port)
-          return s.fit;
-      return search.base;
+    const auto is_rival = [&](const FitResult& fit) {
+      const EffectSpec& effect = fit.effects.back().effect;
+      return effect.effect == rival.effect && effect.port == rival.port;
     };
-    const NamedEffect& best = result.ranked.front().effect;
-    result.next = separating_runs(sheet, model_of(best).model, model_of(rival).model,
-                                  best.effect + "@" + best.port + " and " + rival.effect + "@" + rival.port, options,
-                                  settings.jobs, result.remarks);
+    // Two of the first round as they stand alone, those of a later one beside all others.
+    const FitResult *one = &search.ranked.front().fit, *other = &search.base;
+    for (const Structure& s : search.ranked)
+      if (is_rival(s.fit)) other = &s.fit;
+    if (other == &search.base)
+      for (const Rival& r : search.rivals)
+        if (is_rival(r.fit)) one = &search.base, other = &r.fit;
+    result.next =
+        separating_runs(sheet, one->model, other->model, rival.instead_of + " and " + rival.effect + "@" + rival.port,
+                        options, settings.jobs, result.remarks);
   }
   const bool no_cause = !answer.names && result.verdict != "unknown";
   if (no_cause) remark_noise(sheet, result);

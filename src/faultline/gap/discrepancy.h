@@ -25,6 +25,9 @@ struct Discrepancy {
   std::vector<FreePlace> places;  // best first
 };
 
+// What the best free signal wins; 0 where none was tried or wins.
+inline double most_free(const Discrepancy& d) { return d.places.empty() ? 0 : d.places.front().gain; }
+
 // A stochastic model, and the variances of its process noise per step (in sizes squared) that make the recording
 // likeliest.
 struct FittedProcess {

@@ -195,9 +195,19 @@ void stand_plain(const GapTrials& work, EffectSearch& search) {
   search.after = search.before;
 }
 
+// `standing`: score of what holds the round.
+Rival rival_of(const GapTrials& work, std::size_t round, const Structure& structure,
+               const std::vector<double>& standing) {
+  const std::vector<double> behind = minus(structure.score, standing);
+  return {round, structure.fit, structure.apart, std::max(0.0, sum(behind)), work.standard_error(behind)};
+}
+
 // An effect that was found alone was found with others missing: the close rivals of each round but the last are tried
-// again beside everything else, and take its place if they do better there.
+// again beside everything else, and take its place if they do better there. Those of the last were tried like that.
 void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& followed, EffectSearch& search) {
+  if (search.base.effects.size() > 1)
+    for (std::size_t r = 1; r < followed.back().size(); ++r)
+      search.rivals.push_back(rival_of(work, followed.size() - 1, followed.back()[r], followed.back().front().score));
   for (std::size_t round = 0; round + 1 < search.base.effects.size(); ++round) {
     const Structure& winner = followed[round].front();
     const double whole = sum(search.plain.score) - sum(winner.score);
@@ -218,6 +228,7 @@ void try_rivals(GapTrials& work, const std::vector<std::vector<Structure>>& foll
       if (round == 0)  // how the two compare beside the others is what counts
         for (Structure& s : search.ranked)
           if (same_effect(s.fit.effects.back(), rival.fit.effects.back())) s.score = beside;
+      if (round > 0) search.rivals.push_back(rival_of(work, round, swapped.front(), search.score));
       if (sum(gain) <= 0) continue;
       if (restarts_freely(rival.fit.effects.back().effect) && restarts_freely(winner.fit.effects.back().effect) &&
           loss_of(work, search.noise, swapped.front()) >= search.after.loss)

@@ -8,6 +8,14 @@
 
 namespace faultline {
 
+// What was tried in place of the effect of a round after the first, beside the others.
+struct Rival {
+  std::size_t round = 0;
+  FitResult fit;  // its effect is the last
+  Eigen::VectorXd apart;
+  double behind = 0, standard_error = 0;  // on the scale of Structure::score
+};
+
 struct EffectSearch {
   Structure plain;                     // the refitted model without effects, scored like every other
   Discrepancy before, after;           // of plain and base
@@ -19,6 +27,7 @@ struct EffectSearch {
   std::vector<double> nominal;         // such losses of the datasheet's model
   std::vector<Structure> screened;     // all candidates of the first round, best first
   std::vector<Structure> ranked;  // the finalists of the first round, best first: those with scores, then the others
+  std::vector<Rival> rivals;      // of the effects of later rounds
 };
 
 // Where among the effects of `base` the one of a round stands.

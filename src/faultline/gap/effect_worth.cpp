@@ -32,13 +32,14 @@ double most_closed(const GapTrials& work, const Structure& best) {
                            work.options().verdict.material_excess_variances);
 }
 
-// Of what `now` leaves, the part of a typical segment and, at the loss given, of the likelihood that a perfect model
-// would win: the lesser.
-double closes_typically(const GapTrials& work, const EffectSearch& now, const Structure& best, double loss) {
+// closes(), of a typical segment.
+double closes_typically(const GapTrials& work, const EffectSearch& now, const Structure& best) {
   const double values = work.held_out_values();
-  const double typical = 1 - typical_excess(best.score, values) / std::max(typical_excess(now.score, values), 1e-12);
-  return std::min(typical, 1 - loss / std::max(now.after.loss, 1e-9));
+  return 1 - typical_excess(best.score, values) / std::max(typical_excess(now.score, values), 1e-12);
 }
+
+// Of the likelihood that a perfect model would win beside `now`, what a structure of this loss does.
+double part_won(const EffectSearch& now, double loss) { return 1 - loss / std::max(now.after.loss, 1e-9); }
 
 }  // namespace
 
@@ -100,7 +101,9 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   // or of one output. Less is what a cause leaves that is not quite what the rig has. Of what restarts hide the
   // likelihood says too much: it must close as much as a first one must of the gap.
   if (!first && hidden && share < verdict.hidden_shrink_fraction) return false;
-  if (!first && !hidden && std::max(share, closes_typically(work, now, best, loss)) < options.further_closed_fraction &&
+  if (!first && !hidden &&
+      std::max(share, std::min(closes_typically(work, now, best), part_won(now, loss))) <
+          options.further_closed_fraction &&
       most_closed(work, best) < options.further_output_closed_fraction)
     return false;
   if (&certain != &now && closes(work, certain, best) < verdict.hidden_shrink_fraction) return false;
@@ -111,7 +114,13 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   if (hidden && (large || !first) && left < quiet_variances && share > verdict.closed_shrink_fraction) return true;
   if (hidden && large && first && share > verdict.nearly_closed_fraction) return true;
   const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
-  return won > options.evidence_fraction * certain.after.loss && won > options.further_evidence_fraction * before;
+  // Where readings differ from the model's in ways that no place explains - noise with far outliers, a clock that
+  // jitters - a perfect model is no measure: half of a large gap is closed by what is likelier than a free signal anywhere.
+  const double least_closed = verdict.hidden_shrink_fraction;
+  const bool beyond_free = !hidden && large && closes(work, certain, best) > least_closed &&
+                           closes_typically(work, certain, best) > least_closed && won > most_free(certain.after);
+  return (beyond_free || won > options.evidence_fraction * certain.after.loss) &&
+         won > options.further_evidence_fraction * before;
 }
 
 bool worth_a_trial(const GapTrials& work, const EffectSearch& now, const Structure& best) {

@@ -60,6 +60,7 @@ struct NamedEffect {
   std::map<std::string, Interval> intervals;  // 90 %
   std::vector<std::string> at_bounds;         // parameters whose value is an end of the range that the datasheet allows
   double probability = 0;
+  std::string instead_of;  // effect@port among those found, of one that these runs cannot tell from it
 };
 
 struct RankedCause {
@@ -115,7 +116,7 @@ struct GapResult {
   std::string sentence;
   std::vector<NamedEffect> effects;
   std::optional<Since> since;  // of the effects; then all levels and shares are of what follows, nominal: calibrated
-  std::vector<NamedEffect> equivalent;
+  std::vector<NamedEffect> equivalent;  // to one of the effects, beside the others
   std::string why_equivalent;
   std::vector<RankedCause> ranked;
   double shrink_refit = 0;    // 1 - excess_explained/excess_refit, held out

@@ -154,13 +154,30 @@ void name_effects(const EffectSearch& search, double ninety, const GapOptions::V
         }
     result.effects.push_back(effect);
   }
-  for (const RankedCause& cause : result.ranked) {
-    if (std::any_of(result.effects.begin(), result.effects.end(),
-                    [&](const NamedEffect& e) { return same_cause(e, cause.effect); }))
-      continue;
+  const auto add = [&](NamedEffect rival, std::size_t round) {
+    for (const auto* told : {&result.effects, &result.equivalent})
+      if (std::any_of(told->begin(), told->end(), [&](const NamedEffect& e) { return same_cause(e, rival); })) return;
+    rival.instead_of = result.effects[round].effect + "@" + result.effects[round].port;
+    result.equivalent.push_back(std::move(rival));
+  };
+  if (result.effects.empty()) return;
+  for (const RankedCause& cause : result.ranked)
     if (cause.behind < options.rival_standard_errors * cause.standard_error ||
         cause.behind < options.rival_gain_fraction * result.ranked.front().gain)
-      result.equivalent.push_back(cause.effect);
+      add(cause.effect, 0);
+  for (std::size_t round = 1; round < result.effects.size(); ++round) {
+    double weights = 1;
+    for (const Rival& rival : search.rivals) {
+      if (rival.round != round) continue;
+      NamedEffect effect = named(rival.fit, rival.fit.effects.size() - 1, rival.apart, ninety, options);
+      effect.probability = std::exp(-0.5 * std::pow(rival.behind / std::max(1.0, rival.standard_error), 2));
+      weights += effect.probability;
+      if (rival.behind < options.rival_standard_errors * rival.standard_error) add(std::move(effect), round);
+    }
+    result.effects[round].probability /= weights;
+    const std::string name = result.effects[round].effect + "@" + result.effects[round].port;
+    for (NamedEffect& effect : result.equivalent)
+      if (effect.instead_of == name) effect.probability /= weights;
   }
   if (!result.equivalent.empty())
     result.why_equivalent =

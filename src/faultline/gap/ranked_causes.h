@@ -26,8 +26,8 @@ std::vector<PlaceScore> rank_places(const Datasheet& sheet, const std::vector<St
 std::vector<PlaceScore> free_places(const Datasheet& sheet, const Discrepancy& discrepancy,
                                     const GapOptions::Verdict& options);
 
-// The effects that were found, and the rivals of the first among result.ranked. `ninety`: half width of 90 % bounds
-// in standard errors.
+// The effects that were found, and those that cannot be told from one of them: from the first among result.ranked.
+// `ninety`: half width of 90 % bounds in standard errors.
 void name_effects(const EffectSearch& search, double ninety, const GapOptions::Verdict& options, GapResult& result);
 
 }  // namespace faultline

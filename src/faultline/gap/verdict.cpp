@@ -10,15 +10,14 @@ constexpr double kBeyondDoubt = 2;  // of effects that are a part at most: clear
 }  // namespace
 
 GapEvidence gap_evidence(const Discrepancy& before, const Discrepancy& after, bool found) {
-  const auto most = [](const Discrepancy& d) { return d.places.empty() ? 0 : d.places.front().gain; };
   GapEvidence evidence;
   evidence.found = found;
   evidence.effects = found ? before.loss - after.loss : 0;
   // The loss of a perfect model is about 0, and less where the noise was taken too large.
   evidence.perfect = std::max(before.loss, evidence.effects);
-  evidence.free_before = most(before);
+  evidence.free_before = most_free(before);
   evidence.readings = before.readings;
-  evidence.free_after = found ? most(after) : evidence.free_before;
+  evidence.free_after = found ? most_free(after) : evidence.free_before;
   return evidence;
 }
 
@@ -26,8 +25,10 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   GapVerdict result;
   const double perfect = std::max(evidence.perfect, 1e-9), effects = std::max(evidence.effects, 1e-9);
   // Next to nothing is left of the gap, in a typical segment neither: whatever a free signal wins more, it is not what
-  // was missing.
-  const bool nearly = std::min(evidence.shrink, evidence.typical_shrink) > options.nearly_closed_fraction;
+  // was missing. Nor is it where little is left and the effects win more than a free signal anywhere, before or after.
+  const double closes_all = std::min(evidence.shrink, evidence.typical_shrink);
+  const bool foremost = evidence.effects > std::max(evidence.free_before, evidence.free_after);
+  const bool nearly = closes_all > (foremost ? options.closed_shrink_fraction : options.nearly_closed_fraction);
   // What stands against a name: a free signal that wins much beside it, or a size that is not the same everywhere.
   const double little = std::min(options.place_evidence_fraction * perfect, options.beside_log_likelihood);
   const double free_beside =
@@ -41,9 +42,11 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   // more there is no cause of this gap.
   const bool closed = (evidence.left < evidence.quiet && evidence.shrink > options.closed_shrink_fraction) ||
                       (!evidence.plain && evidence.shrink > options.nearly_closed_fraction);
-  // What restarts hide may be unlikely from sample to sample and close all (effect_search.cpp).
+  // What restarts hide may be unlikely from sample to sample and close all, and a perfect model is no measure where no
+  // place explains much (pays() of effect_worth.cpp).
+  const bool beyond_free = evidence.plain && foremost && closes_all > options.hidden_shrink_fraction;
   const bool likely = evidence.effects > options.material_evidence_fraction * perfect ||
-                      (closed && !evidence.plain && evidence.excess > options.material_excess_variances);
+                      (evidence.excess > options.material_excess_variances && (evidence.plain ? beyond_free : closed));
   // A gap that need not have a cause, or hides in the noise, has one only where that is most of it.
   const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
   const bool most = std::max(evidence.shrink, evidence.typical_shrink) >= options.small_gap_shrink_fraction;
