@@ -359,7 +359,56 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
   return result;
 }
 
-// Step 7. Nothing where no cause that began is told.
+// Whether a drift of a transducer at a port hides in restarts: a state is put back to what it shows.
+bool drift_hides(const Datasheet& sheet, const Port& port) {
+  if (port.kind != PortKind::sensor) return false;
+  const int channel = sheet.channel(port.channel);
+  return std::any_of(sheet.states.begin(), sheet.states.end(), [&](const State& s) { return s.channel == channel; }) &&
+         std::any_of(port.effects.begin(), port.effects.end(),
+                     [](const FittingEffect& fitting) { return fitting.effect == "drift"; });
+}
+
+// Step 7. Nothing where no such drift is told.
+std::optional<GapResult> diagnose_drift(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                        const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
+                                        const GapProgress& progress) {
+  GapSettings alone = settings;
+  bool any = false;
+  for (const Port& port : sheet.ports)
+    for (const FittingEffect& fitting : port.effects)
+      if (fitting.effect == "drift" && drift_hides(sheet, port))
+        any = true;
+      else
+        alone.without.push_back(fitting.effect + "@" + port.name);
+  std::size_t segments = 0;
+  for (const SegmentedRun& run : runs) segments += run.segments();
+  const GapOptions::SlowDrift& options = settings.options.slow_drift;
+  const std::size_t times = std::min(options.most_joined, segments / options.least_segments);
+  if (!any || times < 2) return std::nullopt;
+  std::vector<SegmentedRun> longer, held_out;
+  for (const SegmentedRun& run : runs) longer.push_back(joined_segments(run, times));
+  for (const SegmentedRun& run : holdout) held_out.push_back(joined_segments(run, times));
+  for (const auto* list : {&longer, &held_out})
+    for (const SegmentedRun& run : *list)
+      if (run.restarts.empty()) return std::nullopt;
+  if (progress) progress(0, "holding positions against velocities");
+  // Few ask for it: whether there is anything is seen without all others.
+  if (diagnose_all(sheet, sheet, longer, held_out, alone, {}).verdict != "named") return std::nullopt;
+  const double duration = static_cast<double>(longer.front().segment) * longer.front().period;
+  GapResult result = diagnose_all(sheet, sheet, std::move(longer), std::move(held_out), settings, progress);
+  const bool told =
+      result.verdict == "named" && std::any_of(result.effects.begin(), result.effects.end(), [&](const NamedEffect& e) {
+        return e.effect == "drift" && drift_hides(sheet, sheet.port(e.port));
+      });
+  if (!told) return std::nullopt;
+  result.remarks.push_back(
+      fmt::format("all this is over segments of {:.3g} s, {} times as long as usual: within those the drift is "
+                  "less than the noise",
+                  duration, times));
+  return result;
+}
+
+// Step 8. Nothing where no cause that began is told.
 std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                         const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
                                         const GapProgress& progress) {
@@ -432,6 +481,13 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
       else
         used = settings;
     }
+  }
+  const bool silent = result.verdict == "none" || result.verdict == "miscalibrated";
+  if (std::optional<GapResult> drift = silent ? diagnose_drift(sheet, runs, holdout, used, again) : std::nullopt) {
+    result = std::move(*drift);
+    result.runs = names;
+    result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    return result;
   }
   // What closes all from the beginning on did not begin, unless it is a stuck sensor, which takes a moment of its own.
   const bool closed = result.verdict == "named" &&

@@ -162,6 +162,12 @@ struct GapOptions {
     double bound_tolerances = 2;  // of all parameters then
   } nearer;
 
+  // diagnose_gap.h, step 7.
+  struct SlowDrift {
+    std::size_t most_joined = 8;      // segments that are held together,
+    std::size_t least_segments = 20;  // of which so many must be left
+  } slow_drift;
+
   // run_agreement.h: whether the runs are of one rig.
   struct Agreement {
     double gain_fraction = 0.5;           // of what the model leaves that parameters of each run's own must win,
@@ -357,6 +363,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.close_rival_gain_fraction);
   FAULTLINE_OPTION(nearer.at_bounds);
   FAULTLINE_OPTION(nearer.bound_tolerances);
+  FAULTLINE_OPTION(slow_drift.most_joined);
+  FAULTLINE_OPTION(slow_drift.least_segments);
   FAULTLINE_OPTION(agreement.gain_fraction);
   FAULTLINE_OPTION(agreement.least_excess_variances);
   FAULTLINE_OPTION(agreement.rounds);

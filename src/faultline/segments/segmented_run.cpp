@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -264,6 +265,27 @@ SegmentedRun some_segments(const SegmentedRun& run, const std::vector<std::size_
   keep(run.start_shift, part.start_shift);
   keep(run.start_roots, part.start_roots);
   return part;
+}
+
+SegmentedRun joined_segments(const SegmentedRun& run, std::size_t times) {
+  SegmentedRun joined = run;
+  joined.restarts.clear();
+  joined.counted.clear();
+  joined.starts.clear();
+  joined.start_shift.clear();
+  joined.start_roots.clear();
+  joined.segment = times * run.segment;
+  for (std::size_t g = 0; g + times <= run.segments();) {
+    if (run.restarts[g + times - 1] != run.restarts[g] + (times - 1) * run.segment) {
+      ++g;
+      continue;
+    }
+    const auto first = run.counted.begin() + static_cast<std::ptrdiff_t>(g);
+    joined.restarts.push_back(run.restarts[g]);
+    joined.counted.push_back(std::accumulate(first, first + static_cast<std::ptrdiff_t>(times), 0.0));
+    g += times;
+  }
+  return joined;
 }
 
 std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,

@@ -75,6 +75,9 @@ std::size_t fewest_rows(const std::vector<SegmentedRun>& runs);
 // The run with some of its segments (rising), starts and all.
 SegmentedRun some_segments(const SegmentedRun& run, const std::vector<std::size_t>& which);
 
+// The run in segments `times` as long, without starts; fewer than so many before a break are left out.
+SegmentedRun joined_segments(const SegmentedRun& run, std::size_t times);
+
 // Noise of each compared output over runs, in the channel's unit: their own (smoothing.h), never below what rounding
 // takes away, by the datasheet or by the grid on which the readings lie (grid_step.h).
 std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
