@@ -13,6 +13,7 @@
 #include "faultline/gap/onset.h"
 #include "faultline/gap/ranked_causes.h"
 #include "faultline/gap/rounded_channels.h"
+#include "faultline/gap/slow_drift.h"
 #include "faultline/gap/split_runs.h"
 #include "faultline/gap/unknown_shape.h"
 #include "faultline/gap/verdict.h"
@@ -359,55 +360,59 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
   return result;
 }
 
-// Whether a drift of a transducer at a port hides in restarts: a state is put back to what it shows.
-bool drift_hides(const Datasheet& sheet, const Port& port) {
-  if (port.kind != PortKind::sensor) return false;
-  const int channel = sheet.channel(port.channel);
-  return std::any_of(sheet.states.begin(), sheet.states.end(), [&](const State& s) { return s.channel == channel; }) &&
-         std::any_of(port.effects.begin(), port.effects.end(),
-                     [](const FittingEffect& fitting) { return fitting.effect == "drift"; });
-}
-
 // Step 7. Nothing where no such drift is told.
 std::optional<GapResult> diagnose_drift(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                         const std::vector<SegmentedRun>& holdout, GapSettings settings,
                                         const GapProgress& progress) {
   const GapOptions::SlowDrift options = settings.options.slow_drift;
-  settings.most_effects = 1;
-  settings.options.search.evidence_fraction = settings.options.verdict.material_evidence_fraction =
-      options.evidence_fraction;
-  settings.options.search.least_free_fraction = 0;  // a free signal that adds up is none that forgets
-  GapSettings alone = settings;
-  bool any = false;
-  for (const Port& port : sheet.ports)
-    for (const FittingEffect& fitting : port.effects)
-      if (fitting.effect == "drift" && drift_hides(sheet, port))
-        any = true;
-      else
-        alone.without.push_back(fitting.effect + "@" + port.name);
   std::size_t segments = 0;
   for (const SegmentedRun& run : runs) segments += run.segments();
   const std::size_t times = std::min(options.most_joined, segments / options.least_segments);
-  if (!any || times < 2) return std::nullopt;
+  if (times < 2) return std::nullopt;
   std::vector<SegmentedRun> longer, held_out;
   for (const SegmentedRun& run : runs) longer.push_back(joined_segments(run, times));
   for (const SegmentedRun& run : holdout) held_out.push_back(joined_segments(run, times));
   for (const auto* list : {&longer, &held_out})
     for (const SegmentedRun& run : *list)
       if (run.restarts.empty()) return std::nullopt;
-  const double duration = static_cast<double>(longer.front().segment) * longer.front().period;
-  const auto told = [](const GapResult& result) {
-    return result.verdict == "named" && !result.effects.empty() && result.effects.front().effect == "drift";
+  const auto runs_away = [&](const Port& port) -> std::optional<RateApart> {
+    if (port.kind != PortKind::sensor) return std::nullopt;
+    const std::optional<int> rate = rate_channel(sheet, sheet.channel(port.channel));
+    if (!rate) return std::nullopt;
+    const std::optional<RateApart> apart = rate_apart(longer, sheet.channel(port.channel), *rate);
+    return apart && std::abs(apart->rate) > options.standard_errors * apart->standard_error ? apart : std::nullopt;
   };
-  // Few recordings have one: whether there is any is seen without all other candidates.
-  if (progress) progress(0, "holding positions against velocities");
-  if (!told(diagnose_all(sheet, sheet, longer, held_out, alone, {}))) return std::nullopt;
+  std::optional<RateApart> apart;
+  std::string channel;
+  const std::vector<std::string> without = settings.without;
+  for (const Port& port : sheet.ports)
+    for (const FittingEffect& fitting : port.effects) {
+      const std::string name = fitting.effect + "@" + port.name;
+      if (!apart && fitting.effect == "drift" && std::count(without.begin(), without.end(), name) == 0 &&
+          std::count(without.begin(), without.end(), "drift") == 0 && (apart = runs_away(port)))
+        channel = port.channel;
+      else
+        settings.without.push_back(name);
+    }
+  if (!apart) return std::nullopt;
+  // One candidate needs less evidence than the first of all.
+  settings.most_effects = 1;
+  settings.options.search.evidence_fraction = settings.options.verdict.material_evidence_fraction =
+      options.evidence_fraction;
+  settings.options.search.least_free_fraction = 0;  // what adds up is no signal that forgets
+  const double duration = static_cast<double>(longer.front().segment) * longer.front().period;
+  if (progress) progress(0, "holding " + channel + " against its rate");
   GapResult result = diagnose_all(sheet, sheet, std::move(longer), std::move(held_out), settings, progress);
-  if (!told(result) || !drift_hides(sheet, sheet.port(result.effects.front().port))) return std::nullopt;
-  result.remarks.push_back(
-      fmt::format("all this is over segments of {:.3g} s, {} times as long as usual: within those the drift is less "
-                  "than the noise",
-                  duration, times));
+  if (result.verdict != "named" || result.effects.front().effect != "drift") return std::nullopt;
+  const double off = std::abs(result.effects.front().parameters.at("rate") - apart->rate);
+  if (off >
+      std::max(options.agreement_fraction * std::abs(apart->rate), options.standard_errors * apart->standard_error))
+    return std::nullopt;
+  result.remarks.push_back(fmt::format(
+      "all this is over segments of {:.3g} s, {} times as long as usual: within those the drift is less than "
+      "the noise. {} leaves the integral of its measured rate by {:.3g} +- {:.1g} {}/s",
+      duration, times, channel, apart->rate, apart->standard_error,
+      sheet.channels[static_cast<std::size_t>(sheet.channel(channel))].unit));
   return result;
 }
 

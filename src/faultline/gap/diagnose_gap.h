@@ -8,8 +8,8 @@
 // 5. Rivals within two standard errors of the winner form the set that cannot be told apart.
 // 6. Where no cause is told because the refit takes several parameters to their bounds, all this is asked again with
 //    bounds that lie nearer: a name that is found then lets them go back, and is told.
-// 7. Where no cause is told, a drift of a transducer at which states are put back is sought over longer segments: what
-//    adds up is held against what the model integrates. It is told where it is the first of all candidates there, too.
+// 7. Where no cause is told, but readings of a state leave the integral of those of its rate (slow_drift.h), a drift of
+//    that transducer is fitted over longer segments, and told where it is a cause there, of the same size.
 // 8. Where the model explains the runs up to some moment only (onset.h), all this is asked again of what follows, of
 //    the rig as it was before; a name that what was before contradicts is told with its date.
 // Deterministic: no random numbers but the bootstrap's, which are seeded.

@@ -166,6 +166,8 @@ struct GapOptions {
   struct SlowDrift {
     std::size_t most_joined = 8;      // segments that are held together,
     std::size_t least_segments = 20;  // of which so many must be left
+    double standard_errors = 5;       // by which readings leave the integral of their rate ...
+    double agreement_fraction = 0.3;  // ... and of that rate, by which the drift that is fitted may differ
     // Of the log likelihood that a perfect model would win, what a drift must, which is the only one that is asked.
     double evidence_fraction = 0.03;
   } slow_drift;
@@ -367,6 +369,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(nearer.bound_tolerances);
   FAULTLINE_OPTION(slow_drift.most_joined);
   FAULTLINE_OPTION(slow_drift.least_segments);
+  FAULTLINE_OPTION(slow_drift.standard_errors);
+  FAULTLINE_OPTION(slow_drift.agreement_fraction);
   FAULTLINE_OPTION(slow_drift.evidence_fraction);
   FAULTLINE_OPTION(agreement.gain_fraction);
   FAULTLINE_OPTION(agreement.least_excess_variances);
