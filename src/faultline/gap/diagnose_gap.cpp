@@ -360,59 +360,73 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
   return result;
 }
 
-// Step 7. Nothing where no such drift is told.
-std::optional<GapResult> diagnose_drift(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
-                                        const std::vector<SegmentedRun>& holdout, GapSettings settings,
-                                        const GapProgress& progress) {
-  const GapOptions::SlowDrift options = settings.options.slow_drift;
+// Runs in longer segments, and a transducer at which a drift fits and whose readings leave the integral of their rate.
+struct RunsAway {
+  std::string port, channel;
+  RateApart apart;
+  std::vector<SegmentedRun> runs, holdout;
+  std::size_t times = 1;  // as long
+
+  std::string told(const Datasheet& sheet) const {
+    return fmt::format("{} leaves the integral of its measured rate by {:.3g} +- {:.1g} {}/s", channel, apart.rate,
+                       apart.standard_error, sheet.channels[static_cast<std::size_t>(sheet.channel(channel))].unit);
+  }
+};
+
+std::optional<RunsAway> what_runs_away(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                       const std::vector<SegmentedRun>& holdout, const GapSettings& settings) {
+  const GapOptions::SlowDrift& options = settings.options.slow_drift;
+  RunsAway result;
   std::size_t segments = 0;
   for (const SegmentedRun& run : runs) segments += run.segments();
-  const std::size_t times = std::min(options.most_joined, segments / options.least_segments);
-  if (times < 2) return std::nullopt;
-  std::vector<SegmentedRun> longer, held_out;
-  for (const SegmentedRun& run : runs) longer.push_back(joined_segments(run, times));
-  for (const SegmentedRun& run : holdout) held_out.push_back(joined_segments(run, times));
-  for (const auto* list : {&longer, &held_out})
+  result.times = std::min(options.most_joined, segments / options.least_segments);
+  if (result.times < 2) return std::nullopt;
+  for (const SegmentedRun& run : runs) result.runs.push_back(joined_segments(run, result.times));
+  for (const SegmentedRun& run : holdout) result.holdout.push_back(joined_segments(run, result.times));
+  for (const auto* list : {&result.runs, &result.holdout})
     for (const SegmentedRun& run : *list)
       if (run.restarts.empty()) return std::nullopt;
-  const auto runs_away = [&](const Port& port) -> std::optional<RateApart> {
-    if (port.kind != PortKind::sensor) return std::nullopt;
-    const std::optional<int> rate = rate_channel(sheet, sheet.channel(port.channel));
-    if (!rate) return std::nullopt;
-    const std::optional<RateApart> apart = rate_apart(longer, sheet.channel(port.channel), *rate);
-    return apart && std::abs(apart->rate) > options.standard_errors * apart->standard_error ? apart : std::nullopt;
-  };
-  std::optional<RateApart> apart;
-  std::string channel;
-  const std::vector<std::string> without = settings.without;
+  for (const Candidate& candidate : candidates(sheet, settings.without)) {
+    const EffectSpec& effect = candidate.effect;
+    if (effect.effect != "drift" || port_kind(effect.port) != PortKind::sensor) continue;
+    result.port = effect.port;
+    result.channel = sheet.port(effect.port).channel;
+    const int channel = sheet.channel(result.channel);
+    const std::optional<int> rate = rate_channel(sheet, channel);
+    if (!rate) continue;
+    const std::optional<RateApart> apart = rate_apart(result.runs, channel, *rate);
+    if (!apart || std::abs(apart->rate) < options.standard_errors * apart->standard_error) continue;
+    result.apart = *apart;
+    return result;
+  }
+  return std::nullopt;
+}
+
+// Step 7. Nothing where no such drift is told.
+std::optional<GapResult> diagnose_drift(const Datasheet& sheet, const RunsAway& found, GapSettings settings,
+                                        const GapProgress& progress) {
+  const GapOptions::SlowDrift options = settings.options.slow_drift;
   for (const Port& port : sheet.ports)
-    for (const FittingEffect& fitting : port.effects) {
-      const std::string name = fitting.effect + "@" + port.name;
-      if (!apart && fitting.effect == "drift" && std::count(without.begin(), without.end(), name) == 0 &&
-          std::count(without.begin(), without.end(), "drift") == 0 && (apart = runs_away(port)))
-        channel = port.channel;
-      else
-        settings.without.push_back(name);
-    }
-  if (!apart) return std::nullopt;
+    for (const FittingEffect& fitting : port.effects)
+      if (fitting.effect != "drift" || port.name != found.port)
+        settings.without.push_back(fitting.effect + "@" + port.name);
   // One candidate needs less evidence than the first of all.
   settings.most_effects = 1;
   settings.options.search.evidence_fraction = settings.options.verdict.material_evidence_fraction =
       options.evidence_fraction;
   settings.options.search.least_free_fraction = 0;  // what adds up is no signal that forgets
-  const double duration = static_cast<double>(longer.front().segment) * longer.front().period;
-  if (progress) progress(0, "holding " + channel + " against its rate");
-  GapResult result = diagnose_all(sheet, sheet, std::move(longer), std::move(held_out), settings, progress);
+  if (progress) progress(0, "holding " + found.channel + " against its rate");
+  GapResult result = diagnose_all(sheet, sheet, found.runs, found.holdout, settings, progress);
   if (result.verdict != "named" || result.effects.front().effect != "drift") return std::nullopt;
-  const double off = std::abs(result.effects.front().parameters.at("rate") - apart->rate);
-  if (off >
-      std::max(options.agreement_fraction * std::abs(apart->rate), options.standard_errors * apart->standard_error))
+  const double off = std::abs(result.effects.front().parameters.at("rate") - found.apart.rate);
+  if (off > std::max(options.agreement_fraction * std::abs(found.apart.rate),
+                     options.standard_errors * found.apart.standard_error))
     return std::nullopt;
+  const SegmentedRun& run = found.runs.front();
   result.remarks.push_back(fmt::format(
       "all this is over segments of {:.3g} s, {} times as long as usual: within those the drift is less than "
-      "the noise. {} leaves the integral of its measured rate by {:.3g} +- {:.1g} {}/s",
-      duration, times, channel, apart->rate, apart->standard_error,
-      sheet.channels[static_cast<std::size_t>(sheet.channel(channel))].unit));
+      "the noise. {}",
+      static_cast<double>(run.segment) * run.period, found.times, found.told(sheet)));
   return result;
 }
 
@@ -490,25 +504,27 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
         used = settings;
     }
   }
-  const bool silent = result.verdict == "none" || result.verdict == "miscalibrated";
-  if (std::optional<GapResult> drift = silent ? diagnose_drift(sheet, runs, holdout, used, again) : std::nullopt) {
-    result = std::move(*drift);
-    result.runs = names;
-    result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    return result;
-  }
+  const std::optional<RunsAway> away = what_runs_away(sheet, runs, holdout, settings);
+  std::optional<GapResult> drift;
+  if (away && (result.verdict == "none" || result.verdict == "miscalibrated"))
+    drift = diagnose_drift(sheet, *away, used, again);
   // What closes all from the beginning on did not begin, unless it is a stuck sensor, which takes a moment of its own.
   const bool closed = result.verdict == "named" &&
                       result.shrink_refit >= settings.options.verdict.closed_shrink_fraction &&
                       std::none_of(result.effects.begin(), result.effects.end(),
                                    [](const NamedEffect& e) { return e.effect == "stuck"; });
-  if (result.verdict != "none" && !closed) {
+  if (drift) {
+    result = std::move(*drift);
+  } else if (result.verdict != "none" && !closed) {
     if (forward) forward(kFirstShare, "looking since when");
     if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, used, again)) {
       since->runs = std::move(names);
       result = std::move(*since);
     }
   }
+  if (away && std::none_of(result.effects.begin(), result.effects.end(),
+                           [&](const NamedEffect& e) { return e.port == away->port; }))
+    result.remarks.push_back(away->told(sheet) + ": its transducer drifts, or that of the rate is offset");
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }
