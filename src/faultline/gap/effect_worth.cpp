@@ -115,7 +115,8 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   if (hidden && large && first && share > verdict.nearly_closed_fraction) return true;
   const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
   // Where readings differ from the model's in ways that no place explains - noise with far outliers, a clock that
-  // jitters - a perfect model is no measure: half of a large gap is closed by what is likelier than a free signal anywhere.
+  // jitters - a perfect model is no measure: half of a large gap is closed by what is likelier than a free signal
+  // anywhere.
   const double least_closed = verdict.hidden_shrink_fraction;
   const bool beyond_free = !hidden && large && closes(work, certain, best) > least_closed &&
                            closes_typically(work, certain, best) > least_closed && won > most_free(certain.after);

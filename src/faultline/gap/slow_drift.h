@@ -21,7 +21,8 @@ struct RateApart {
   double rate = 0, standard_error = 0;  // of the state's reading, in its unit/s
 };
 
-// The channel that shows the rate of what `channel` shows: of another state, in its unit/s. Nothing where there is none.
+// The channel that shows the rate of what `channel` shows: of another state, in its unit/s. Nothing where there is
+// none.
 std::optional<int> rate_channel(const Datasheet& sheet, int channel);
 
 // Nothing where fewer than eight segments have all readings, or where `rate` is no rate of `channel`.
