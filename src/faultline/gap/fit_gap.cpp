@@ -81,8 +81,8 @@ std::vector<Eigen::MatrixXf> response_along(const ResidualModel& residuals, cons
                                             int jobs) {
   const std::vector<std::size_t>& free = linear.free_parameters();
   const auto parameters = static_cast<Eigen::Index>(free.size());
-  const double largest = std::max(ridge.along.head(parameters).cwiseAbs().maxCoeff(),
-                                  ridge.along.tail(ridge.along.size() - parameters).cwiseAbs().maxCoeff() /
+  const double largest = std::max(ridge.along.head(parameters).lpNorm<Eigen::Infinity>(),
+                                  ridge.along.tail(ridge.along.size() - parameters).lpNorm<Eigen::Infinity>() /
                                       residuals.options().fit.ridge_step_coordinate);
   const double step = residuals.options().fit.ridge_step_tolerances / largest;
   const auto moved = [&](double by, std::vector<Eigen::MatrixXf>& result) {
@@ -90,7 +90,7 @@ std::vector<Eigen::MatrixXf> response_along(const ResidualModel& residuals, cons
     const Eigen::VectorXd wanted = by * ridge.along.head(parameters);
     const Eigen::VectorXd before = deviations(residuals.sheet(), free, values);
     shift_parameters(residuals, free, wanted, values);
-    if ((deviations(residuals.sheet(), free, values) - before - wanted).cwiseAbs().maxCoeff() > 1e-9) return false;
+    if ((deviations(residuals.sheet(), free, values) - before - wanted).lpNorm<Eigen::Infinity>() > 1e-9) return false;
     std::vector<Candidate> list = at.effects;
     for (std::size_t i = 0; i < coordinates.size(); ++i)
       move_coordinate(list, coordinates[i], by * ridge.along[parameters + static_cast<Eigen::Index>(i)],

@@ -87,7 +87,7 @@ std::optional<Onset> OnsetSearch::find() {
     split = best_split(products, z);
     if (!split) return std::nullopt;
     const Eigen::VectorXd move = split->before.move;
-    if (round > 0 && split->segment == before && move.cwiseAbs().maxCoeff() < options.settled_tolerances) break;
+    if (round > 0 && split->segment == before && move.lpNorm<Eigen::Infinity>() < options.settled_tolerances) break;
     shift_parameters(residuals_, linear_->free_parameters(), move, model.parameters);
   }
   settle(model);
