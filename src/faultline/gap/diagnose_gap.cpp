@@ -381,11 +381,6 @@ std::optional<RunsAway> what_runs_away(const Datasheet& sheet, const std::vector
   for (const SegmentedRun& run : runs) segments += run.segments();
   result.times = std::min(options.most_joined, segments / options.least_segments);
   if (result.times < 2) return std::nullopt;
-  for (const SegmentedRun& run : runs) result.runs.push_back(joined_segments(run, result.times));
-  for (const SegmentedRun& run : holdout) result.holdout.push_back(joined_segments(run, result.times));
-  for (const auto* list : {&result.runs, &result.holdout})
-    for (const SegmentedRun& run : *list)
-      if (run.restarts.empty()) return std::nullopt;
   for (const Candidate& candidate : candidates(sheet, settings.without)) {
     const EffectSpec& effect = candidate.effect;
     if (effect.effect != "drift" || port_kind(effect.port) != PortKind::sensor) continue;
@@ -394,9 +389,15 @@ std::optional<RunsAway> what_runs_away(const Datasheet& sheet, const std::vector
     const int channel = sheet.channel(result.channel);
     const std::optional<int> rate = rate_channel(sheet, channel);
     if (!rate) continue;
+    result.runs.clear();
+    for (const SegmentedRun& run : runs) result.runs.push_back(joined_segments(run, result.times));
     const std::optional<RateApart> apart = rate_apart(result.runs, channel, *rate);
     if (!apart || std::abs(apart->rate) < options.standard_errors * apart->standard_error) continue;
     result.apart = *apart;
+    for (const SegmentedRun& run : holdout) result.holdout.push_back(joined_segments(run, result.times));
+    for (const auto* list : {&result.runs, &result.holdout})
+      for (const SegmentedRun& run : *list)
+        if (run.restarts.empty()) return std::nullopt;
     return result;
   }
   return std::nullopt;
