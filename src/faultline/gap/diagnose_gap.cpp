@@ -360,49 +360,6 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
   return result;
 }
 
-// Runs in longer segments, and a transducer at which a drift fits and whose readings leave the integral of their rate.
-struct RunsAway {
-  std::string port, channel;
-  RateApart apart;
-  std::vector<SegmentedRun> runs, holdout;
-  std::size_t times = 1;  // as long
-
-  std::string told(const Datasheet& sheet) const {
-    return fmt::format("{} leaves the integral of its measured rate by {:.3g} +- {:.1g} {}/s", channel, apart.rate,
-                       apart.standard_error, sheet.channels[static_cast<std::size_t>(sheet.channel(channel))].unit);
-  }
-};
-
-std::optional<RunsAway> what_runs_away(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
-                                       const std::vector<SegmentedRun>& holdout, const GapSettings& settings) {
-  const GapOptions::SlowDrift& options = settings.options.slow_drift;
-  RunsAway result;
-  std::size_t segments = 0;
-  for (const SegmentedRun& run : runs) segments += run.segments();
-  result.times = std::min(options.most_joined, segments / options.least_segments);
-  if (result.times < 2) return std::nullopt;
-  for (const Candidate& candidate : candidates(sheet, settings.without)) {
-    const EffectSpec& effect = candidate.effect;
-    if (effect.effect != "drift" || port_kind(effect.port) != PortKind::sensor) continue;
-    result.port = effect.port;
-    result.channel = sheet.port(effect.port).channel;
-    const int channel = sheet.channel(result.channel);
-    const std::optional<int> rate = rate_channel(sheet, channel);
-    if (!rate) continue;
-    result.runs.clear();
-    for (const SegmentedRun& run : runs) result.runs.push_back(joined_segments(run, result.times));
-    const std::optional<RateApart> apart = rate_apart(result.runs, channel, *rate);
-    if (!apart || std::abs(apart->rate) < options.standard_errors * apart->standard_error) continue;
-    result.apart = *apart;
-    for (const SegmentedRun& run : holdout) result.holdout.push_back(joined_segments(run, result.times));
-    for (const auto* list : {&result.runs, &result.holdout})
-      for (const SegmentedRun& run : *list)
-        if (run.restarts.empty()) return std::nullopt;
-    return result;
-  }
-  return std::nullopt;
-}
-
 // Step 7. Nothing where no such drift is told.
 std::optional<GapResult> diagnose_drift(const Datasheet& sheet, const RunsAway& found, GapSettings settings,
                                         const GapProgress& progress) {
@@ -427,7 +384,7 @@ std::optional<GapResult> diagnose_drift(const Datasheet& sheet, const RunsAway& 
   result.remarks.push_back(fmt::format(
       "all this is over segments of {:.3g} s, {} times as long as usual: within those the drift is less than "
       "the noise. {}",
-      static_cast<double>(run.segment) * run.period, found.times, found.told(sheet)));
+      static_cast<double>(run.segment) * run.period, found.times, told(sheet, found)));
   return result;
 }
 
@@ -505,7 +462,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
         used = settings;
     }
   }
-  const std::optional<RunsAway> away = what_runs_away(sheet, runs, holdout, settings);
+  const std::optional<RunsAway> away =
+      what_runs_away(sheet, runs, holdout, settings.without, settings.options.slow_drift);
   std::optional<GapResult> drift;
   if (away && (result.verdict == "none" || result.verdict == "miscalibrated"))
     drift = diagnose_drift(sheet, *away, used, again);
@@ -525,7 +483,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   }
   if (away && std::none_of(result.effects.begin(), result.effects.end(),
                            [&](const NamedEffect& e) { return e.port == away->port; }))
-    result.remarks.push_back(away->told(sheet) + ": its transducer drifts, or that of the rate is offset");
+    result.remarks.push_back(told(sheet, *away) + ": its transducer drifts, or that of the rate is offset");
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }

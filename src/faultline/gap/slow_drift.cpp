@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
 #include <Eigen/Dense>
+
+#include "faultline/attribution/candidates.h"
 
 namespace faultline {
 namespace {
@@ -69,6 +72,42 @@ std::optional<RateApart> rate_apart(const std::vector<SegmentedRun>& runs, int c
   const double variance = (apart - of * fitted).squaredNorm() / static_cast<double>(n - 3);
   const Eigen::Matrix3d inverse = (of.transpose() * of).inverse();
   return RateApart{fitted[0], std::sqrt(variance * inverse(0, 0))};
+}
+
+std::optional<RunsAway> what_runs_away(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                       const std::vector<SegmentedRun>& holdout,
+                                       const std::vector<std::string>& without, const GapOptions::SlowDrift& options) {
+  RunsAway result;
+  std::size_t segments = 0;
+  for (const SegmentedRun& run : runs) segments += run.segments();
+  result.times = std::min(options.most_joined, segments / options.least_segments);
+  if (result.times < 2) return std::nullopt;
+  for (const Candidate& candidate : candidates(sheet, without)) {
+    const EffectSpec& effect = candidate.effect;
+    if (effect.effect != "drift" || port_kind(effect.port) != PortKind::sensor) continue;
+    result.port = effect.port;
+    result.channel = sheet.port(effect.port).channel;
+    const int channel = sheet.channel(result.channel);
+    const std::optional<int> rate = rate_channel(sheet, channel);
+    if (!rate) continue;
+    result.runs.clear();
+    for (const SegmentedRun& run : runs) result.runs.push_back(joined_segments(run, result.times));
+    const std::optional<RateApart> apart = rate_apart(result.runs, channel, *rate);
+    if (!apart || std::abs(apart->rate) < options.standard_errors * apart->standard_error) continue;
+    result.apart = *apart;
+    for (const SegmentedRun& run : holdout) result.holdout.push_back(joined_segments(run, result.times));
+    for (const auto* list : {&result.runs, &result.holdout})
+      for (const SegmentedRun& run : *list)
+        if (run.restarts.empty()) return std::nullopt;
+    return result;
+  }
+  return std::nullopt;
+}
+
+std::string told(const Datasheet& sheet, const RunsAway& found) {
+  return fmt::format("{} leaves the integral of its measured rate by {:.3g} +- {:.1g} {}/s", found.channel,
+                     found.apart.rate, found.apart.standard_error,
+                     sheet.channels[static_cast<std::size_t>(sheet.channel(found.channel))].unit);
 }
 
 }  // namespace faultline

@@ -10,8 +10,10 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
+#include "faultline/gap/gap_options.h"
 #include "faultline/rig/datasheet.h"
 #include "faultline/segments/segmented_run.h"
 
@@ -27,5 +29,21 @@ std::optional<int> rate_channel(const Datasheet& sheet, int channel);
 
 // Nothing where fewer than eight segments have all readings, or where `rate` is no rate of `channel`.
 std::optional<RateApart> rate_apart(const std::vector<SegmentedRun>& runs, int channel, int rate);
+
+// Runs in longer segments, and a transducer at which a drift fits and whose readings leave the integral of their rate.
+struct RunsAway {
+  std::string port, channel;
+  RateApart apart;
+  std::vector<SegmentedRun> runs, holdout;
+  std::size_t times = 1;  // as long
+};
+
+// The first such transducer; nothing where there is none, or where runs are too short. `without`: as in candidates.h.
+std::optional<RunsAway> what_runs_away(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                       const std::vector<SegmentedRun>& holdout,
+                                       const std::vector<std::string>& without, const GapOptions::SlowDrift& options);
+
+// By how much, in words.
+std::string told(const Datasheet& sheet, const RunsAway& found);
 
 }  // namespace faultline
