@@ -192,11 +192,10 @@ def sentence_of(answer, sheet):
         )
         since = cause.get("since")
         if since:
-            text += " {} began {:.4g} s into {}.".format(
-                "It" if len(parts) == 1 else "They", since["time"], os.path.basename(since["run"])
-            )
+            moments = ["{:.4g} s into {}".format(m["time"], os.path.basename(m["run"])) for m in since["moments"]]
+            text += " {} began {}.".format("It" if len(parts) == 1 else "They", join(moments))
             after += ", of what follows that moment (known to {:.2g} s)".format(since["within"])
-            after += "; until then the model explains the recording, calibrated there"
+            after += "; until then the model explains the recordings, calibrated there"
         return text[:1].upper() + text[1:], after + "."
     place = answer["where"]["ranked"][0]["port"] if answer["where"]["ranked"] else ""
     part = " at or near the " + sheet.component(place) if place else ""

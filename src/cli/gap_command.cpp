@@ -103,7 +103,13 @@ Json regions_json(const std::vector<Region>& regions) {
 
 Json since_json(const GapResult& result) {
   if (!result.since) return Json();
-  return {{"run", result.runs[result.since->run]}, {"time", result.since->time}, {"within", result.since->within}};
+  Json moments = Json::array();
+  for (const Since::Moment& moment : result.since->moments)
+    moments.push_back({{"run", result.runs[moment.run]}, {"time", moment.time}});
+  Json since = moments.front();
+  since["within"] = result.since->within;
+  since["moments"] = moments;
+  return since;
 }
 
 Json result_json(const Datasheet& sheet, const GapResult& result) {

@@ -35,8 +35,9 @@ TEST(Onset, OfALeakIsFoundToASegment) {
   OnsetSearch search = search_of({leaks_later()});
   const std::optional<Onset> onset = search.find();
   ASSERT_TRUE(onset);
-  EXPECT_EQ(onset->run, 0u);
-  EXPECT_NEAR(onset->time, kFrom, 1.01 * segment_length(servo()));
+  ASSERT_EQ(onset->moments.size(), 1u);
+  EXPECT_EQ(onset->moments[0].run, 0u);
+  EXPECT_NEAR(onset->moments[0].time, kFrom, 1.01 * segment_length(servo()));
   // What follows is explained by the leak, which before was not there; and by what cannot show before.
   const std::string leak = "laminar_leakage@flow.chamber_a_chamber_b:coefficient=2e-11";
   EXPECT_GT(search.contradicted(*onset, {parse_effect(leak)}), 0.5);
@@ -48,8 +49,8 @@ TEST(Onset, OfALeakIsFoundToASegment) {
     EXPECT_EQ(before.parameters[i].nominal, onset->parameters[i]);
     EXPECT_DOUBLE_EQ(before.parameters[i].tolerance, 0.1 * servo().parameters[i].tolerance);
   }
-  const SegmentedRun rest = rest_of(servo(), leaks_later(), onset->segment, GapOptions().segments);
-  EXPECT_NEAR(rest.duration(), kDuration - onset->time, 0.01);
+  const SegmentedRun rest = rest_of(servo(), leaks_later(), onset->segments[0], GapOptions().segments);
+  EXPECT_NEAR(rest.duration(), kDuration - onset->moments[0].time, 0.01);
 }
 
 TEST(Onset, IsNoneWhereNothingBegins) {
@@ -65,8 +66,10 @@ TEST(Onset, IsNoneBetweenRuns) {
 TEST(Onset, IsFoundInALaterRun) {
   const std::optional<Onset> onset = search_of({servo_run("", 2), leaks_later()}).find();
   ASSERT_TRUE(onset);
-  EXPECT_EQ(onset->run, 1u);
-  EXPECT_NEAR(onset->time, kFrom, 1.01 * segment_length(servo()));
+  ASSERT_EQ(onset->moments.size(), 1u);
+  EXPECT_EQ(onset->segments[0], 40u);
+  EXPECT_EQ(onset->moments[0].run, 1u);
+  EXPECT_NEAR(onset->moments[0].time, kFrom, 1.01 * segment_length(servo()));
 }
 
 TEST(Onset, IsToldWithTheName) {
@@ -84,11 +87,12 @@ TEST(Onset, IsToldWithTheName) {
   EXPECT_EQ(result.effects.front().port, "flow.chamber_a_chamber_b");
   EXPECT_NEAR(result.effects.front().parameters.at("coefficient"), 2e-11, 0.3e-11);
   ASSERT_TRUE(result.since);
-  EXPECT_EQ(result.since->run, 0u);
-  EXPECT_NEAR(result.since->time, kFrom, 1.01 * result.since->within);
+  ASSERT_EQ(result.since->moments.size(), 1u);
+  EXPECT_EQ(result.since->moments[0].run, 0u);
+  EXPECT_NEAR(result.since->moments[0].time, kFrom, 1.01 * result.since->within);
   EXPECT_EQ(result.runs, std::vector<std::string>{"run"});
   EXPECT_NE(result.sentence.find("Since 4.5 s of run"), std::string::npos) << result.sentence;
-  EXPECT_GE(result.series.time.front(), result.since->time - 1e-9);
+  EXPECT_GE(result.series.time.front(), result.since->moments[0].time - 1e-9);
 }
 
 }  // namespace

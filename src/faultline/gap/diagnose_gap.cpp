@@ -396,8 +396,14 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
   const std::optional<Onset> onset = search.find();
   if (!onset) return std::nullopt;
   const SegmentOptions& segments = settings.options.segments;
-  std::vector<SegmentedRun> rest{rest_of(sheet, runs[onset->run], onset->segment, segments)};
-  rest.insert(rest.end(), runs.begin() + static_cast<std::ptrdiff_t>(onset->run) + 1, runs.end());
+  std::vector<SegmentedRun> rest;
+  std::vector<std::size_t> of;  // which run each is a rest of
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const std::size_t first = onset->segments[r];
+    if (first == runs[r].segments()) continue;
+    rest.push_back(first == 0 ? runs[r] : rest_of(sheet, runs[r], first, segments));
+    of.push_back(r);
+  }
   GapResult result = diagnose_all(calibrated(sheet, *onset, settings.options.onset.tolerance_fraction), sheet,
                                   std::move(rest), holdout, settings, progress);
   if (result.verdict != "named") return std::nullopt;
@@ -417,13 +423,19 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
       const auto factor = level.parameters.emplace(p.name, 1.0).first;
       factor->second *= onset->parameters[i] / p.nominal;
     }
-  const SegmentedRun& run = runs[onset->run];
-  result.since = Since{onset->run, onset->time, static_cast<double>(run.segment) * run.period};
-  result.sentence += fmt::format(" Since {:.4g} s of {} (to {:.2g} s); until then the model explains the recording.",
-                                 onset->time, run.name, result.since->within);
-  result.series.run += onset->run;
-  if (result.series.run == onset->run)
-    for (double& time : result.series.time) time += onset->time;
+  const SegmentedRun& run = runs.front();
+  result.since = Since{onset->moments, static_cast<double>(run.segment) * run.period};
+  std::string since;
+  for (const Since::Moment& moment : onset->moments)
+    since += fmt::format("{}{:.4g} s of {}", since.empty() ? "" : " and ", moment.time, runs[moment.run].name);
+  result.sentence += fmt::format(" Since {} (to {:.2g} s); until then the model explains the recording{}.", since,
+                                 result.since->within, runs.size() > 1 ? "s" : "");
+  // Positions and times are those of the runs as they were given.
+  std::size_t& shown = result.series.run;
+  shown = shown < of.size() ? of[shown] : shown - of.size() + runs.size();
+  for (const Since::Moment& moment : onset->moments)
+    if (moment.run == shown)
+      for (double& time : result.series.time) time += moment.time;
   return result;
 }
 

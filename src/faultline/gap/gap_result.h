@@ -93,11 +93,14 @@ struct LevelDiscrepancy {
   Discrepancy discrepancy;
 };
 
-// A cause that began during a run: until then the model, calibrated there, explains the recordings.
+// A cause that began during runs: until then the model, calibrated there, explains the recordings.
 struct Since {
-  std::size_t run = 0;  // position among the runs
-  double time = 0;      // s from its beginning
-  double within = 0;    // s; how long a segment is
+  struct Moment {
+    std::size_t run;  // position among the runs
+    double time;      // s from its beginning
+  };
+  std::vector<Moment> moments;  // at least one, of each run in which it began
+  double within = 0;            // s; how long a segment is
 };
 
 struct GapResult {

@@ -3,29 +3,34 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace faultline {
 namespace {
 
-double mean(const std::vector<double>& values, std::size_t first, std::size_t last) {
-  double sum = 0;
-  for (std::size_t i = first; i < last; ++i) sum += values[i];
-  return sum / static_cast<double>(last - first);
+// Of the values that follow, or of the others: how many, their mean, and the scatter around it.
+struct Group {
+  double count = 0, mean = 0, squares = 0;
+};
+
+Group group(const std::vector<double>& values, const std::vector<bool>& follows, bool later) {
+  Group result;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (follows[i] == later) ++result.count, result.mean += values[i];
+  result.mean /= std::max(result.count, 1.0);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (follows[i] == later) result.squares += (values[i] - result.mean) * (values[i] - result.mean);
+  return result;
 }
 
-double squares(const std::vector<double>& values, std::size_t first, std::size_t last) {
-  const double middle = mean(values, first, last);
-  double sum = 0;
-  for (std::size_t i = first; i < last; ++i) sum += (values[i] - middle) * (values[i] - middle);
-  return sum;
-}
+double excess(const Group& losses, double values) { return std::max(0.0, 2 * losses.mean / values - 1); }
 
-double excess(const std::vector<double>& losses, std::size_t first, std::size_t last, double values) {
-  return std::max(0.0, 2 * mean(losses, first, last) / values - 1);
-}
-
-std::vector<Eigen::MatrixXd> part(const std::vector<Eigen::MatrixXd>& products, std::size_t first, std::size_t last) {
-  return {products.begin() + static_cast<std::ptrdiff_t>(first), products.begin() + static_cast<std::ptrdiff_t>(last)};
+std::vector<Eigen::MatrixXd> those_before(const std::vector<Eigen::MatrixXd>& products,
+                                          const std::vector<bool>& follows) {
+  std::vector<Eigen::MatrixXd> result;
+  for (std::size_t i = 0; i < products.size(); ++i)
+    if (!follows[i]) result.push_back(products[i]);
+  return result;
 }
 
 }  // namespace
@@ -35,10 +40,11 @@ OnsetSearch::OnsetSearch(const Datasheet& sheet, std::vector<SegmentedRun> runs,
   for (std::size_t i = 0; i < residuals_.runs().size(); ++i) every_.push_back(i);
 }
 
-std::size_t OnsetSearch::first_segment(std::size_t run) const {
-  std::size_t first = 0;
-  for (std::size_t r = 0; r < run; ++r) first += residuals_.runs()[r].segments();
-  return first;
+std::vector<bool> OnsetSearch::follows(const Firsts& firsts) const {
+  std::vector<bool> result;
+  for (std::size_t r = 0; r < every_.size(); ++r)
+    for (std::size_t i = 0; i < residuals_.runs()[r].segments(); ++i) result.push_back(i >= firsts[r]);
+  return result;
 }
 
 void OnsetSearch::settle(const ModelChange& at) {
@@ -48,29 +54,86 @@ void OnsetSearch::settle(const ModelChange& at) {
   linear_ = std::make_shared<Linearisation>(residuals_, at, every_, jobs_, std::move(starts));
 }
 
-std::optional<OnsetSearch::Split> OnsetSearch::best_split(const std::vector<Eigen::MatrixXd>& products,
-                                                          const Eigen::VectorXd& z) const {
+std::vector<double> OnsetSearch::levels(const Products& products, const Eigen::VectorXd& move) const {
+  Eigen::VectorXd at = Eigen::VectorXd::Ones(1 + move.size());
+  at.tail(move.size()) = move;
+  std::vector<double> result;
+  for (const Eigen::MatrixXd& segment : products) result.push_back(linear_->robust(0.5 * at.dot(segment * at)));
+  return result;
+}
+
+double OnsetSearch::score(const std::vector<double>& level, const Firsts& firsts) const {
   const GapOptions::Onset& options = residuals_.options().onset;
-  const std::size_t all = products.size();
-  const Eigen::Index n = z.size();
+  const std::vector<bool> later = follows(firsts);
+  const Group first = group(level, later, false), second = group(level, later, true);
+  if (first.count < static_cast<double>(options.least_segments) ||
+      second.count < static_cast<double>(options.least_segments))
+    return 0;
+  const double step = second.mean - first.mean, least = options.least_step_variances * linear_->segment_values();
+  return first.count * second.count / (first.count + second.count) * step * std::abs(step) /
+         (first.squares + second.squares + least * least);
+}
+
+// Each moment between two segments of that order.
+void OnsetSearch::try_order(const std::vector<std::size_t>& order, const Products& products, const Eigen::VectorXd& z,
+                            std::optional<Split>& best) const {
+  std::vector<std::size_t> run_of;
+  for (std::size_t r = 0; r < every_.size(); ++r) run_of.insert(run_of.end(), residuals_.runs()[r].segments(), r);
+  const std::size_t least = residuals_.options().onset.least_segments;
+  Split split;
+  split.firsts.assign(every_.size(), 0);
+  Products before;
+  for (const std::size_t i : order) {
+    if (before.size() >= least && before.size() + least <= order.size()) {
+      split.before = adjusted(*linear_, before, z);
+      split.score = score(levels(products, split.before.move), split.firsts);
+      if (split.score > (best ? best->score : 0)) best = split;
+    }
+    before.push_back(products[i]);
+    ++split.firsts[run_of[i]];
+  }
+}
+
+std::optional<OnsetSearch::Split> OnsetSearch::best_split(const Products& products, const Eigen::VectorXd& z) const {
+  std::vector<std::size_t> order(products.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
   std::optional<Split> best;
-  double most = 0;
-  std::vector<double> level(all);
-  Eigen::VectorXd at = Eigen::VectorXd::Ones(1 + n);
-  for (std::size_t t = options.least_segments; t + options.least_segments <= all; ++t) {
-    Split split{t, adjusted(*linear_, part(products, 0, t), z)};
-    at.tail(n) = split.before.move;
-    for (std::size_t i = 0; i < all; ++i) level[i] = linear_->robust(0.5 * at.dot(products[i] * at));
-    const double step = mean(level, t, all) - mean(level, 0, t);
-    const double scatter = squares(level, 0, t) + squares(level, t, all);
-    const double first = static_cast<double>(t), second = static_cast<double>(all - t);
-    const double least = options.least_step_variances * linear_->segment_values();
-    const double score = first * second / (first + second) * step * std::abs(step) / (scatter + least * least);
-    if (score <= most) continue;
-    most = score;
-    best = std::move(split);
+  try_order(order, products, z, best);
+  if (every_.size() > 1) {
+    std::vector<double> time;
+    for (const SegmentedRun& run : residuals_.runs())
+      for (const std::size_t restart : run.restarts)
+        time.push_back(run.recording.time[restart] - run.recording.time.front());
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return time[a] < time[b]; });
+    try_order(order, products, z, best);
+    if (best) part_runs(products, z, *best);
   }
   return best;
+}
+
+// With parameters as they are, then those of what is before.
+void OnsetSearch::part_runs(const Products& products, const Eigen::VectorXd& z, Split& split) const {
+  const std::size_t inside = residuals_.options().onset.inside_segments;
+  const std::vector<double> level = levels(products, split.before.move);
+  split.score = score(level, split.firsts);
+  const Firsts given = split.firsts;
+  for (bool better = true; better;) {
+    better = false;
+    for (std::size_t r = 0; r < every_.size(); ++r) {
+      const std::size_t all = residuals_.runs()[r].segments();
+      for (std::size_t first = 0; first <= all; ++first) {
+        if (first > 0 && first < all && (first < inside || first + inside > all)) continue;
+        Firsts tried = split.firsts;
+        tried[r] = first;
+        const double reached = score(level, tried);
+        if (reached <= split.score) continue;
+        split.score = reached;
+        split.firsts = tried;
+        better = true;
+      }
+    }
+  }
+  if (split.firsts != given) split.before = adjusted(*linear_, those_before(products, follows(split.firsts)), z);
 }
 
 std::optional<Onset> OnsetSearch::find() {
@@ -78,50 +141,54 @@ std::optional<Onset> OnsetSearch::find() {
   const Datasheet& sheet = residuals_.sheet();
   ModelChange model{sheet.nominal(), {}};
   std::optional<Split> split;
-  std::vector<Eigen::MatrixXd> products;
+  Products products;
   for (std::size_t round = 0; round < options.rounds; ++round) {
     settle(model);
     products = linear_->products(linear_->at_model());
-    const std::size_t before = split ? split->segment : 0;
+    const Firsts before = split ? split->firsts : Firsts();
     const Eigen::VectorXd z = deviations(sheet, linear_->free_parameters(), model.parameters);
     split = best_split(products, z);
     if (!split) return std::nullopt;
     const Eigen::VectorXd move = split->before.move;
-    if (round > 0 && split->segment == before && move.lpNorm<Eigen::Infinity>() < options.settled_tolerances) break;
+    if (split->firsts == before && move.lpNorm<Eigen::Infinity>() < options.settled_tolerances) break;
     shift_parameters(residuals_, linear_->free_parameters(), move, model.parameters);
   }
   settle(model);
   products = linear_->products(linear_->at_model());
+  const std::vector<bool> later = follows(split->firsts);
   const std::vector<double> losses = linear_->segment_losses(linear_->at_model());
   const double values = linear_->segment_values();
-  const double earlier = excess(losses, 0, split->segment, values);
-  const double later = excess(losses, split->segment, losses.size(), values);
-  if (later < options.least_excess_variances || earlier > options.before_fraction * later) return std::nullopt;
+  const double following = excess(group(losses, later, true), values);
+  if (following < options.least_excess_variances ||
+      excess(group(losses, later, false), values) > options.before_fraction * following)
+    return std::nullopt;
   // A rig that only begins to move then has told nothing before.
   std::vector<double> shown;
   for (const Eigen::MatrixXd& segment : products) shown.push_back(segment.diagonal().tail(segment.rows() - 1).sum());
-  if (mean(shown, 0, split->segment) < options.shown_fraction * mean(shown, split->segment, shown.size()))
-    return std::nullopt;
+  if (group(shown, later, false).mean < options.shown_fraction * group(shown, later, true).mean) return std::nullopt;
 
   Onset onset;
-  while (onset.run + 1 < every_.size() && first_segment(onset.run + 1) <= split->segment) ++onset.run;
-  onset.segment = split->segment - first_segment(onset.run);
-  const SegmentedRun& run = residuals_.runs()[onset.run];
-  if (onset.segment < options.inside_segments || onset.segment + options.inside_segments > run.segments())
-    return std::nullopt;
-  onset.time = run.recording.time[run.restarts[onset.segment]] - run.recording.time.front();
+  onset.segments = split->firsts;
   onset.parameters = model.parameters;
+  for (std::size_t r = 0; r < every_.size(); ++r) {
+    const SegmentedRun& run = residuals_.runs()[r];
+    const std::size_t first = onset.segments[r];
+    if (first == 0 || first == run.segments()) continue;
+    if (first < options.inside_segments || first + options.inside_segments > run.segments()) return std::nullopt;
+    onset.moments.push_back({r, run.recording.time[run.restarts[first]] - run.recording.time.front()});
+  }
+  if (onset.moments.empty()) return std::nullopt;
   return onset;
 }
 
 double OnsetSearch::contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const {
-  const std::size_t t = first_segment(onset.run) + onset.segment;
+  const std::vector<bool> follow = follows(onset.segments);
   const Eigen::VectorXd z = deviations(residuals_.sheet(), linear_->free_parameters(), onset.parameters);
-  const std::vector<Eigen::MatrixXd> without = linear_->products(linear_->at_model());
-  const std::vector<Eigen::MatrixXd> with =
-      linear_->products(residuals_of(residuals_, {onset.parameters, effects}, every_, jobs_));
-  std::vector<Eigen::MatrixXd> later = part(without, 0, t);
-  later.insert(later.end(), with.begin() + static_cast<std::ptrdiff_t>(t), with.end());
+  const Products without = linear_->products(linear_->at_model());
+  const Products with = linear_->products(residuals_of(residuals_, {onset.parameters, effects}, every_, jobs_));
+  Products later = without;
+  for (std::size_t i = 0; i < later.size(); ++i)
+    if (follow[i]) later[i] = with[i];
   const double never = adjusted(*linear_, without, z).loss, always = adjusted(*linear_, with, z).loss,
                since = adjusted(*linear_, later, z).loss;
   return never > since ? std::max(0.0, always - since) / (never - since) : 0.0;

@@ -4,23 +4,25 @@
 //
 // of the segments' log-likelihoods (linearisation.h) with theta, which is fitted to what is before t; mean_i and
 // squares_i, the scatter around it, before and after. Each segment has a noise level of its own there, so theta
-// is that of the segments that it explains, and one in which the model goes astray is no step. The model is then made
-// linear anew around theta, and t sought again. Whether a cause that explains what follows was not there before is
-// asked of all runs (contradicted()): one that did not show before, since the rig did not move so, may have been
-// there all the time. Runs follow one another in the order in which they are given.
+// is that of the segments that it explains, and one in which the model goes astray is no step. Runs follow one another
+// in the order in which they are given, or begin together, whichever shows it better: a fault that is put in during each
+// of them. Then each run gets a moment of its own, its beginning or its end among them. The model is made linear anew
+// around theta, and t sought again. Whether a cause that explains what follows was not there before is asked of all
+// runs (contradicted()): one that did not show before, since the rig did not move so, may have been there all the time.
 #pragma once
 
 #include <optional>
 
 #include "faultline/gap/fit_gap.h"
+#include "faultline/gap/gap_result.h"
 
 namespace faultline {
 
 struct Onset {
-  std::size_t run = 0;             // in which it lies
-  std::size_t segment = 0;         // of that run, the first that shows it
-  double time = 0;                 // s from that run's beginning, of that segment
-  std::vector<double> parameters;  // theta, in the datasheet's order
+  // Of each run, the first segment that shows it: 0, if it is there all the time; as many as the run has, if it is not.
+  std::vector<std::size_t> segments;
+  std::vector<Since::Moment> moments;  // at least one, each the time of such a segment
+  std::vector<double> parameters;      // theta, in the datasheet's order
 };
 
 class OnsetSearch {
@@ -28,20 +30,28 @@ class OnsetSearch {
   // Runs as they are, none cut.
   OnsetSearch(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options, int jobs);
 
-  // Nothing where before t there is as much to explain as after, or where t is an end of a run: then the runs differ.
+  // Nothing where before t there is as much to explain as after, or where it begins in no run: then the runs differ.
   std::optional<Onset> find();
   // How much worse the runs are explained with these effects from the beginning than from the onset on, over how much
   // worse they are without: 0 where they may have been there all the time. Parameters at their best for each.
   double contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const;
 
  private:
+  using Firsts = std::vector<std::size_t>;  // Onset::segments
+  using Products = std::vector<Eigen::MatrixXd>;
   struct Split {
-    std::size_t segment = 0;  // over all runs, first that follows
+    Firsts firsts;
     Adjusted before;
+    double score = 0;
   };
-  std::size_t first_segment(std::size_t run) const;
+  std::vector<bool> follows(const Firsts& firsts) const;  // per segment, runs one after the other
   void settle(const ModelChange& at);
-  std::optional<Split> best_split(const std::vector<Eigen::MatrixXd>& products, const Eigen::VectorXd& z) const;
+  std::optional<Split> best_split(const Products& products, const Eigen::VectorXd& z) const;
+  void try_order(const std::vector<std::size_t>& order, const Products& products, const Eigen::VectorXd& z,
+                 std::optional<Split>& best) const;
+  void part_runs(const Products& products, const Eigen::VectorXd& z, Split& split) const;
+  double score(const std::vector<double>& level, const Firsts& firsts) const;
+  std::vector<double> levels(const Products& products, const Eigen::VectorXd& move) const;
 
   int jobs_;
   ResidualModel residuals_;
