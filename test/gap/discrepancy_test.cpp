@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include <fmt/format.h>
 #include <Eigen/Dense>
@@ -397,6 +398,39 @@ TEST(BoundedMove, KeepsTheSignOfAParameter) {
   EXPECT_NEAR(1 + (z[0] + move(100)) * parameter.tolerance, 0.1, 1e-12);
   EXPECT_NEAR(z[0] + move(-100), options.parameter_bound_tolerances, 1e-12);
   EXPECT_NEAR(move(0.5), -0.5, 1e-12);
+}
+
+// Two that nearly make up for one another: held where the first is cut off, the other one goes where it is worse than
+// before. The minimum within the bounds is another corner.
+TEST(BoundedMove, IsTheLeastWithinTheBounds) {
+  GapOptions::Linearisation options;
+  const double bound = options.parameter_bound_tolerances;
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  for (int draw = 0; draw < 200; ++draw) {
+    const Eigen::Index n = 6;
+    Eigen::MatrixXd root(n, n);
+    Eigen::VectorXd gradient(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      gradient[i] = 30 * normal(random);
+      for (Eigen::Index k = 0; k < n; ++k) root(i, k) = (k > 3 ? 0.05 : 3) * normal(random);
+    }
+    Eigen::MatrixXd hessian = root * root.transpose();
+    hessian.diagonal().array() += 0.1;
+    const Eigen::VectorXd z = Eigen::VectorXd::Zero(4), lowest = Eigen::VectorXd::Constant(4, -bound);
+    const Eigen::VectorXd move = bounded_move(hessian, gradient, z, lowest, options);
+    const Eigen::VectorXd slope = hessian * move + gradient;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double scale = std::sqrt(hessian(i, i));
+      ASSERT_TRUE(i >= 4 || std::abs(move[i]) <= bound + 1e-12);
+      if (i < 4 && move[i] >= bound)
+        EXPECT_LT(slope[i], 0.01 * scale) << draw;
+      else if (i < 4 && move[i] <= -bound)
+        EXPECT_GT(slope[i], -0.01 * scale) << draw;
+      else
+        EXPECT_NEAR(slope[i], 0, 0.01 * scale) << draw;
+    }
+  }
 }
 
 GapEvidence evidence() {

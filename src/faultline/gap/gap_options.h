@@ -32,8 +32,8 @@ struct GapOptions {
     // Least noise variance of a segment as a fraction of the recording's: a segment cannot be better than its noise;
     // a fifth leaves room for a noise estimate that is too large.
     double least_variance_fraction = 0.2;
-    // Passes of the bounded solve in which parameters beyond their bound are held there; few are held in any pass.
-    std::size_t bound_passes = 4;
+    // Steps of the bounded solve: each holds a parameter at its bound or lets one go; few are held at all.
+    std::size_t bound_steps = 40;
     // Reweighted Gauss-Newton steps of a loss to first order; the weights have converged by then.
     std::size_t reweightings = 4;
   } linearisation;
@@ -293,7 +293,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(linearisation.difference_tolerances);
   FAULTLINE_OPTION(linearisation.parameter_bound_tolerances);
   FAULTLINE_OPTION(linearisation.least_variance_fraction);
-  FAULTLINE_OPTION(linearisation.bound_passes);
+  FAULTLINE_OPTION(linearisation.bound_steps);
   FAULTLINE_OPTION(linearisation.reweightings);
   FAULTLINE_OPTION(fit.difference_coordinate);
   FAULTLINE_OPTION(fit.largest_step_coordinate);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Cholesky>
 
@@ -176,34 +177,55 @@ std::vector<double> Linearisation::segment_losses(const std::vector<Eigen::Matri
   return losses;
 }
 
+constexpr double kLittlePull = 1e-3;  // against a bound: half its square is what the loss would gain
+
+// Primal active set: from within the bounds each step goes to the minimum of what is free, or up to the first bound that
+// is in the way, so that none is worse than the one before.
 Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
                              const Eigen::VectorXd& lowest, const GapOptions::Linearisation& options) {
-  const double highest = options.parameter_bound_tolerances;
-  Eigen::VectorXd move = -hessian.ldlt().solve(gradient);
-  std::vector<bool> held(static_cast<std::size_t>(z.size()), false);
-  for (std::size_t pass = 0; pass < options.bound_passes; ++pass) {
-    bool left = false;
-    for (Eigen::Index i = 0; i < z.size(); ++i) {
-      const double to = z[i] + move[i];
-      if (held[static_cast<std::size_t>(i)] || (to >= lowest[i] && to <= highest)) continue;
-      held[static_cast<std::size_t>(i)] = left = true;
-      move[i] = std::clamp(to, lowest[i], highest) - z[i];
-    }
-    if (!left) break;
+  const Eigen::Index n = gradient.size(), parameters = z.size();
+  const double nowhere = std::numeric_limits<double>::infinity();
+  Eigen::VectorXd low = Eigen::VectorXd::Constant(n, -nowhere), high = Eigen::VectorXd::Constant(n, nowhere);
+  low.head(parameters) = lowest - z;
+  high.head(parameters) = options.parameter_bound_tolerances - z.array();
+  Eigen::VectorXd move = Eigen::VectorXd::Zero(n).cwiseMax(low).cwiseMin(high);
+  std::vector<bool> held(static_cast<std::size_t>(n), false);
+  for (std::size_t step = 0; step < options.bound_steps; ++step) {
     Eigen::MatrixXd part = hessian;
-    Eigen::VectorXd rest = gradient;
-    for (Eigen::Index i = 0; i < z.size(); ++i)
-      if (held[static_cast<std::size_t>(i)]) rest += hessian.col(i) * move[i];
-    for (Eigen::Index i = 0; i < z.size(); ++i) {
+    Eigen::VectorXd downhill = -gradient - hessian * move;
+    for (Eigen::Index i = 0; i < n; ++i) {
       if (!held[static_cast<std::size_t>(i)]) continue;
       part.row(i).setZero();
       part.col(i).setZero();
       part(i, i) = 1;
-      rest[i] = -move[i];
+      downhill[i] = 0;
     }
-    move = -part.ldlt().solve(rest);
+    const Eigen::VectorXd way = part.ldlt().solve(downhill);
+    double share = 1, end = 0;
+    Eigen::Index first = -1;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double to = move[i] + way[i], bound = to < low[i] ? low[i] : high[i];
+      if (held[static_cast<std::size_t>(i)] || (to >= low[i] && to <= high[i])) continue;
+      if (const double reached = (bound - move[i]) / way[i]; reached < share) share = reached, first = i, end = bound;
+    }
+    move = (move + share * way).cwiseMax(low).cwiseMin(high);
+    if (first >= 0) {
+      move[first] = end;
+      held[static_cast<std::size_t>(first)] = true;
+      continue;
+    }
+    // What is held and would rather go back is let go.
+    const Eigen::VectorXd slope = gradient + hessian * move;
+    double most = kLittlePull;
+    Eigen::Index back = -1;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (!held[static_cast<std::size_t>(i)]) continue;
+      const double pull = (move[i] >= high[i] ? slope[i] : -slope[i]) / std::sqrt(hessian(i, i));
+      if (pull > most) most = pull, back = i;
+    }
+    if (back < 0) break;
+    held[static_cast<std::size_t>(back)] = false;
   }
-  for (Eigen::Index i = 0; i < z.size(); ++i) move[i] = std::clamp(z[i] + move[i], lowest[i], highest) - z[i];
   return move;
 }
 

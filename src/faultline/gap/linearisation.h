@@ -88,7 +88,7 @@ class Linearisation {
 };
 
 // Minimum of 1/2 move' hessian move + gradient' move with z + the first z.size() moves within the parameters' bound
-// (`lowest` on the low side): what leaves it is held there, the rest solved again.
+// (`lowest` on the low side); where that takes more steps than the options allow, one that is not uphill.
 Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
                              const Eigen::VectorXd& lowest, const GapOptions::Linearisation& options);
 
