@@ -1,13 +1,14 @@
 #!/usr/bin/python3
 """Causes that begin during a run, and whether `faultline gap` names and dates them.
 
-    scripts/studies/gap_since.py [--rigs RIG ...] [--runs 12] [--first 1001] [--work FOLDER] [--always] [--list]
+    scripts/studies/gap_since.py [--rigs RIG ...] [--runs 12] [--first 1001] [--work FOLDER] [--together 1] [--always] [--list]
 
 Rig, profile, effect and size are drawn as by random_faults.py, the onset between 30 and 70 % of one run; `stuck`, which
-has a time of its own, is drawn again. With --always the effect is there from the beginning, and every date is false.
+has a time of its own, is drawn again. With --together N it begins in each of N runs of that rig, at times of their own.
+With --always the effect is there from the beginning, and every date is false.
 What is done stays in FOLDER: stopped, it goes on where it was.
 
-dated: named (or in its equivalence set) and dated to two segments. undated: named without a date. misdated: named with
+dated: named (or in its equivalence set) and dated to two segments, in each run. undated: named without a date. misdated: named with
 another date. other: something else is named, whatever its date. unknown; none: no cause, or parameters only."""
 
 import argparse
@@ -33,22 +34,26 @@ def draw_one(ports, profiles, seed):
     raise SystemExit("this rig has no effect that can begin")
 
 
-def run(rig, ports, profiles, seed, always):
+def run(rig, ports, profiles, seed, together, always):
     profile, name, effect = draw_one(ports, profiles, seed)
-    onset = round(random.Random(f"onset {seed}").uniform(0.3, 0.7) * SECONDS[rig], 2)
-    given = effect if always else f"{effect},from={onset}"
+    moment = random.Random(f"onset {seed}")
+    onsets = [round(moment.uniform(0.3, 0.7) * SECONDS[rig], 2) for _ in range(together)]
     with tempfile.TemporaryDirectory() as folder:
-        more = ["--profile", profile, "--duration", SECONDS[rig], "--off-nominal", "--nuisance", "--seed", seed]
-        bag = record(rig, pathlib.Path(folder) / "run.bag", *more, "--effect", given)
-        cause = json.loads(faultline("gap", bag, "--json", "-"))["cause"]
-    entry = {"effect": given, "onset": onset, "verdict": cause["verdict"], "since": cause.get("since")}
+        bags = []
+        for k, onset in enumerate(onsets):
+            more = ["--profile", profile, "--duration", SECONDS[rig], "--off-nominal", "--nuisance"]
+            more += ["--rig-seed", seed, "--seed", seed + 50000 * k]
+            given = effect if always else f"{effect},from={onset}"
+            bags.append(record(rig, pathlib.Path(folder) / f"run_{k}.bag", *more, "--effect", given))
+        cause = json.loads(faultline("gap", *bags, "--json", "-"))["cause"]
+    entry = {"effect": effect, "onsets": onsets, "verdict": cause["verdict"], "since": cause.get("since")}
     entry["sentence"] = cause["sentence"]
     entry["named"] = [f"{e['effect']}@{e['port']}" for e in cause["effects"]]
     entry["equivalent"] = [f"{e['effect']}@{e['port']}" for e in cause["equivalent"]]
-    return {**entry, "grade": grade(name, onset, entry)}
+    return {**entry, "grade": grade(name, onsets, entry)}
 
 
-def grade(name, onset, entry):
+def grade(name, onsets, entry):
     if entry["verdict"] != "named":
         return "unknown" if entry["verdict"] == "unknown" else "none"
     if name not in entry["named"] + entry["equivalent"]:
@@ -56,7 +61,9 @@ def grade(name, onset, entry):
     since = entry["since"]
     if since is None:
         return "undated"
-    return "dated" if abs(since["time"] - onset) <= 2 * since["within"] else "misdated"
+    moments = {int(m["run"].split("_")[-1].split(".")[0]): m["time"] for m in since["moments"]}
+    near = [k in moments and abs(moments[k] - onset) <= 2 * since["within"] for k, onset in enumerate(onsets)]
+    return "dated" if all(near) else "misdated"
 
 
 def main():
@@ -65,6 +72,7 @@ def main():
     parser.add_argument("--runs", type=int, default=12, help="of each rig")
     parser.add_argument("--first", type=int, default=1001, help="the first seed")
     parser.add_argument("--work", default=str(ROOT / "catkin_ws/gap_since"))
+    parser.add_argument("--together", type=int, default=1, help="runs in one question")
     parser.add_argument("--always", action="store_true", help="from the beginning")
     parser.add_argument("--list", action="store_true", help="every run, too")
     options = parser.parse_args()
@@ -73,10 +81,10 @@ def main():
     for rig in options.rigs:
         ports = json.loads(faultline("rigs", rig, "--json", "-"))["rigs"][0]["ports"]
         profiles = datasheet(rig)["profiles"]
-        results = Results(pathlib.Path(options.work) / f"{rig}{'_always' if options.always else ''}.jsonl")
+        results = Results(pathlib.Path(options.work) / f"{rig}_{options.together}{'_always' if options.always else ''}.jsonl")
 
         def once(seed):
-            return results.once(str(seed), lambda: run(rig, ports, profiles, seed, options.always))
+            return results.once(str(seed), lambda: run(rig, ports, profiles, seed, options.together, options.always))
 
         seeds = range(options.first, options.first + options.runs)
         entries = list(on_all_cores(once, [(seed,) for seed in seeds]))

@@ -104,8 +104,10 @@ Json regions_json(const std::vector<Region>& regions) {
 Json since_json(const GapResult& result) {
   if (!result.since) return Json();
   Json moments = Json::array();
-  for (const Since::Moment& moment : result.since->moments)
-    moments.push_back({{"run", result.runs[moment.run]}, {"time", moment.time}});
+  for (const auto& [run, time] : result.since->moments) {
+    const std::size_t learnt = result.runs.size();
+    moments.push_back({{"run", run < learnt ? result.runs[run] : result.holdout[run - learnt]}, {"time", time}});
+  }
   Json since = moments.front();
   since["within"] = result.since->within;
   since["moments"] = moments;

@@ -72,6 +72,20 @@ TEST(Onset, IsFoundInALaterRun) {
   EXPECT_NEAR(onset->moments[0].time, kFrom, 1.01 * segment_length(servo()));
 }
 
+// A fault that is put in during each of several runs, at the same time or not.
+TEST(Onset, IsFoundInEachRun) {
+  for (const char* second : {"coefficient=2e-11,from=4.5", "coefficient=2e-11,from=7"}) {
+    const std::optional<Onset> onset = search_of({leaks_later(), servo_run(second, 2), servo_run("", 3)}).find();
+    ASSERT_TRUE(onset) << second;
+    ASSERT_EQ(onset->moments.size(), 2u) << second;
+    EXPECT_EQ(onset->moments[0].run, 0u);
+    EXPECT_EQ(onset->moments[1].run, 1u);
+    EXPECT_NEAR(onset->moments[0].time, kFrom, 1.01 * segment_length(servo()));
+    EXPECT_NEAR(onset->moments[1].time, std::stod(std::string(second).substr(23)), 1.01 * segment_length(servo()));
+    EXPECT_EQ(onset->segments[2], 40u);
+  }
+}
+
 TEST(Onset, IsToldWithTheName) {
   GapSettings settings;
   settings.jobs = 2;

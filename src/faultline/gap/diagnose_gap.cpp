@@ -388,24 +388,44 @@ std::optional<GapResult> diagnose_drift(const Datasheet& sheet, const RunsAway& 
   return result;
 }
 
-// Step 8. Nothing where no cause that began is told.
+// A time from which a signal is stuck, in a run that began `later` s before the one it was found in.
+void shift_stuck(NamedEffect& effect, double later) {
+  if (effect.family != "stuck") return;
+  effect.parameters.at("from") += later;
+  if (const auto interval = effect.intervals.find("from"); interval != effect.intervals.end())
+    interval->second = {interval->second.low + later, interval->second.high + later};
+}
+
+// Of an onset, in words: the moments.
+std::string told(const Onset& onset, const std::vector<SegmentedRun>& runs) {
+  std::string text;
+  for (const Since::Moment& moment : onset.moments)
+    text += fmt::format("{}{:.4g} s of {}", text.empty() ? "" : " and ", moment.time, runs[moment.run].name);
+  return text;
+}
+
+// Step 8. Nothing where no cause that began is told; `moments` says when something began all the same.
 std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                         const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
-                                        const GapProgress& progress) {
-  OnsetSearch search(sheet, runs, settings.options, settings.jobs);
+                                        const GapProgress& progress, std::string& moments) {
+  std::vector<SegmentedRun> all = runs;
+  all.insert(all.end(), holdout.begin(), holdout.end());
+  OnsetSearch search(sheet, all, settings.options, settings.jobs);
   const std::optional<Onset> onset = search.find();
   if (!onset) return std::nullopt;
-  const SegmentOptions& segments = settings.options.segments;
-  std::vector<SegmentedRun> rest;
+  moments = told(*onset, all);
+  std::vector<SegmentedRun> rest, rest_held_out;
   std::vector<std::size_t> of;  // which run each is a rest of
-  for (std::size_t r = 0; r < runs.size(); ++r) {
+  for (std::size_t r = 0; r < all.size(); ++r) {
     const std::size_t first = onset->segments[r];
-    if (first == runs[r].segments()) continue;
-    rest.push_back(first == 0 ? runs[r] : rest_of(sheet, runs[r], first, segments));
+    if (first == all[r].segments()) continue;
+    (r < runs.size() ? rest : rest_held_out)
+        .push_back(first == 0 ? all[r] : rest_of(sheet, all[r], first, settings.options.segments));
     of.push_back(r);
   }
+  if (rest.empty()) return std::nullopt;
   GapResult result = diagnose_all(calibrated(sheet, *onset, settings.options.onset.tolerance_fraction), sheet,
-                                  std::move(rest), holdout, settings, progress);
+                                  std::move(rest), std::move(rest_held_out), settings, progress);
   if (result.verdict != "named") return std::nullopt;
   std::vector<EffectSpec> effects;
   for (const NamedEffect& named : result.effects) {
@@ -423,16 +443,17 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
       const auto factor = level.parameters.emplace(p.name, 1.0).first;
       factor->second *= onset->parameters[i] / p.nominal;
     }
-  const SegmentedRun& run = runs.front();
+  const SegmentedRun& run = all.front();
   result.since = Since{onset->moments, static_cast<double>(run.segment) * run.period};
-  std::string since;
-  for (const Since::Moment& moment : onset->moments)
-    since += fmt::format("{}{:.4g} s of {}", since.empty() ? "" : " and ", moment.time, runs[moment.run].name);
-  result.sentence += fmt::format(" Since {} (to {:.2g} s); until then the model explains the recording{}.", since,
-                                 result.since->within, runs.size() > 1 ? "s" : "");
-  // Positions and times are those of the runs as they were given.
+  result.sentence += fmt::format(" Since {} (to {:.2g} s); until then the model explains the recording{}.", moments,
+                                 result.since->within, all.size() > 1 ? "s" : "");
+  // Positions and times are those of the runs as they were given; of several moments a time is the first one's.
+  const double later = onset->moments.front().time;
+  for (std::vector<NamedEffect>* named : {&result.effects, &result.equivalent})
+    for (NamedEffect& effect : *named) shift_stuck(effect, later);
+  for (RankedCause& cause : result.ranked) shift_stuck(cause.effect, later);
   std::size_t& shown = result.series.run;
-  shown = shown < of.size() ? of[shown] : shown - of.size() + runs.size();
+  shown = of[shown];
   for (const Since::Moment& moment : onset->moments)
     if (moment.run == shown)
       for (double& time : result.series.time) time += moment.time;
@@ -444,8 +465,6 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
 GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, std::vector<SegmentedRun> holdout,
                        const GapSettings& settings, const GapProgress& progress) {
   const auto begin = std::chrono::steady_clock::now();
-  std::vector<std::string> names;
-  for (const SegmentedRun& run : runs) names.push_back(run.name);
   // A search that begins again does not take the progress back.
   std::mutex guard;
   double furthest = 0;
@@ -488,9 +507,15 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     result = std::move(*drift);
   } else if (result.verdict != "none" && !closed) {
     if (forward) forward(kFirstShare, "looking since when");
-    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, used, again)) {
-      since->runs = std::move(names);
+    std::string moments;
+    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, used, again, moments)) {
+      since->runs = std::move(result.runs);
+      since->holdout = std::move(result.holdout);
       result = std::move(*since);
+    } else if (result.verdict == "unknown" && !moments.empty()) {
+      result.remarks.push_back(
+          "until " + moments +
+          " the model, calibrated there, explains what was recorded, and from then on it does not");
     }
   }
   if (away && std::none_of(result.effects.begin(), result.effects.end(),

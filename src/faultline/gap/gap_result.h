@@ -96,7 +96,7 @@ struct LevelDiscrepancy {
 // A cause that began during runs: until then the model, calibrated there, explains the recordings.
 struct Since {
   struct Moment {
-    std::size_t run;  // position among the runs
+    std::size_t run;  // position among the runs and then the held-out runs, as they were given
     double time;      // s from its beginning
   };
   std::vector<Moment> moments;  // at least one, of each run in which it began
