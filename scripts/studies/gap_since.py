@@ -1,15 +1,16 @@
 #!/usr/bin/python3
 """Causes that begin during a run, and whether `faultline gap` names and dates them.
 
-    scripts/studies/gap_since.py [--rigs RIG ...] [--runs 12] [--first 1001] [--work FOLDER] [--together 1] [--always] [--list]
+    scripts/studies/gap_since.py [--rigs RIG ...] [--runs 12] [--first 1001] [--together 1] [--always] [--list]
 
 Rig, profile, effect and size are drawn as by random_faults.py, the onset between 30 and 70 % of one run; `stuck`, which
 has a time of its own, is drawn again. With --together N it begins in each of N runs of that rig, at times of their own.
 With --always the effect is there from the beginning, and every date is false.
 What is done stays in FOLDER: stopped, it goes on where it was.
 
-dated: named (or in its equivalence set) and dated to two segments, in each run. undated: named without a date. misdated: named with
-another date. other: something else is named, whatever its date. unknown; none: no cause, or parameters only."""
+dated: named (or in its equivalence set) and dated to two segments, in each run. undated: named without a date.
+misdated: named with another date. other: something else is named, whatever its date. unknown; none: no cause, or
+parameters only."""
 
 import argparse
 import collections
@@ -81,7 +82,8 @@ def main():
     for rig in options.rigs:
         ports = json.loads(faultline("rigs", rig, "--json", "-"))["rigs"][0]["ports"]
         profiles = datasheet(rig)["profiles"]
-        results = Results(pathlib.Path(options.work) / f"{rig}_{options.together}{'_always' if options.always else ''}.jsonl")
+        name = f"{rig}_{options.together}{'_always' if options.always else ''}.jsonl"
+        results = Results(pathlib.Path(options.work) / name)
 
         def once(seed):
             return results.once(str(seed), lambda: run(rig, ports, profiles, seed, options.together, options.always))

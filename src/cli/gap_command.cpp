@@ -180,6 +180,7 @@ Json result_json(const Datasheet& sheet, const GapResult& result) {
                       {"shrink_low", evidence.shrink_low},
                       {"typical_shrink", evidence.typical_shrink},
                       {"typical_shrink_low", evidence.typical_shrink_low},
+                      {"output_shrink", evidence.output_shrink},
                       {"perfect", evidence.perfect},
                       {"effects", evidence.effects},
                       {"free_before", evidence.free_before},

@@ -457,11 +457,15 @@ TEST(Verdict, FollowsTheEvidence) {
   GapEvidence e = evidence();
   e.perfect = 8000;
   EXPECT_EQ(judge(e).verdict, "named");
-  // Nor is a small shrink too little, unless the likelihood says too much.
+  // What closes little of a large gap is a part, and not even that where the likelihood says too much.
   e = evidence();
-  e.shrink = 0.3;
+  e.shrink = 0.55;
   EXPECT_EQ(judge(e).verdict, "named");
+  e.shrink = 0.3;
+  EXPECT_EQ(judge(e).verdict, "unknown");
+  EXPECT_TRUE(judge(e).names);
   e.plain = false;
+  EXPECT_FALSE(judge(e).names);
   EXPECT_NE(judge(e).verdict, "named");
   // What restarts hide may be unlikely from sample to sample where it closes all of a gap that is large; what they
   // leave as it is must not, nor what leaves something.

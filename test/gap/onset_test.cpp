@@ -58,9 +58,14 @@ TEST(Onset, IsNoneWhereNothingBegins) {
   EXPECT_FALSE(search_of({servo_run("coefficient=2e-11", 1)}).find());
 }
 
-// Then they disagree, which is another answer (run_agreement.h).
-TEST(Onset, IsNoneBetweenRuns) {
-  EXPECT_FALSE(search_of({servo_run("", 1), servo_run("coefficient=2e-11", 2)}).find());
+// A healthy run beside one that has it from its beginning on.
+TEST(Onset, LiesBetweenRuns) {
+  const std::optional<Onset> onset = search_of({servo_run("coefficient=2e-11", 2), servo_run("", 1)}).find();
+  ASSERT_TRUE(onset);
+  EXPECT_EQ(onset->segments, (std::vector<std::size_t>{0, 40}));
+  ASSERT_EQ(onset->moments.size(), 1u);
+  EXPECT_EQ(onset->moments[0].run, 0u);
+  EXPECT_EQ(onset->moments[0].time, 0);
 }
 
 TEST(Onset, IsFoundInALaterRun) {
@@ -107,6 +112,38 @@ TEST(Onset, IsToldWithTheName) {
   EXPECT_EQ(result.runs, std::vector<std::string>{"run"});
   EXPECT_NE(result.sentence.find("Since 4.5 s of run"), std::string::npos) << result.sentence;
   EXPECT_GE(result.series.time.front(), result.since->moments[0].time - 1e-9);
+}
+
+TEST(Onset, OfOneRunOfTwoIsTold) {
+  GapSettings settings;
+  settings.jobs = 2;
+  settings.most_effects = 1;
+  SegmentedRun healthy = servo_run("", 1), leaks = servo_run("coefficient=2e-11", 2);
+  healthy.name = "healthy";
+  leaks.name = "leaks";
+  const GapResult result = diagnose_gap(servo(), {healthy, leaks}, {}, settings, nullptr);
+  EXPECT_EQ(result.verdict, "named") << result.sentence;
+  ASSERT_EQ(result.effects.size(), 1u);
+  EXPECT_EQ(result.effects.front().effect, "laminar_leakage");
+  EXPECT_NEAR(result.effects.front().parameters.at("coefficient"), 2e-11, 0.3e-11);
+  ASSERT_TRUE(result.since);
+  EXPECT_EQ(result.runs[result.since->moments[0].run], "leaks");
+  EXPECT_NE(result.sentence.find("It is in leaks"), std::string::npos) << result.sentence;
+}
+
+// What sticks has a time of its own, and it is the run's.
+TEST(Onset, OfAStuckTransducerIsATimeOfTheRun) {
+  GapSettings settings;
+  settings.jobs = 2;
+  settings.most_effects = 1;
+  SimulationSetup setup = servo_setup("multisine");
+  setup.effects = {parse_effect("stuck@sensor.load_pressure:from=6.2")};
+  const SegmentedRun run = cut_run(servo(), "run", simulate(servo(), setup, kDuration), segment_length(servo()));
+  const GapResult result = diagnose_gap(servo(), {run}, {}, settings, nullptr);
+  EXPECT_EQ(result.verdict, "named") << result.sentence;
+  ASSERT_FALSE(result.effects.empty());
+  EXPECT_EQ(result.effects.front().effect, "stuck");
+  EXPECT_NEAR(result.effects.front().parameters.at("from"), 6.2, 0.3);
 }
 
 }  // namespace

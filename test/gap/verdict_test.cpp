@@ -155,10 +155,26 @@ TEST(Verdict, WhatClosesLittleOfASmallGapIsNoName) {
   evidence.shrink = 0.35;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "none");
   EXPECT_FALSE(judge_gap(evidence, 0.01, options).names);
-  evidence.size = 0.011;
-  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.size = 0.011;  // a part of one that matters
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+  EXPECT_TRUE(judge_gap(evidence, 0.01, options).names);
   evidence.excess = 0.2;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "none");
+}
+
+// It is a part of the cause at most, unless what is left is of other places: of a rig with many branches, say.
+TEST(Verdict, WhatLeavesMostOfALargeGapIsAPart) {
+  GapEvidence evidence = of_effects({810, 5400}, 48000, 0.028, 1.8);
+  evidence.shrink = 0.3;
+  evidence.typical_shrink = 0.47;
+  const GapOptions::Verdict options;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
+  EXPECT_TRUE(judge_gap(evidence, 0.01, options).names);
+  evidence.output_shrink = 0.8;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
+  evidence.output_shrink = 0.4;
+  evidence.typical_shrink = 0.54;
+  EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "named");
 }
 
 // What has another size in each part of the runs makes up for a cause and is none.
@@ -283,7 +299,7 @@ TEST(Verdict, WhatImmaterialEffectsTakeIsNoPlace) {
 // A place is spoken of where its signal wins a tenth of the whole: less is a part that no place explains.
 TEST(Verdict, WhatNoPlaceExplainsWithdrawsNoName) {
   GapEvidence evidence = of_effects({135, 700}, 2048, 0.3, 1500);
-  evidence.shrink = 0.4;
+  evidence.shrink = 0.6;
   evidence.free_before = 18;
   evidence.left = 900;
   const GapOptions::Verdict options;

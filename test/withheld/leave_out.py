@@ -27,6 +27,8 @@ TODAY = {
     "material_shrink_fraction": 0.1,
     "hidden_shrink_fraction": 0.5,
     "small_gap_shrink_fraction": 0.4,
+    "named_shrink_fraction": 0.5,
+    "named_output_shrink_fraction": 0.75,
     "closed_shrink_fraction": 0.9,
     "nearly_closed_fraction": 0.95,
     "named_matters_fraction": 0.1,
@@ -53,11 +55,17 @@ def judged(evidence, options):
     readings = max(e["readings"], 1.0)
     little = min(o["place_evidence_fraction"] * perfect, o["beside_log_likelihood"])
     typical = e.get("typical_shrink", 0.0)  # older answers hold none
-    nearly = min(e["shrink"], typical) > o["nearly_closed_fraction"]
+    all_of_both = min(e["shrink"], typical)
+    foremost = e["effects"] > max(e["free_before"], e["free_after"])
+    nearly = all_of_both > (o["closed_shrink_fraction"] if foremost else o["nearly_closed_fraction"])
     free_beside = 0.0 if nearly else e["free_after"] / max(o["free_evidence_fraction"] * effects, little)
     beside = max(free_beside, e.get("spread", 0.0) / o["size_spread"])
     shrink = o["material_shrink_fraction"] if e["plain"] else o["hidden_shrink_fraction"]
     large = e["size"] > e["matters"] and e["excess"] > o["material_excess_variances"]
+    closes_most = max(e["shrink"], typical)
+    if large and closes_most < o["named_shrink_fraction"] and "output_shrink" in e:
+        beside = max(beside, 2.0 if e["output_shrink"] < o["named_output_shrink_fraction"] else 0.0)
+    beyond_free = e["plain"] and foremost and all_of_both > o["hidden_shrink_fraction"]
     closed = (e["left"] < e["quiet"] and e["shrink"] > o["closed_shrink_fraction"]) or (
         not e["plain"] and e["shrink"] > o["nearly_closed_fraction"]
     )
@@ -70,9 +78,9 @@ def judged(evidence, options):
         )
         and (
             e["effects"] > o["material_evidence_fraction"] * perfect
-            or (closed and not e["plain"] and e["excess"] > o["material_excess_variances"])
+            or ((beyond_free if e["plain"] else closed) and e["excess"] > o["material_excess_variances"])
         )
-        and (large or max(e["shrink"], typical) >= o["small_gap_shrink_fraction"])
+        and (large or closes_most >= o["small_gap_shrink_fraction"])
     )
     seen = max(o["place_evidence_fraction"] * perfect, o["place_log_likelihood"] * readings)
     place = (min(e["free_before"], e["free_after"]) if e["found"] else e["free_before"]) / seen

@@ -15,6 +15,7 @@
 #include "faultline/gap/rounded_channels.h"
 #include "faultline/gap/slow_drift.h"
 #include "faultline/gap/split_runs.h"
+#include "faultline/gap/stuck_times.h"
 #include "faultline/gap/unknown_shape.h"
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/quantiles.h"
@@ -165,6 +166,19 @@ double gap_size(const GapLevel& level) {
   return level.channels.empty() ? 0 : std::sqrt(squares / static_cast<double>(level.channels.size()));
 }
 
+// The most that is closed of what a level leaves in one output, of those where that is much; by effects at sensors it
+// must be nearly all, for they close their own channel whatever is wrong.
+double output_shrink(const GapLevel& before, const GapLevel& after, const std::vector<Candidate>& effects,
+                     const GapOptions::Verdict& options) {
+  double most = 0;
+  for (std::size_t c = 0; c < before.channels.size(); ++c)
+    if (const double excess = before.channels[c].excess; excess > options.material_excess_variances)
+      most = std::max(most, 1 - after.channels[c].excess / excess);
+  const bool sensor = std::any_of(effects.begin(), effects.end(),
+                                  [](const Candidate& c) { return port_kind(c.effect.port) == PortKind::sensor; });
+  return sensor && most < options.closed_shrink_fraction ? 0 : most;
+}
+
 // A verdict says which cause is seen, not that nothing is left. In words; empty: nothing.
 std::string what_is_left(const GapLevel& level) {
   std::string left;
@@ -259,8 +273,13 @@ GapResult diagnose_all(const Datasheet& sheet, const Datasheet& stated, std::vec
   evidence.quiet = quiet;
   const std::vector<SizeAgreement> sizes = work.sizes_agree(search.base);
   for (const SizeAgreement& size : sizes) evidence.spread = std::max(evidence.spread, size.spread);
-  evidence.beyond = std::any_of(search.base.effects.begin(), search.base.effects.end(),
-                                [&](const Candidate& effect) { return at_farthest(sheet, effect, options); });
+  if (found) evidence.output_shrink = output_shrink(result.gap[1], result.gap[2], search.base.effects, verdict);
+  // What is left beside it would be no silence either.
+  const bool much_left = found && explained_excess > verdict.silent_excess_variances &&
+                         gap_size(result.gap[2]) > verdict.silent_matters_ratio * settings.matters;
+  evidence.beyond = std::any_of(search.base.effects.begin(), search.base.effects.end(), [&](const Candidate& effect) {
+    return much_left ? !beyond_range(sheet, effect).empty() : at_farthest(sheet, effect, options);
+  });
   result.matters = settings.matters;
   const GapVerdict answer = judge_gap(evidence, settings.matters, verdict);
   for (std::size_t e = 0; e < sizes.size() && answer.names; ++e)
@@ -396,24 +415,41 @@ void shift_stuck(NamedEffect& effect, double later) {
     interval->second = {interval->second.low + later, interval->second.high + later};
 }
 
-// Of an onset, in words: the moments.
+// Whether some runs have it, from their beginning on, and others not.
+bool between_runs(const Onset& onset) { return onset.moments.front().time == 0; }
+
+// Moments in words; where there are none, names of the runs.
 std::string told(const Onset& onset, const std::vector<SegmentedRun>& runs) {
   std::string text;
-  for (const Since::Moment& moment : onset.moments)
-    text += fmt::format("{}{:.4g} s of {}", text.empty() ? "" : " and ", moment.time, runs[moment.run].name);
+  for (const auto& [run, time] : onset.moments)
+    text += fmt::format("{}{}{}", text.empty() ? "" : " and ",
+                        between_runs(onset) ? "" : fmt::format("{:.4g} s of ", time), runs[run].name);
   return text;
 }
 
-// Step 8. Nothing where no cause that began is told; `moments` says when something began all the same.
+// A transducer that is stuck tells since when by its readings: the model may not leave them at once.
+void date_by_readings(const Datasheet& sheet, const std::vector<SegmentedRun>& runs, const NamedEffect& stuck,
+                      Onset& onset) {
+  if (stuck.effect != "stuck" || port_kind(stuck.port) != PortKind::sensor) return;
+  const auto channel = static_cast<std::size_t>(sheet.channel(sheet.port(stuck.port).channel));
+  const Channel& of = sheet.channels[channel];
+  for (Since::Moment& moment : onset.moments)
+    moment.time = std::min(moment.time, still_since({runs[moment.run]}, channel, of.resolution, noise_of(of)));
+}
+
+// Step 8. Nothing where no cause that began is told; `remark` says when something began all the same.
 std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                         const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
-                                        const GapProgress& progress, std::string& moments) {
+                                        const GapProgress& progress, std::string& remark) {
   std::vector<SegmentedRun> all = runs;
   all.insert(all.end(), holdout.begin(), holdout.end());
   OnsetSearch search(sheet, all, settings.options, settings.jobs);
   const std::optional<Onset> onset = search.find();
   if (!onset) return std::nullopt;
-  moments = told(*onset, all);
+  const std::string moments = told(*onset, all);
+  remark = between_runs(*onset)
+               ? "the model, calibrated on the other recordings, explains those and not " + moments
+               : "until " + moments + " the model, calibrated there, explains what was recorded, and then no more";
   std::vector<SegmentedRun> rest, rest_held_out;
   std::vector<std::size_t> of;  // which run each is a rest of
   for (std::size_t r = 0; r < all.size(); ++r) {
@@ -424,8 +460,12 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
     of.push_back(r);
   }
   if (rest.empty()) return std::nullopt;
-  GapResult result = diagnose_all(calibrated(sheet, *onset, settings.options.onset.tolerance_fraction), sheet,
-                                  std::move(rest), std::move(rest_held_out), settings, progress);
+  const bool between = between_runs(*onset);
+  const Datasheet rig = between ? sheet : calibrated(sheet, *onset, settings.options.onset.tolerance_fraction);
+  GapSettings asked = settings;
+  // What began then is more than what it closes; the parameters, which hardly move, leave a gap of their own.
+  if (!between) asked.options.verdict.named_shrink_fraction = 0;
+  GapResult result = diagnose_all(rig, sheet, std::move(rest), std::move(rest_held_out), asked, progress);
   if (result.verdict != "named") return std::nullopt;
   std::vector<EffectSpec> effects;
   for (const NamedEffect& named : result.effects) {
@@ -439,24 +479,26 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
   for (GapLevel& level : result.gap)
     for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {
       const Parameter& p = sheet.parameters[i];
-      if (onset->parameters[i] == p.nominal) continue;
+      if (between || onset->parameters[i] == p.nominal) continue;
       const auto factor = level.parameters.emplace(p.name, 1.0).first;
       factor->second *= onset->parameters[i] / p.nominal;
     }
+  Onset dated = *onset;
+  if (!between)
+    for (const NamedEffect& named : result.effects) date_by_readings(sheet, all, named, dated);
   const SegmentedRun& run = all.front();
-  result.since = Since{onset->moments, static_cast<double>(run.segment) * run.period};
-  result.sentence += fmt::format(" Since {} (to {:.2g} s); until then the model explains the recording{}.", moments,
-                                 result.since->within, all.size() > 1 ? "s" : "");
+  result.since = Since{dated.moments, static_cast<double>(run.segment) * run.period};
+  result.sentence +=
+      between ? fmt::format(" It is in {}; the model explains what else was recorded without it.", told(dated, all))
+              : fmt::format(" Since {} (to {:.2g} s); until then the model explains the recording{}.", told(dated, all),
+                            result.since->within, all.size() > 1 ? "s" : "");
   // Positions and times are those of the runs as they were given; of several moments a time is the first one's.
-  const double later = onset->moments.front().time;
   for (std::vector<NamedEffect>* named : {&result.effects, &result.equivalent})
-    for (NamedEffect& effect : *named) shift_stuck(effect, later);
-  for (RankedCause& cause : result.ranked) shift_stuck(cause.effect, later);
+    for (NamedEffect& effect : *named) shift_stuck(effect, dated.moments.front().time);
+  for (RankedCause& cause : result.ranked) shift_stuck(cause.effect, dated.moments.front().time);
   std::size_t& shown = result.series.run;
   shown = of[shown];
-  for (const Since::Moment& moment : onset->moments)
-    if (moment.run == shown)
-      for (double& time : result.series.time) time += moment.time;
+  for (double& time : result.series.time) time += onset->begins(shown);
   return result;
 }
 
@@ -507,15 +549,13 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     result = std::move(*drift);
   } else if (result.verdict != "none" && !closed) {
     if (forward) forward(kFirstShare, "looking since when");
-    std::string moments;
-    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, used, again, moments)) {
+    std::string remark;
+    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, used, again, remark)) {
       since->runs = std::move(result.runs);
       since->holdout = std::move(result.holdout);
       result = std::move(*since);
-    } else if (result.verdict == "unknown" && !moments.empty()) {
-      result.remarks.push_back(
-          "until " + moments +
-          " the model, calibrated there, explains what was recorded, and from then on it does not");
+    } else if (result.verdict == "unknown" && !remark.empty()) {
+      result.remarks.push_back(remark);
     }
   }
   if (away && std::none_of(result.effects.begin(), result.effects.end(),

@@ -11,7 +11,8 @@
 // 7. Where no cause is told, but readings of a state leave the integral of those of its rate (slow_drift.h), a drift of
 //    that transducer is fitted over longer segments, and told where it is a cause there, of the same size.
 // 8. Where the model explains the runs up to some moment only (onset.h), all this is asked again of what follows, of
-//    the rig as it was before; a name that what was before contradicts is told with its date.
+//    the rig as it was before; a name that what was before contradicts is told with its date. So it is where the model
+//    explains some runs and not the others, of a rig whose parameters may be others there.
 // Deterministic: no random numbers but the bootstrap's, which are seeded.
 #pragma once
 

@@ -179,8 +179,8 @@ std::vector<double> Linearisation::segment_losses(const std::vector<Eigen::Matri
 
 constexpr double kLittlePull = 1e-3;  // against a bound: half its square is what the loss would gain
 
-// Primal active set: from within the bounds each step goes to the minimum of what is free, or up to the first bound that
-// is in the way, so that none is worse than the one before.
+// Primal active set: from within the bounds each step goes to the minimum of what is free, or up to the first bound in
+// the way, so that none is worse than the one before.
 Eigen::VectorXd bounded_move(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient, const Eigen::VectorXd& z,
                              const Eigen::VectorXd& lowest, const GapOptions::Linearisation& options) {
   const Eigen::Index n = gradient.size(), parameters = z.size();

@@ -33,7 +33,20 @@ std::vector<Eigen::MatrixXd> those_before(const std::vector<Eigen::MatrixXd>& pr
   return result;
 }
 
+// As they are in a run that began `seconds` earlier: since when a signal is stuck is a time.
+std::vector<EffectSpec> moved(std::vector<EffectSpec> effects, double seconds) {
+  for (EffectSpec& effect : effects)
+    if (find_effect_type(effect.effect)->family == "stuck") effect.parameters.front() += seconds;
+  return effects;
+}
+
 }  // namespace
+
+double Onset::begins(std::size_t run) const {
+  for (const Since::Moment& moment : moments)
+    if (moment.run == run) return moment.time;
+  return 0;
+}
 
 OnsetSearch::OnsetSearch(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options, int jobs)
     : jobs_(jobs), residuals_(sheet, std::move(runs), options) {
@@ -177,7 +190,9 @@ std::optional<Onset> OnsetSearch::find() {
     if (first < options.inside_segments || first + options.inside_segments > run.segments()) return std::nullopt;
     onset.moments.push_back({r, run.recording.time[run.restarts[first]] - run.recording.time.front()});
   }
-  if (onset.moments.empty()) return std::nullopt;
+  if (!onset.moments.empty()) return onset;
+  for (std::size_t r = 0; r < every_.size(); ++r)
+    if (onset.segments[r] == 0) onset.moments.push_back({r, 0});
   return onset;
 }
 
@@ -186,9 +201,14 @@ double OnsetSearch::contradicted(const Onset& onset, const std::vector<EffectSpe
   const Eigen::VectorXd z = deviations(residuals_.sheet(), linear_->free_parameters(), onset.parameters);
   const Products without = linear_->products(linear_->at_model());
   const Products with = linear_->products(residuals_of(residuals_, {onset.parameters, effects}, every_, jobs_));
+  std::vector<Eigen::MatrixXf> there;
+  for (std::size_t r = 0; r < every_.size(); ++r)
+    there.push_back(
+        residuals_of(residuals_, {onset.parameters, moved(effects, onset.begins(r))}, {every_[r]}, jobs_)[0]);
   Products later = without;
+  const Products those = linear_->products(there);
   for (std::size_t i = 0; i < later.size(); ++i)
-    if (follow[i]) later[i] = with[i];
+    if (follow[i]) later[i] = those[i];
   const double never = adjusted(*linear_, without, z).loss, always = adjusted(*linear_, with, z).loss,
                since = adjusted(*linear_, later, z).loss;
   return never > since ? std::max(0.0, always - since) / (never - since) : 0.0;

@@ -5,10 +5,11 @@
 // of the segments' log-likelihoods (linearisation.h) with theta, which is fitted to what is before t; mean_i and
 // squares_i, the scatter around it, before and after. Each segment has a noise level of its own there, so theta
 // is that of the segments that it explains, and one in which the model goes astray is no step. Runs follow one another
-// in the order in which they are given, or begin together, whichever shows it better: a fault that is put in during each
-// of them. Then each run gets a moment of its own, its beginning or its end among them. The model is made linear anew
-// around theta, and t sought again. Whether a cause that explains what follows was not there before is asked of all
-// runs (contradicted()): one that did not show before, since the rig did not move so, may have been there all the time.
+// in the order in which they are given, or begin together, whichever shows it better: a fault that is put in during
+// each of them. Then each run gets a moment of its own, its beginning or its end among them. The model is made linear
+// anew around theta, and t sought again. Whether a cause that explains what follows was not there before is asked of
+// all runs (contradicted()): one that did not show before, since the rig did not move so, may have been there all the
+// time. Where some runs are before and the others after, the rig may be another one, too: its parameters move.
 #pragma once
 
 #include <optional>
@@ -21,8 +22,11 @@ namespace faultline {
 struct Onset {
   // Of each run, the first segment that shows it: 0, if it is there all the time; as many as the run has, if it is not.
   std::vector<std::size_t> segments;
-  std::vector<Since::Moment> moments;  // at least one, each the time of such a segment
-  std::vector<double> parameters;      // theta, in the datasheet's order
+  // Each the time of such a segment inside its run; where there is none, of runs that show it from their beginning on,
+  // others not at all.
+  std::vector<Since::Moment> moments;
+  std::vector<double> parameters;        // theta, in the datasheet's order
+  double begins(std::size_t run) const;  // s from that run's beginning; 0 where it does not, or with the run
 };
 
 class OnsetSearch {
@@ -30,10 +34,11 @@ class OnsetSearch {
   // Runs as they are, none cut.
   OnsetSearch(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options, int jobs);
 
-  // Nothing where before t there is as much to explain as after, or where it begins in no run: then the runs differ.
+  // Nothing where before t there is as much to explain as after, or where t lies next to an end of a run.
   std::optional<Onset> find();
   // How much worse the runs are explained with these effects from the beginning than from the onset on, over how much
-  // worse they are without: 0 where they may have been there all the time. Parameters at their best for each.
+  // worse they are without (times in them are of what follows): 0 where they may have been there all the time.
+  // Parameters at their best for each.
   double contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const;
 
  private:

@@ -33,7 +33,12 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   const double little = std::min(options.place_evidence_fraction * perfect, options.beside_log_likelihood);
   const double free_beside =
       nearly ? 0 : evidence.free_after / std::max(options.free_evidence_fraction * effects, little);
-  const double beside = std::max(free_beside, evidence.spread / options.size_spread);
+  // Or that it leaves most of a large gap: of all, of a typical segment, and in every output.
+  const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
+  const double closes_most = std::max(evidence.shrink, evidence.typical_shrink);
+  const bool leaves_most = large && closes_most < options.named_shrink_fraction &&
+                           evidence.output_shrink < options.named_output_shrink_fraction;
+  const double beside = std::max({free_beside, evidence.spread / options.size_spread, leaves_most ? kBeyondDoubt : 0});
   const double shrink = evidence.plain ? options.material_shrink_fraction : options.hidden_shrink_fraction;
   // Of all that is left, or of what is left in most segments, where a few in which the model goes astray hold it all.
   const bool closes = (evidence.shrink > shrink && evidence.shrink_low > 0) ||
@@ -48,8 +53,7 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   const bool likely = evidence.effects > options.material_evidence_fraction * perfect ||
                       (evidence.excess > options.material_excess_variances && (evidence.plain ? beyond_free : closed));
   // A gap that need not have a cause, or hides in the noise, has one only where that is most of it.
-  const bool large = evidence.size > matters && evidence.excess > options.material_excess_variances;
-  const bool most = std::max(evidence.shrink, evidence.typical_shrink) >= options.small_gap_shrink_fraction;
+  const bool most = closes_most >= options.small_gap_shrink_fraction;
   result.names =
       evidence.found && evidence.size > options.named_matters_fraction * matters && closes && likely && (most || large);
   // Without a name that holds: a signal at one place that wins much of a gap that matters tells a cause, or a gap that

@@ -17,6 +17,7 @@ struct GapEvidence {
   double shrink_low = 1;          // low end of its 90 % interval: what rests on one segment alone may be nothing
   double typical_shrink = 0;      // the same of a typical segment (typical_excess): a few that go astray do not decide
   double typical_shrink_low = 1;  // ... and the low end of its interval
+  double output_shrink = 0;       // the most that is closed of what the refit leaves in one output
   double perfect = 0;             // log likelihood that a perfect model would win over the refit ...
   double effects = 0;             // ... the effects do win ...
   double free_before = 0;         // ... and a free signal at one place would, without ...
@@ -28,7 +29,8 @@ struct GapEvidence {
   double left = 0;        // excess beside the effects on held-out data ...
   double quiet = 0;       // ... and that of a healthy rig
   double spread = 0;      // of an effect's size from part to part of the runs, the largest: SizeAgreement
-  bool beyond = false;    // whether a size lies at the end of what is tried, far beyond the datasheet's range
+  bool beyond =
+      false;  // whether a size lies beyond the datasheet's range and much is left, or at the end of what is tried
 };
 
 struct GapVerdict {
