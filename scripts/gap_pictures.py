@@ -21,10 +21,15 @@ def shown_levels(answer):
     return [name for name in LEVELS if name != "explained" or answer["cause"]["effects"]]
 
 
+def began(answer):
+    """Whether the cause began during a run; else runs have it from their beginning on, all or some."""
+    since = answer["cause"].get("since")
+    return bool(since) and since["time"] > 0
+
+
 def level_name(answer, level):
     """Of a cause that began, the levels are of what follows."""
-    began = level == "nominal" and answer["cause"].get("since")
-    return "model as calibrated before" if began else LEVELS[level][1]
+    return "model as calibrated before" if level == "nominal" and began(answer) else LEVELS[level][1]
 
 
 def telling_channels(answer, most=4):

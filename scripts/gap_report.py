@@ -191,11 +191,16 @@ def sentence_of(answer, sheet):
             )
         )
         since = cause.get("since")
-        if since:
+        pronoun = "It" if len(parts) == 1 else "They"
+        if since and since["time"] > 0:
             moments = ["{:.4g} s into {}".format(m["time"], os.path.basename(m["run"])) for m in since["moments"]]
-            text += " {} began {}.".format("It" if len(parts) == 1 else "They", join(moments))
+            text += " {} began {}.".format(pronoun, join(moments))
             after += ", of what follows that moment (known to {:.2g} s)".format(since["within"])
             after += "; until then the model explains the recordings, calibrated there"
+        elif since:
+            runs = join([os.path.basename(m["run"]) for m in since["moments"]])
+            text += " {} {} in {}.".format(pronoun, "is" if len(parts) == 1 else "are", runs)
+            after += ", of that; the model explains what else was recorded without it"
         return text[:1].upper() + text[1:], after + "."
     place = answer["where"]["ranked"][0]["port"] if answer["where"]["ranked"] else ""
     part = " at or near the " + sheet.component(place) if place else ""
@@ -376,7 +381,7 @@ def render(answer, series, sheet, facts):
         moved=moved_parameters(answer, sheet),
         heldout=percent(shrink["heldout"] or 0.0),
         against_nominal=percent(shrink["against_nominal"] or 0.0),
-        since=answer["cause"].get("since"),
+        began=gap_pictures.began(answer),
         interval=[percent(end or 0.0) for end in shrink["interval"]],
         closable=percent(shrink["closable"] or 0.0),
         missing=missing_text(answer, sheet),

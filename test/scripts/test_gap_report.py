@@ -57,10 +57,15 @@ class FirstSentence(unittest.TestCase):
 
     def test_says_since_when(self):
         began = answer(CLOGGED)
-        began["cause"]["since"] = {"run": "runs/second.bag", "time": 9.125, "within": 0.25}
+        moments = [{"run": "runs/second.bag", "time": 9.125}, {"run": "runs/third.bag", "time": 4.5}]
+        began["cause"]["since"] = {"run": "runs/second.bag", "time": 9.125, "within": 0.25, "moments": moments}
         text, after = gap_report.sentence_of(began, Sheet)
-        self.assertTrue(text.endswith("It began 9.125 s into second.bag."), text)
+        self.assertTrue(text.endswith("It began 9.125 s into second.bag and 4.5 s into third.bag."), text)
         self.assertIn("0.25 s", after)
+        began["cause"]["since"].update({"time": 0, "moments": [{"run": "runs/second.bag", "time": 0}]})
+        text, after = gap_report.sentence_of(began, Sheet)
+        self.assertTrue(text.endswith("It is in second.bag."), text)
+        self.assertIn("what else was recorded", after)
         self.assertNotIn("began", gap_report.sentence_of(answer(CLOGGED), Sheet)[0])
 
     def test_where_no_place_is_known(self):
