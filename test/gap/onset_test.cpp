@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "faultline/gap/diagnose_gap.h"
@@ -42,6 +43,12 @@ TEST(Onset, OfALeakIsFoundToASegment) {
   const std::string leak = "laminar_leakage@flow.chamber_a_chamber_b:coefficient=2e-11";
   EXPECT_GT(search.contradicted(*onset, {parse_effect(leak)}), 0.5);
   EXPECT_LT(search.contradicted(*onset, {parse_effect(leak + ",from=4.5")}), 0.02);
+  // What is told of the whole run explains it worse than the leak since then, and that leak dated does not.
+  const auto worse = [&](const std::string& always) {
+    return search.worse(*onset, {parse_effect(leak)}, {parse_effect(always)});
+  };
+  EXPECT_GT(worse("laminar_leakage@flow.chamber_a_chamber_b:coefficient=1e-11"), 0.3);
+  EXPECT_LT(worse(leak + ",from=4.5"), 0.02);
   // As a rig of its own.
   const Datasheet before = calibrated(servo(), *onset, 0.1);
   for (std::size_t i = 0; i < before.parameters.size(); ++i) {
@@ -112,6 +119,36 @@ TEST(Onset, IsToldWithTheName) {
   EXPECT_EQ(result.runs, std::vector<std::string>{"run"});
   EXPECT_NE(result.sentence.find("Since 4.5 s of run"), std::string::npos) << result.sentence;
   EXPECT_GE(result.series.time.front(), result.since->moments[0].time - 1e-9);
+}
+
+TEST(Onset, OfRunsHeldOutIsToldToo) {
+  GapSettings settings;
+  settings.jobs = 2;
+  settings.most_effects = 1;
+  SegmentedRun held_out = servo_run("coefficient=2e-11,from=7", 2);
+  held_out.name = "other";
+  const GapResult result = diagnose_gap(servo(), {leaks_later()}, {held_out}, settings, nullptr);
+  EXPECT_EQ(result.verdict, "named") << result.sentence;
+  ASSERT_EQ(result.effects.size(), 1u);
+  EXPECT_EQ(result.effects.front().effect, "laminar_leakage");
+  ASSERT_TRUE(result.since);
+  ASSERT_EQ(result.since->moments.size(), 2u);
+  EXPECT_EQ(result.since->moments[1].run, 1u);
+  EXPECT_NEAR(result.since->moments[1].time, 7, 1.01 * result.since->within);
+  EXPECT_EQ(result.holdout, std::vector<std::string>{"other"});
+  EXPECT_NE(result.sentence.find("s of other"), std::string::npos) << result.sentence;
+}
+
+// What nobody can name began all the same.
+TEST(Onset, OfWhatIsUnknownIsARemark) {
+  GapSettings settings;
+  settings.jobs = 2;
+  settings.most_effects = 0;
+  const GapResult result = diagnose_gap(servo(), {leaks_later()}, {}, settings, nullptr);
+  EXPECT_EQ(result.verdict, "unknown") << result.sentence;
+  EXPECT_FALSE(result.since);
+  const auto said = [](const std::string& remark) { return remark.rfind("until 4.5 s of run the model", 0) == 0; };
+  EXPECT_TRUE(std::any_of(result.remarks.begin(), result.remarks.end(), said));
 }
 
 TEST(Onset, OfOneRunOfTwoIsTold) {

@@ -16,25 +16,9 @@
 // Deterministic: no random numbers but the bootstrap's, which are seeded.
 #pragma once
 
-#include <functional>
-
-#include "faultline/gap/fit_gap.h"
-#include "faultline/gap/gap_options.h"
-#include "faultline/gap/gap_result.h"
+#include "faultline/gap/gap_settings.h"
 
 namespace faultline {
-
-struct GapSettings {
-  std::vector<std::string> without;  // candidates to leave out
-  int jobs = 1;
-  std::uint64_t seed = 1;
-  int most_effects = 3;
-  double matters = 0.01;  // gap over what the channels move from which it must have a cause: judge_gap()
-  GapOptions options;     // of the method; no user changes them
-};
-
-// Called from several threads; what it throws ends the diagnosis and is thrown on.
-using GapProgress = std::function<void(double done, const std::string& text)>;
 
 // `runs` to learn from; `holdout` to score on (empty: the runs score each other; one run is cut in two). Throws
 // InputError.

@@ -216,6 +216,8 @@ struct GapOptions {
     double named_shrink_fraction = 0.5;
     // ... or of what the refit leaves in one output, where the rig has much else that is not modelled.
     double named_output_shrink_fraction = 0.75;
+    // ... unless others are worse by more than this fraction of what is closed: one wrong name's are by 0.15.
+    double shifted_fraction = 0.1;
     // ... where the likelihood says too much of an effect: half.
     double hidden_shrink_fraction = 0.5;
     // ... and from which they have closed it, where no more is left than a healthy rig has.
@@ -400,6 +402,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.small_gap_shrink_fraction);
   FAULTLINE_OPTION(verdict.named_shrink_fraction);
   FAULTLINE_OPTION(verdict.named_output_shrink_fraction);
+  FAULTLINE_OPTION(verdict.shifted_fraction);
   FAULTLINE_OPTION(verdict.hidden_shrink_fraction);
   FAULTLINE_OPTION(verdict.closed_shrink_fraction);
   FAULTLINE_OPTION(verdict.nearly_closed_fraction);

@@ -1,0 +1,17 @@
+// Step 8 of diagnose_gap.h: a cause that began during the runs, or that some of them have.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "faultline/gap/gap_settings.h"
+
+namespace faultline {
+
+// Nothing where no cause that began is told; `remark` says when something began all the same. `whole`: what explains the
+// runs from their beginning on, where something does, and must explain them clearly worse.
+std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                        const std::vector<SegmentedRun>& holdout, const std::vector<NamedEffect>& whole,
+                                        const GapSettings& settings, const GapProgress& progress, std::string& remark);
+
+}  // namespace faultline
