@@ -1,7 +1,7 @@
 """The two other ways in which people build faultline: catkin_make in a workspace of their own, and an install space.
 
-The workspace has a fixed place in the temporary folder, so that ccache knows it again: the first run compiles
-everything once more (without optimisation, to be quick), later ones only what has changed.
+The workspace is another one, but seen from its build folder the sources lie where they do in ./faultline's own, and the
+flags are the same: ccache knows nearly every object again, which saves compiling everything once more.
 """
 
 import fcntl
@@ -71,32 +71,36 @@ class BuildWays(unittest.TestCase):
                     shutil.copy2(ROOT / name, target)
                 # A rig's package beside faultline: built by the same CMake, found by ROS.
                 shutil.copytree(ROOT / "examples/cascaded_tanks", workspace / "src/cascaded_tanks")
-                environment = clean_environment(CXXFLAGS="-O0")
+                environment = clean_environment()
+                inside = workspace / "src/faultline/catkin_ws"
+                devel = inside / "devel"
                 said = run(
                     [
                         "catkin_make",
                         "-C",
                         str(workspace),
+                        "--use-ninja",
+                        "--build",
+                        str(inside / "build"),
                         "-j1",
-                        "-DCMAKE_BUILD_TYPE=None",
+                        f"-DCATKIN_DEVEL_PREFIX={devel}",
                         "-DPYTHON_EXECUTABLE=/usr/bin/python3",
                     ],
                     cwd=workspace,
                     env=environment,
                 )
                 self.assertNotIn("warning:", said)
-                devel = workspace / "devel"
                 self.check_program(devel, devel / "lib/faultline/faultline", workspace, environment)
                 # rosrun's way to it, and the messages'
                 shown = run(
-                    ["bash", "-c", "source devel/setup.bash && rospack find faultline && rosmsg show faultline/Sample"],
+                    ["bash", "-c", f"source {devel}/setup.bash && rospack find faultline && rosmsg show faultline/Sample"],
                     cwd=workspace,
                     env=environment,
                 )
                 self.assertIn(str(workspace / "src/faultline"), shown)
                 self.assertIn("float64[] values", shown)
                 rig = run(
-                    ["bash", "-c", "source devel/setup.bash && devel/lib/faultline/faultline rigs cascaded_tanks"],
+                    ["bash", "-c", f"source {devel}/setup.bash && {devel}/lib/faultline/faultline rigs cascaded_tanks"],
                     cwd=workspace,
                     env=environment,
                 )
