@@ -20,7 +20,7 @@ constexpr float kSmall = 0.1f;  // ... or this root of a sum of squares, in nois
 
 SegmentOptions with_long_steps() {
   SegmentOptions options;
-  options.long_steps = options.beside = true;
+  options.long_steps = options.beside = options.rough = true;
   return options;
 }
 
@@ -42,7 +42,7 @@ struct Course {
     SimulationSetup setup;
     setup.parameters = change.parameters;
     setup.effects = change.effects;
-    setup.long_steps = setup.beside = true;
+    setup.long_steps = setup.beside = setup.rough = true;
     return {sheet, setup};
   }
 };

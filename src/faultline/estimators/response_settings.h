@@ -20,7 +20,7 @@ namespace faultline {
 inline SegmentOptions of_short_segments() {
   SegmentOptions options;
   options.start_prior_sigma = 0.4;
-  options.long_steps = options.beside = true;
+  options.long_steps = options.beside = options.rough = true;
   return options;
 }
 

@@ -19,7 +19,7 @@
 namespace faultline {
 
 struct GapOptions {
-  GapOptions() { segments.long_steps = true; }
+  GapOptions() { segments.long_steps = segments.beside = true; }
 
   SegmentOptions segments;
 

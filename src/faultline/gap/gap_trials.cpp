@@ -218,7 +218,9 @@ FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
   const Surroundings whole = around_;
   around_ = part_;
   FitResult best;
-  double least = learned_cost(around_, from_datasheet), aim = learned_loss(around_);
+  const double known = learned_cost(around_, from_datasheet);
+  double least = known, aim = learned_loss(around_);
+  const Linearisation learn = part_.linear->subset(learn_);
   Random random(1);
   const std::vector<std::size_t> free = around_.linear->free_parameters();
   for (std::size_t s = 0; s < options().trials.other_starts; ++s) {
@@ -227,6 +229,9 @@ FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
     FitResult other;
     other.model.parameters = sheet_.nominal();
     shift_parameters(model(), free, move, other.model.parameters);
+    // With the derivatives that are there: where they lead into the valley that is known, or beside it, nothing is found.
+    const double reached = fit_gap(*part_.residuals, other.model, {}, learn, options().trials.quick_steps, jobs()).loss;
+    if (std::abs(reached - known) < options().trials.relinearise_log_likelihood) continue;
     around_ = settle(part_, other.model);
     converge(other, aim);
     const double cost = learned_cost(around_, other);

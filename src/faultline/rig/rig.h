@@ -53,7 +53,7 @@ struct RigType {
   double fast_substep = 0;
   // Which do; null: all in a line, and in a transmission all but a scale.
   bool (*is_fast)(const EffectSpec& effect) = nullptr;
-  // s, of the same where derivatives may be as far off as SimulationSetup::beside lets them; 0: fast_substep.
+  // s, of the same where SimulationSetup::rough is asked for; 0: fast_substep.
   double rough_fast_substep = 0;
   // s, between which its channels show nothing new: readings may be averaged over it. 0: each sample may.
   double shown_period = 0;

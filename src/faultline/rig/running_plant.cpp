@@ -61,7 +61,7 @@ int substeps_of(const Datasheet& sheet, const SimulationSetup& setup, Use use, i
     const bool faster = std::any_of(effects.begin(), effects.end(),
                                     [type](const EffectSpec& effect) { return is_fast(*type, effect); });
     double coarser = faster ? type->fast_substep : type->model_substep;
-    if (faster && setup.beside) coarser = std::max(coarser, type->rough_fast_substep);
+    if (faster && setup.rough) coarser = std::max(coarser, type->rough_fast_substep);
     if (coarser > 0) wanted = coarser;
   }
   if (setup.substep > 0) wanted = setup.substep;

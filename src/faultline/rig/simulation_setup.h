@@ -20,9 +20,8 @@ struct SimulationSetup {
   double sample_period = 0;            // s, of a driven model's recording; 0: the datasheet's
   bool noise = true;                   // sensor noise and rounding
   bool long_steps = false;             // of a driven model, where its motion is even (RigType::even_substep)
-  // Of a driven model: whether its long steps may go beside another's (integrator.h), and steps of what is fast may be
-  // longer (RigType::rough_fast_substep).
-  bool beside = false;
+  bool beside = false;  // of a driven model: whether its long steps may go beside another's (integrator.h)
+  bool rough = false;   // ... and whether steps of what is fast may be longer (RigType::rough_fast_substep)
 };
 
 // The datasheet's effects of the nominal model.

@@ -81,7 +81,10 @@ std::vector<LinearSegment> linearise(const SegmentModel& model, const SegmentedR
   for (const Direction& direction : directions) variants.push_back({&direction.to, variants.front().starts});
   for (const Direction& direction : directions)
     if (direction.from) variants.push_back({&*direction.from, variants.front().starts});
-  std::vector<Eigen::MatrixXf> residuals = model.residuals(variants, run, sigma, jobs);
+  // Central differences are asked for where forward ones are not exact enough.
+  const bool central = variants.size() > 1 + directions.size();
+  std::vector<Eigen::MatrixXf> residuals = model.residuals(
+      variants, run, sigma, jobs, central ? SegmentModel::Beside::never : SegmentModel::Beside::as_asked);
   std::vector<const Eigen::MatrixXf*> columns;
   std::size_t from = directions.size();
   for (std::size_t i = 0; i < directions.size(); ++i) {

@@ -221,14 +221,15 @@ std::vector<double> SegmentModel::shown_states(const SegmentedRun& run, std::siz
 }
 
 std::unique_ptr<DrivenModel> SegmentModel::driven(const ModelChange& change, const SegmentedRun& run,
-                                                  const std::vector<double>& noise) const {
+                                                  const std::vector<double>& noise, Beside beside) const {
   SimulationSetup setup;
   setup.parameters = change.parameters;
   setup.effects = change.effects;
   setup.sample_period = run.period;
   setup.noise = false;
   setup.long_steps = options_.long_steps;
-  setup.beside = options_.beside;
+  setup.beside = options_.beside && beside == Beside::as_asked;
+  setup.rough = options_.rough;
   auto model = std::make_unique<DrivenModel>(sheet_, setup);
   model->set_around(
       [this, &run, noise](const Recording& recording, std::size_t row, std::size_t channel, double later) {
@@ -394,12 +395,12 @@ Eigen::MatrixXf SegmentModel::residuals(const ModelChange& change, const Segment
 }
 
 std::vector<Eigen::MatrixXf> SegmentModel::residuals(const std::vector<Variant>& variants, const SegmentedRun& run,
-                                                     const std::vector<double>& sigma, int jobs) const {
+                                                     const std::vector<double>& sigma, int jobs, Beside beside) const {
   Models models(variants.size());
   std::vector<std::vector<std::size_t>> groups;  // that run together, after the first
   std::vector<std::size_t> light, heavy;         // beside it; heavy: what remembers needs the lead of the run
   for (std::size_t i = 0; i < variants.size(); ++i) {
-    models[i] = driven(*variants[i].change, run, sigma);
+    models[i] = driven(*variants[i].change, run, sigma, beside);
     if (i == 0) continue;
     if (!models[i]->goes_beside(*models.front()))
       groups.push_back({i});
@@ -409,11 +410,11 @@ std::vector<Eigen::MatrixXf> SegmentModel::residuals(const std::vector<Variant>&
       light.push_back(i);
   }
   const std::size_t parts = static_cast<std::size_t>(idle_threads(jobs));
-  for (const std::vector<std::size_t>* beside : {&heavy, &light})
+  for (const std::vector<std::size_t>* others : {&heavy, &light})
     for (std::size_t part = 0; part < parts; ++part) {
       std::vector<std::size_t> group{0};
-      for (std::size_t i = part; i < beside->size(); i += parts) group.push_back((*beside)[i]);
-      if (group.size() > 1 || (beside == &light && part + 1 == parts)) groups.push_back(std::move(group));
+      for (std::size_t i = part; i < others->size(); i += parts) group.push_back((*others)[i]);
+      if (group.size() > 1 || (others == &light && part + 1 == parts)) groups.push_back(std::move(group));
     }
   std::reverse(groups.begin(), groups.end());  // the longest first
   std::vector<Eigen::MatrixXf> results(variants.size());
@@ -422,7 +423,7 @@ std::vector<Eigen::MatrixXf> SegmentModel::residuals(const std::vector<Variant>&
     Models together;
     for (const std::size_t i : groups[g]) {
       own.push_back(variants[i]);
-      together.push_back(i == 0 ? driven(*variants[0].change, run, sigma) : std::move(models[i]));
+      together.push_back(i == 0 ? driven(*variants[0].change, run, sigma, beside) : std::move(models[i]));
     }
     std::vector<Eigen::MatrixXf> found = simulate(own, together, run, run.restarts, sigma, Restarted::left_out, {});
     // Every group that the first leads has its own; one tells.

@@ -45,8 +45,10 @@ class SegmentModel {
   ModelChange nominal() const { return {sheet_->nominal(), {}}; }
 
   // The model that a run drives, which sees around a row what it needs of the recording. Both must outlive it.
+  // `beside`: as the options say, or never.
+  enum class Beside { as_asked, never };
   std::unique_ptr<DrivenModel> driven(const ModelChange& change, const SegmentedRun& run,
-                                      const std::vector<double>& noise) const;
+                                      const std::vector<double>& noise, Beside beside = Beside::as_asked) const;
 
   // Rows x outputs, each over `sigma` of its output. A model that leaves all bounds gives large but finite numbers.
   Eigen::MatrixXf residuals(const ModelChange& change, const SegmentedRun& run, const std::vector<double>& sigma) const;
@@ -65,7 +67,8 @@ class SegmentModel {
     std::vector<double> starts;  // starts_of()
   };
   std::vector<Eigen::MatrixXf> residuals(const std::vector<Variant>& variants, const SegmentedRun& run,
-                                         const std::vector<double>& sigma, int jobs) const;
+                                         const std::vector<double>& sigma, int jobs,
+                                         Beside beside = Beside::as_asked) const;
   // d residuals / d shift, by differences: one matrix per direction. After them, of each of `memories`: what the model
   // changed so does in place of a memory of which a start says nothing, of one standard deviation (stretch_model.h).
   std::vector<Eigen::MatrixXf> start_columns(const ModelChange& change, const SegmentedRun& run,

@@ -59,9 +59,10 @@ struct SegmentOptions {
   // Whether the model takes long steps where its motion is even: for answers that are asked for many times over. Not
   // where small differences between models are weighed over long recordings.
   bool long_steps = false;
-  // Whether its long steps may go beside those of another (integrator.h), and steps of what is fast may be longer: for
-  // derivatives that may be off by 5 %, where dry friction switches by 10 %.
+  // Whether its long steps may go beside those of another (integrator.h), for derivatives that may be off by 5 %, where
+  // dry friction switches by 10 %: forward differences.
   bool beside = false;
+  bool rough = false;  // ... and steps of what is fast may be longer
 };
 
 template <class Visit>

@@ -66,15 +66,28 @@ double Actuator::slip_speed(double travel, double force, double plus, double min
   const double fast_plus = plus + fast.sliding_plus, fast_minus = minus + fast.sliding_minus;
   if (!ends.falls()) return outside(force, -fast_minus, fast_plus) / viscous;
   if (slip_ == 0) return 0;
-  // From above, b v + level(v) = |F|: the iteration falls to the highest speed in balance, or to rest where there is
-  // none.
+  // From above, b v + level(v) = |F|: v -> (|F| - level(v))/b falls to the highest speed in balance, or to rest where
+  // there is none. Where two are in balance, v - (|F| - level(v))/b is convex from the higher one on (exp(-v^2) is,
+  // beyond its steepest fall): the chord of the last two steps meets zero above it. Where one is, it may lie below it.
   double speed = std::max(0.0, slip_ * outside(force, -fast_minus, fast_plus) / viscous);
+  double before = 0, excess_before = 0;
+  bool chord = false, convex = true;
   for (int i = 0; i < kMostSteps && speed > 0; ++i) {
     const BodyForces now = force_port_.forces({at, slip_ * speed, 0});
     const double level = slip_ > 0 ? plus + now.sliding_plus : minus + now.sliding_minus;
-    const double next = std::max(0.0, (slip_ * force - level) / viscous);
-    if (speed - next <= 1e-6 * speed) break;
-    speed = next;
+    const double next = std::max(0.0, (slip_ * force - level) / viscous), excess = speed - next;
+    if (chord && excess < 0) {  // below it
+      speed = before - excess_before;
+      chord = convex = false;
+      continue;
+    }
+    if (excess <= 1e-6 * speed) break;
+    const double slope = (excess_before - excess) / (before - speed);
+    const double along = speed - excess / slope;
+    chord = convex && i > 0 && slope > 0 && along > 0 && along < next;
+    before = speed;
+    excess_before = excess;
+    speed = chord ? along : next;
   }
   return slip_ * speed;
 }
