@@ -14,6 +14,7 @@
 #include "faultline/gap/verdict.h"
 #include "faultline/numerics/random.h"
 #include "rigs/control_valve/runs.h"
+#include "rigs/cooling_circuit/runs.h"
 #include "rigs/pump_cylinder/runs.h"
 #include "rigs/servo_actuator/runs.h"
 
@@ -350,6 +351,23 @@ TEST(Discrepancy, KnowsTheStatesThatAnEffectAdds) {
     return find_discrepancy(residuals, {servo().nominal(), modelled}, {0}, 2, Places::none).loss;
   };
   EXPECT_LT(loss({column}), 0.25 * loss({}));
+}
+
+// Of a run that is looked at in pieces each begins anywhere, and what a command's play remembers there is not what it
+// is at first: the right model of one was twice as unlikely as none.
+TEST(Discrepancy, FillsMemoriesAheadOfAPiece) {
+  const EffectSpec play = parse_effect("hysteresis@command.bench_valve_command:width=0.035");
+  SimulationSetup setup;
+  setup.profile = "paper";
+  setup.effects = {play};
+  std::vector<SegmentedRun> runs;
+  runs.push_back(cut_run(cooling(), "paper", simulate(cooling(), setup, 15), 0.25));
+  ASSERT_GT(runs.front().segments(), 48u);  // more than are looked at
+  const ResidualModel residuals(cooling(), std::move(runs));
+  const auto loss = [&](const std::vector<EffectSpec>& modelled) {
+    return find_discrepancy(residuals, {cooling().nominal(), modelled}, {0}, 2, Places::none).loss;
+  };
+  EXPECT_LT(loss({play}), 0.2 * loss({}));
 }
 
 // As it is recorded at a plant: 10 Hz, flapper and spool not measured.

@@ -73,6 +73,29 @@ Eigen::VectorXd steps_of(const Datasheet& sheet, const Eigen::VectorXd& size, co
   return steps;
 }
 
+// What is run ahead of a stretch, which may begin anywhere in its run, so that the memories of effects fill: from a
+// segment's start on, put back at each. `all` of the run before it: where states go on from the rig's own start.
+struct Ahead {
+  std::vector<std::size_t> restarts;
+  std::vector<double> starts;
+};
+
+Ahead ahead_of(const SegmentModel& model, const SegmentedRun& run, std::size_t first, bool remembers, bool all) {
+  Ahead result;
+  if (!all && !remembers) return result;
+  const std::vector<double> starts = starts_of(run);
+  const Stretched& within =
+      *std::find_if(run.stretches.begin(), run.stretches.end(), [&](const Stretched& s) { return first < s.last; });
+  const std::size_t most = model.options().ahead_segments * run.segment, states = model.shown_by().size();
+  for (std::size_t g = 0; g < run.segments() && run.restarts[g] < first; ++g) {
+    if (run.restarts[g] < within.first || (!all && run.restarts[g] + most < first)) continue;
+    result.restarts.push_back(run.restarts[g]);
+    const auto own = starts.begin() + static_cast<std::ptrdiff_t>(g * states);
+    result.starts.insert(result.starts.end(), own, own + static_cast<std::ptrdiff_t>(states));
+  }
+  return result;
+}
+
 class Passes {
  public:
   Passes(const ResidualModel& residuals, const ModelChange& change)
@@ -87,7 +110,10 @@ class Passes {
     const auto states = static_cast<Eigen::Index>(model.shown_by().size());
     const auto rows = static_cast<Eigen::Index>(stretch.rows.size());
     const auto outputs = static_cast<Eigen::Index>(model.outputs().size());
-    std::vector<double> starts, hidden;
+    const Ahead ahead = ahead_of(model, run, stretch.rows.front(), driven->remembers(), false);
+    std::vector<std::size_t> restarts = ahead.restarts;
+    restarts.insert(restarts.end(), stretch.rows.begin(), stretch.rows.end());
+    std::vector<double> starts = ahead.starts, hidden;
     for (const Eigen::VectorXd& x : stretch.reference)
       for (Eigen::Index s = 0; s < states; ++s) starts.push_back(x[s] + offset[s]);
     // A signal in a line or a transmission may bring states of its own: then these go on.
@@ -95,10 +121,10 @@ class Passes {
     const bool same = static_cast<Eigen::Index>(driven->added_count()) == hidden_.added;
     if (same && hidden_.count() > 0) {
       const auto width = static_cast<std::size_t>(states + hidden_.added);
-      hidden.assign(stretch.rows.size() * width, std::nan(""));
+      hidden.assign(restarts.size() * width, std::nan(""));
       for (std::size_t i = 0; i < stretch.rows.size(); ++i) {
         const Eigen::VectorXd x = stretch.reference[i] + offset;
-        double* known = &hidden[i * width];
+        double* known = &hidden[(ahead.restarts.size() + i) * width];
         for (Eigen::Index b = 0; b < hides; ++b) known[hidden_.behind[static_cast<std::size_t>(b)]] = x[states + b];
         for (Eigen::Index a = 0; a < hidden_.added; ++a) known[states + a] = x[first + a];
       }
@@ -111,8 +137,9 @@ class Passes {
     if (extra) pass.passed.resize(rows, kMostPassing);
     std::vector<double> bare(model.sheet().channels.size());
     Eigen::Index at = 0;
-    driven->run(run.recording, stretch.rows.front(), stretch.rows.back() - stretch.rows.front() + 1, stretch.rows,
-                starts.data(), [&](std::size_t k, const double* channels) {
+    const std::size_t from = restarts.front();
+    driven->run(run.recording, from, stretch.rows.back() - from + 1, restarts, starts.data(),
+                [&](std::size_t k, const double* channels) {
                   if (at == rows || k != stretch.rows[static_cast<std::size_t>(at)]) return;
                   driven->outputs(bare.data());
                   for (Eigen::Index o = 0; o < outputs; ++o) {
@@ -168,20 +195,23 @@ void place_reference(const ResidualModel& residuals, const ModelChange& change, 
   const auto states = static_cast<Eigen::Index>(model.shown_by().size());
   const Stretched& within = *std::find_if(run.stretches.begin(), run.stretches.end(),
                                           [&](const Stretched& s) { return stretch.rows.front() < s.last; });
-  std::vector<std::size_t> restarts;
-  std::vector<double> starts;
+  const HiddenStates hidden = hidden_states(residuals, change);
+  const auto driven = model.driven(change, run, residuals.noise());
   const std::vector<double> all = starts_of(run);
+  const bool goes_on = std::any_of(all.begin(), all.end(), [](double value) { return std::isnan(value); });
+  Ahead ahead = ahead_of(model, run, stretch.rows.front(), driven->remembers(), goes_on);
+  std::vector<std::size_t>& restarts = ahead.restarts;
+  std::vector<double>& starts = ahead.starts;
   for (std::size_t g = 0; g < run.segments(); ++g) {
     if (run.restarts[g] < stretch.rows.front() || run.restarts[g] > stretch.rows.back()) continue;
     restarts.push_back(run.restarts[g]);
     for (Eigen::Index s = 0; s < states; ++s) starts.push_back(all[g * static_cast<std::size_t>(states) + s]);
   }
-  const HiddenStates hidden = hidden_states(residuals, change);
-  const auto driven = model.driven(change, run, residuals.noise());
   stretch.reference.assign(stretch.rows.size(), Eigen::VectorXd::Zero(states + hidden.count()));
   std::size_t at = 0;
-  driven->run(run.recording, stretch.rows.front(), stretch.rows.back() - stretch.rows.front() + 1, restarts,
-              starts.data(), [&](std::size_t k, const double*) {
+  const std::size_t from = restarts.front();
+  driven->run(run.recording, from, stretch.rows.back() - from + 1, restarts, starts.data(),
+              [&](std::size_t k, const double*) {
                 if (at == stretch.rows.size() || k != stretch.rows[at]) return;
                 Eigen::VectorXd& x = stretch.reference[at++];
                 for (Eigen::Index s = 0; s < states; ++s) x[s] = driven->state()[s];
