@@ -6,8 +6,8 @@
 
 #include <memory>
 
-#include "faultline/gap/gap_settings.h"
 #include "faultline/gap/fit_gap.h"
+#include "faultline/gap/gap_settings.h"
 #include "faultline/gap/size_agreement.h"
 #include "faultline/gap/split_runs.h"
 
