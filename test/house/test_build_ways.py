@@ -92,15 +92,16 @@ class BuildWays(unittest.TestCase):
                 self.assertNotIn("warning:", said)
                 self.check_program(devel, devel / "lib/faultline/faultline", workspace, environment)
                 # rosrun's way to it, and the messages'
+                setup = f"source {devel}/setup.bash"
                 shown = run(
-                    ["bash", "-c", f"source {devel}/setup.bash && rospack find faultline && rosmsg show faultline/Sample"],
+                    ["bash", "-c", f"{setup} && rospack find faultline && rosmsg show faultline/Sample"],
                     cwd=workspace,
                     env=environment,
                 )
                 self.assertIn(str(workspace / "src/faultline"), shown)
                 self.assertIn("float64[] values", shown)
                 rig = run(
-                    ["bash", "-c", f"source {devel}/setup.bash && {devel}/lib/faultline/faultline rigs cascaded_tanks"],
+                    ["bash", "-c", f"{setup} && {devel}/lib/faultline/faultline rigs cascaded_tanks"],
                     cwd=workspace,
                     env=environment,
                 )

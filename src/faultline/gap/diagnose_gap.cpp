@@ -96,7 +96,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   std::optional<GapResult> drift;
   if (away && (result.verdict == "none" || result.verdict == "miscalibrated"))
     drift = diagnose_drift(sheet, *away, used, again);
-  // A cause that is told of whole runs must be clearly worse, unless it is a stuck signal, which has a moment of its own.
+  // A cause that is told of whole runs must be clearly worse, unless it is a stuck signal, which has its own moment.
   std::vector<NamedEffect> whole;
   if (result.verdict == "named" && std::none_of(result.effects.begin(), result.effects.end(),
                                                 [](const NamedEffect& e) { return e.effect == "stuck"; }))

@@ -229,7 +229,7 @@ FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
     FitResult other;
     other.model.parameters = sheet_.nominal();
     shift_parameters(model(), free, move, other.model.parameters);
-    // With the derivatives that are there: where they lead into the valley that is known, or beside it, nothing is found.
+    // With the derivatives that are there: where they lead into the valley that is known, nothing is found.
     const double reached = fit_gap(*part_.residuals, other.model, {}, learn, options().trials.quick_steps, jobs()).loss;
     if (std::abs(reached - known) < options().trials.relinearise_log_likelihood) continue;
     around_ = settle(part_, other.model);

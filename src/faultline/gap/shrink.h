@@ -1,6 +1,6 @@
 // How much of a gap effects close, and how large a gap is.
 //
-//   shrink = 1 - excess(after)/excess(before)     of the losses of segments, with a 90 % interval by bootstrap over them
+//   shrink = 1 - excess(after)/excess(before)   of the losses of segments, with a 90 % interval by bootstrap over them
 //   size   = root of the mean over the channels of (nrmse^2 (1 - (noise/rms)^2))
 #pragma once
 

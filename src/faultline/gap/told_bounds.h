@@ -1,5 +1,5 @@
-// What of an answer lies at the ends of what it was allowed: parameters as far from the datasheet as they may go, and sizes
-// of effects beyond the datasheet's ranges or at the end of what is tried.
+// What of an answer lies at the ends of what it was allowed: parameters as far from the datasheet as they may go, and
+// sizes of effects beyond the datasheet's ranges or at the end of what is tried.
 #pragma once
 
 #include <string>
