@@ -25,7 +25,7 @@ import unittest
 import xml.etree.ElementTree as ElementTree
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-TIME_LIMIT = 2700  # s, per suite; house_build_ways compiles everything once more on one core
+TIME_LIMIT = 2700  # s, per suite; house_build_ways compiles all once more, on one core, where ccache knows nothing
 # Suites that take minutes start first, so that the others fill the second core beside them.
 SLOW_FIRST = ("build_ways", "withheld", "gap", "demo", "cli")
 
