@@ -96,17 +96,17 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   std::optional<GapResult> drift;
   if (away && (result.verdict == "none" || result.verdict == "miscalibrated"))
     drift = diagnose_drift(sheet, *away, used, again);
-  // A cause that is told of whole runs must be clearly worse, unless it is a stuck signal, which has its own moment.
-  std::vector<NamedEffect> whole;
-  if (result.verdict == "named" && std::none_of(result.effects.begin(), result.effects.end(),
-                                                [](const NamedEffect& e) { return e.effect == "stuck"; }))
-    whole = result.effects;
+  // What closes all from the beginning on did not begin, unless it is a stuck sensor, which takes a moment of its own.
+  const bool closed = result.verdict == "named" &&
+                      result.shrink_refit >= settings.options.verdict.closed_shrink_fraction &&
+                      std::none_of(result.effects.begin(), result.effects.end(),
+                                   [](const NamedEffect& e) { return e.effect == "stuck"; });
   if (drift) {
     result = std::move(*drift);
-  } else if (result.verdict != "none") {
+  } else if (result.verdict != "none" && !closed) {
     if (forward) forward(kFirstShare, "looking since when");
     std::string remark;
-    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, whole, used, again, remark)) {
+    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, used, again, remark)) {
       since->runs = std::move(result.runs);
       since->holdout = std::move(result.holdout);
       result = std::move(*since);

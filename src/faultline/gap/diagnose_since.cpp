@@ -54,8 +54,8 @@ std::vector<EffectSpec> specs_of(const std::vector<NamedEffect>& effects) {
 }  // namespace
 
 std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
-                                        const std::vector<SegmentedRun>& holdout, const std::vector<NamedEffect>& whole,
-                                        const GapSettings& settings, const GapProgress& progress, std::string& remark) {
+                                        const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
+                                        const GapProgress& progress, std::string& remark) {
   std::vector<SegmentedRun> all = runs;
   all.insert(all.end(), holdout.begin(), holdout.end());
   OnsetSearch search(sheet, all, settings.options, settings.jobs);
@@ -82,10 +82,8 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
   if (!between) asked.options.verdict.named_shrink_fraction = 0;
   GapResult result = diagnose_runs(rig, sheet, std::move(rest), std::move(rest_held_out), asked, progress);
   if (result.verdict != "named") return std::nullopt;
-  const double least = settings.options.onset.contradicted_fraction;
-  const std::vector<EffectSpec> effects = specs_of(result.effects);
-  if (search.contradicted(*onset, effects) < least) return std::nullopt;
-  if (!whole.empty() && search.worse(*onset, effects, specs_of(whole)) < least) return std::nullopt;
+  if (search.contradicted(*onset, specs_of(result.effects)) < settings.options.onset.contradicted_fraction)
+    return std::nullopt;
   // Factors on what the user's datasheet says.
   for (GapLevel& level : result.gap)
     for (std::size_t i = 0; i < sheet.parameters.size(); ++i) {

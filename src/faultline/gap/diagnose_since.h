@@ -8,10 +8,9 @@
 
 namespace faultline {
 
-// Nothing where no cause that began is told; `remark` says when something began all the same. `whole`: what explains
-// the runs from their beginning on, where something does, and must explain them clearly worse.
+// Nothing where no cause that began is told; `remark` says when something began all the same.
 std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
-                                        const std::vector<SegmentedRun>& holdout, const std::vector<NamedEffect>& whole,
-                                        const GapSettings& settings, const GapProgress& progress, std::string& remark);
+                                        const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
+                                        const GapProgress& progress, std::string& remark);
 
 }  // namespace faultline

@@ -196,22 +196,22 @@ std::optional<Onset> OnsetSearch::find() {
   return onset;
 }
 
-double OnsetSearch::worse(const Onset& onset, const std::vector<EffectSpec>& since,
-                          const std::vector<EffectSpec>& always) const {
+double OnsetSearch::contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const {
   const std::vector<bool> follow = follows(onset.segments);
   const Eigen::VectorXd z = deviations(residuals_.sheet(), linear_->free_parameters(), onset.parameters);
   const Products without = linear_->products(linear_->at_model());
-  const Products all = linear_->products(residuals_of(residuals_, {onset.parameters, always}, every_, jobs_));
+  const Products with = linear_->products(residuals_of(residuals_, {onset.parameters, effects}, every_, jobs_));
   std::vector<Eigen::MatrixXf> there;
   for (std::size_t r = 0; r < every_.size(); ++r)
-    there.push_back(residuals_of(residuals_, {onset.parameters, moved(since, onset.begins(r))}, {every_[r]}, jobs_)[0]);
+    there.push_back(
+        residuals_of(residuals_, {onset.parameters, moved(effects, onset.begins(r))}, {every_[r]}, jobs_)[0]);
   Products later = without;
   const Products those = linear_->products(there);
   for (std::size_t i = 0; i < later.size(); ++i)
     if (follow[i]) later[i] = those[i];
-  const double never = adjusted(*linear_, without, z).loss, beside = adjusted(*linear_, all, z).loss,
-               dated = adjusted(*linear_, later, z).loss;
-  return never > dated ? std::max(0.0, beside - dated) / (never - dated) : 0.0;
+  const double never = adjusted(*linear_, without, z).loss, always = adjusted(*linear_, with, z).loss,
+               since = adjusted(*linear_, later, z).loss;
+  return never > since ? std::max(0.0, always - since) / (never - since) : 0.0;
 }
 
 SegmentedRun rest_of(const Datasheet& sheet, const SegmentedRun& run, std::size_t segment,

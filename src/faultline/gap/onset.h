@@ -36,14 +36,10 @@ class OnsetSearch {
 
   // Nothing where before t there is as much to explain as after, or where t lies next to an end of a run.
   std::optional<Onset> find();
-  // How much worse the runs are explained with some effects from their beginning on than with others from the onset on,
-  // over how much worse they are without either. Times in `since` are of what follows. Parameters at their best for
-  // each.
-  double worse(const Onset& onset, const std::vector<EffectSpec>& since, const std::vector<EffectSpec>& always) const;
-  // Of the same effects: 0 where they may have been there all the time.
-  double contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const {
-    return worse(onset, effects, effects);
-  }
+  // How much worse the runs are explained with these effects from the beginning than from the onset on, over how much
+  // worse they are without (times in them are of what follows): 0 where they may have been there all the time.
+  // Parameters at their best for each.
+  double contradicted(const Onset& onset, const std::vector<EffectSpec>& effects) const;
 
  private:
   using Firsts = std::vector<std::size_t>;  // Onset::segments
