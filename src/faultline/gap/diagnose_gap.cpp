@@ -17,15 +17,21 @@ namespace {
 
 constexpr double kFirstShare = 0.96;  // of the progress, before it is asked since when
 
-// Step 6: a cause that is found where the parameters stay nearer to the datasheet; nothing where none is.
+// Step 6: causes that are found where the parameters stay nearer to the datasheet; nothing where none are, or none
+// beside those of `before`.
 std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                          const std::vector<SegmentedRun>& holdout, const GapSettings& nearer,
-                                         const GapProgress& progress, const std::vector<std::string>& at_bounds,
-                                         double bound_tolerances) {
+                                         const GapProgress& progress, const GapResult& before,
+                                         const std::vector<std::string>& at_bounds, double bound_tolerances) {
   GapResult result = diagnose_runs(sheet, sheet, runs, holdout, nearer, progress);
   if (result.verdict != "named") return std::nullopt;
+  const bool beside = before.verdict == "named";
+  if (beside && (result.effects.size() <= before.effects.size() ||
+                 result.gap[2].excess > nearer.options.nearer.left_ratio * before.gap[2].excess))
+    return std::nullopt;
   result.remarks.push_back(
-      fmt::format("a refit without a cause explains the runs only with {} {:.2g} tolerances from the datasheet at once",
+      fmt::format("a refit {} explains {} only with {} {:.2g} tolerances from the datasheet at once",
+                  beside ? "with fewer causes" : "without a cause", beside ? "what it does" : "the runs",
                   fmt::join(at_bounds, ", "), bound_tolerances));
   return result;
 }
@@ -77,14 +83,16 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   }
   GapSettings used = settings;
   GapResult result = diagnose_runs(sheet, sheet, runs, holdout, used, forward);
-  if (result.verdict == "none" || result.verdict == "miscalibrated") {
-    const GapOptions& options = settings.options;
-    const std::vector<std::string> far = at_bounds(sheet, result, options);
+  // Parameters may have taken the place of a cause, or of another one beside those that are told.
+  const GapOptions& options = settings.options;
+  const bool silent = result.verdict == "none" || result.verdict == "miscalibrated";
+  if (result.verdict != "unknown") {
+    const std::vector<std::string> far = at_bounds(sheet, result.gap[silent ? 1 : 2], options);
     if (far.size() >= options.nearer.at_bounds) {
       if (forward) forward(kFirstShare, "asking again with parameters nearer to the datasheet");
       used.options.linearisation.parameter_bound_tolerances = options.nearer.bound_tolerances;
-      std::optional<GapResult> nearer =
-          diagnose_nearer(sheet, runs, holdout, used, again, far, options.linearisation.parameter_bound_tolerances);
+      std::optional<GapResult> nearer = diagnose_nearer(sheet, runs, holdout, used, again, result, far,
+                                                        options.linearisation.parameter_bound_tolerances);
       if (nearer)
         result = std::move(*nearer);
       else

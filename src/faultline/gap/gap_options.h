@@ -158,8 +158,10 @@ struct GapOptions {
 
   // diagnose_gap.h, step 6.
   struct Nearer {
-    std::size_t at_bounds = 2;    // parameters of a refit that tells no cause: a rig of which so many lie there is rare
+    std::size_t at_bounds = 2;    // parameters of a model: a rig of which so many lie there is rare
     double bound_tolerances = 2;  // of all parameters then
+    double left_ratio =
+        1.1;  // of what is left beside causes, told with one more and without: parameters took its place
   } nearer;
 
   // diagnose_gap.h, step 7.
@@ -225,6 +227,9 @@ struct GapOptions {
     // ... or, whatever is left, since rigs have small things beside a cause: of a typical segment, too, or of what
     // restarts hide.
     double nearly_closed_fraction = 0.95;
+    // ... or of a gap of which less is left than this: a free signal that wins more there wins it from half the noise.
+    double little_left_variances = 0.25;
+    double little_left_shrink_fraction = 0.75;
     // Of the gap from which there must be a cause, from which one that stands out is named.
     double named_matters_fraction = 0.1;
     // Of what named effects win, what a free signal at one place may still win beside them (development), if it is no
@@ -374,6 +379,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.close_rival_gain_fraction);
   FAULTLINE_OPTION(nearer.at_bounds);
   FAULTLINE_OPTION(nearer.bound_tolerances);
+  FAULTLINE_OPTION(nearer.left_ratio);
   FAULTLINE_OPTION(slow_drift.most_joined);
   FAULTLINE_OPTION(slow_drift.least_segments);
   FAULTLINE_OPTION(slow_drift.standard_errors);
@@ -406,6 +412,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(verdict.hidden_shrink_fraction);
   FAULTLINE_OPTION(verdict.closed_shrink_fraction);
   FAULTLINE_OPTION(verdict.nearly_closed_fraction);
+  FAULTLINE_OPTION(verdict.little_left_variances);
+  FAULTLINE_OPTION(verdict.little_left_shrink_fraction);
   FAULTLINE_OPTION(verdict.beside_log_likelihood);
   FAULTLINE_OPTION(verdict.named_matters_fraction);
   FAULTLINE_OPTION(verdict.free_evidence_fraction);

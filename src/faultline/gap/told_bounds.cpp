@@ -47,11 +47,11 @@ std::vector<BeyondRange> sizes_beyond(const Datasheet& sheet, const Candidate& c
 
 }  // namespace
 
-std::vector<std::string> at_bounds(const Datasheet& sheet, const GapResult& result, const GapOptions& options) {
+std::vector<std::string> at_bounds(const Datasheet& sheet, const GapLevel& level, const GapOptions& options) {
   std::vector<double> parameters = sheet.nominal();
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const auto factor = result.gap[1].parameters.find(sheet.parameters[i].name);
-    if (factor != result.gap[1].parameters.end()) parameters[i] *= factor->second;
+    const auto factor = level.parameters.find(sheet.parameters[i].name);
+    if (factor != level.parameters.end()) parameters[i] *= factor->second;
   }
   return at_bounds(sheet, parameters, options);
 }

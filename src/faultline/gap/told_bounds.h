@@ -11,8 +11,8 @@
 
 namespace faultline {
 
-// Parameters that lie as far from the datasheet as they may, of the refit alone.
-std::vector<std::string> at_bounds(const Datasheet& sheet, const GapResult& result, const GapOptions& options);
+// Parameters of a level that lie as far from the datasheet as they may.
+std::vector<std::string> at_bounds(const Datasheet& sheet, const GapLevel& level, const GapOptions& options);
 // Those of a model in one sentence; empty: none.
 std::string told_at_bounds(const Datasheet& sheet, const ModelChange& model, const GapOptions& options);
 

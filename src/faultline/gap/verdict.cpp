@@ -25,10 +25,13 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
   GapVerdict result;
   const double perfect = std::max(evidence.perfect, 1e-9), effects = std::max(evidence.effects, 1e-9);
   // Next to nothing is left of the gap, in a typical segment neither: whatever a free signal wins more, it is not what
-  // was missing. Nor is it where little is left and the effects win more than a free signal anywhere, before or after.
+  // was missing. Nor is it where little is left, and the less the smaller the gap, and the effects win more than a free
+  // signal anywhere, before or after.
   const double closes_all = std::min(evidence.shrink, evidence.typical_shrink);
   const bool foremost = evidence.effects > std::max(evidence.free_before, evidence.free_after);
-  const bool nearly = closes_all > (foremost ? options.closed_shrink_fraction : options.nearly_closed_fraction);
+  const double enough = evidence.left < options.little_left_variances ? options.little_left_shrink_fraction
+                                                                      : options.closed_shrink_fraction;
+  const bool nearly = closes_all > (foremost ? enough : options.nearly_closed_fraction);
   // What stands against a name: a free signal that wins much beside it, or a size that is not the same everywhere.
   const double little = std::min(options.place_evidence_fraction * perfect, options.beside_log_likelihood);
   const double free_beside =
