@@ -101,7 +101,7 @@ TEST(Rivals, AValueBeyondItsRangeIsToldAndOneAtItsBoundMarked) {
 
 // A cause for which a refit can make up, but only with several parameters as far off as they may be at once: the gain
 // is 1.823 times the datasheet's, and two parameters of 10 % reach 1.8225 times at 3.5 tolerances each.
-GapResult diagnose_scaled(std::size_t at_bounds) {
+GapResult diagnose_scaled(std::size_t at_bounds, double dead = 0) {
   Datasheet sheet = two_gains();
   for (const char* gain : {"input_gain", "output_gain"})
     sheet.parameters[static_cast<std::size_t>(sheet.parameter(gain))].tolerance = 0.1;
@@ -110,7 +110,7 @@ GapResult diagnose_scaled(std::size_t at_bounds) {
       port.effects = {{"scale", {{"factor", {0.2, 5}}}}, {"deadband", {{"width", {0.05, 2}}}}};
   std::vector<SegmentedRun> runs;
   for (const std::uint64_t seed : {1, 2})
-    runs.push_back(cut_run(sheet, "run", two_gains_run(2 * 1.823, 0.2, 20, seed, 0, -4), 2));
+    runs.push_back(cut_run(sheet, "run", two_gains_run(2 * 1.823, 0.2, 20, seed, dead, -4), 2));
   GapSettings settings;
   settings.jobs = 2;
   settings.options.nearer.at_bounds = at_bounds;
@@ -125,6 +125,21 @@ TEST(Nearer, ACauseIsLikelierThanSeveralParametersAtTheirBounds) {
   EXPECT_NEAR(result.effects.front().parameters.at("factor"), 1.823, 0.4);
   EXPECT_TRUE(std::any_of(result.remarks.begin(), result.remarks.end(), [](const std::string& remark) {
     return remark.find("input_gain, output_gain 3.5 tolerances from the datasheet at once") != std::string::npos;
+  }));
+}
+
+// Of two causes the refit takes one, and the other is told alone.
+TEST(Nearer, ParametersMayHideACauseBesideAnother) {
+  const GapResult alone = diagnose_scaled(3, 0.6);
+  EXPECT_EQ(alone.verdict, "named");
+  ASSERT_EQ(alone.effects.size(), 1u) << alone.sentence;
+  EXPECT_EQ(alone.effects.front().effect, "deadband");
+  const GapResult result = diagnose_scaled(2, 0.6);
+  EXPECT_EQ(result.verdict, "named");
+  ASSERT_EQ(result.effects.size(), 2u) << result.sentence;
+  for (const NamedEffect& effect : result.effects) EXPECT_TRUE(effect.effect == "deadband" || effect.effect == "scale");
+  EXPECT_TRUE(std::any_of(result.remarks.begin(), result.remarks.end(), [](const std::string& remark) {
+    return remark.find("a refit with fewer causes explains what it does only with input_gain, output_gain") == 0;
   }));
 }
 

@@ -126,6 +126,23 @@ TEST(Verdict, WhatLeavesNextToNothingIsNamed) {
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
 }
 
+// Less than a quarter of the noise is left: entrained air after another law of the gas.
+TEST(Verdict, OfASmallGapThreeQuartersAreEnough) {
+  GapEvidence evidence = of_effects({4467, 9422}, 45598, 0.022, 1.41);
+  evidence.shrink = 0.84;
+  evidence.typical_shrink = 0.8;
+  evidence.free_before = 1469;
+  evidence.free_after = 1290;
+  evidence.left = 0.2;
+  evidence.quiet = 0.05;
+  EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "named");
+  evidence.left = 0.3;
+  EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "unknown");
+  evidence.left = 0.2;
+  evidence.typical_shrink = 0.7;
+  EXPECT_EQ(judge_gap(evidence, 0.01, {}).verdict, "unknown");
+}
+
 // A perfect model is no measure of what nobody can win: two leaks in a rig whose noise has far outliers.
 TEST(Verdict, WhatWinsMoreThanAFreeSignalIsToldThoughAPerfectModelWouldWinMuchMore) {
   GapEvidence evidence = of_effects({1780, 30300}, 29000, 0.18, 52);
