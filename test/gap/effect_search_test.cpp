@@ -79,7 +79,6 @@ TEST(Narrow, FindsTheDeepestOfSeveralValleys) {
   EXPECT_NEAR(narrow([](double x) { return x; }, 2, 3, 5, 1e-3), 2, 1e-3);  // at the edge
 }
 
-// Candidates that only do harm, from sizes that one round of fitting does not bring back.
 // One cause in one branch closes what its output lacks, and little of all.
 TEST(EffectWorth, IsWhatIsClosedOfTheOutputThatItClosesMost) {
   Eigen::MatrixXf before(4, 3), after(4, 3);
@@ -97,6 +96,7 @@ TEST(EffectWorth, IsWhatIsClosedOfTheOutputThatItClosesMost) {
   EXPECT_NEAR(closes_one_output({before}, {after}, 5), 0, 1e-6);  // what is left there is not large
 }
 
+// Candidates that only do harm, from sizes that one round of fitting does not bring back.
 TEST(GapTrials, TheBestIsScoredWhereNoneWins) {
   const GapSettings settings = among(servo(), {"force.piston", "flow.chamber_a_tank"});
   GapTrials work(servo(), runs_with({}), kFolds, {0, 1}, settings, kSilent);
@@ -116,6 +116,32 @@ TEST(GapTrials, TheBestIsScoredWhereNoneWins) {
   EXPECT_EQ(kept, 1u);
   ASSERT_EQ(structures.size(), all);
   EXPECT_FALSE(structures.front().score.empty());
+}
+
+// Beside a rig without a leak the least of its range wins what the parameters win that come with it.
+TEST(EffectWorth, TheLeastThatIsTriedIsASizeWhereLessWinsLess) {
+  const auto leaks = [](const std::vector<std::string>& effects, double flow) {
+    const GapSettings settings = among(servo(), {"flow.chamber_a_chamber_b"});
+    GapTrials work(servo(), runs_with(effects), kFolds, {0, 1}, settings, kSilent);
+    ModelChange beside;
+    beside.parameters = servo().nominal();
+    beside.parameters[static_cast<std::size_t>(servo().parameter("flow_coefficient"))] *= flow;
+    std::vector<Structure> structures = work.screen(work.stand(beside), 0, 1);
+    structures.erase(
+        std::remove_if(structures.begin(), structures.end(),
+                       [](const Structure& s) { return s.fit.effects.back().effect.effect != "orifice_leakage"; }),
+        structures.end());
+    // A range that ends above a small leak.
+    FitResult& fit = structures.front().fit;
+    fit.effects.back().bounds.front().minimum = fit.effects.back().effect.parameters.front() = 1e-9;
+    fit.model = with_effects(fit.effects, fit.model.parameters);
+    work.refine(structures, 0, 1);
+    EXPECT_GT(work.learned_gain(structures.front()), 0);
+    EXPECT_NEAR(structures.front().fit.effects.back().effect.parameters.front(), 1e-9, 1e-11);
+    return !has_no_size(work, structures.front());
+  };
+  EXPECT_FALSE(leaks({}, 1.2));
+  EXPECT_TRUE(leaks({"orifice_leakage@flow.chamber_a_chamber_b:coefficient=8e-10"}, 1));
 }
 
 // A refit that stands beside the rig: what an effect wins with better parameters is the parameters'.

@@ -121,7 +121,7 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
   structures.erase(std::remove_if(structures.begin() + 1, structures.end(),
                                   [&](const Structure& s) { return from_input_noise(work, base, s); }),
                    structures.end());
-  if (structures.size() > 1 && has_no_size(structures.front())) structures.erase(structures.begin());
+  if (structures.size() > 1 && has_no_size(work, structures.front())) structures.erase(structures.begin());
   for (std::size_t i = 1; i < structures.size(); ++i) structures[i].around = {};  // large, and not needed again
   return structures;
 }

@@ -9,6 +9,8 @@ namespace faultline {
 namespace {
 
 constexpr double kNoSize = 1e-4;  // of the range of a size
+constexpr double kAtEnd = 1e-3;   // of its coordinate
+constexpr double kMuchLess = 0.01, kWinsAsMuch = 0.9;
 
 // Per output, the mean square of what counts beyond the noise's.
 std::vector<double> excess_by_output(const std::vector<Eigen::MatrixXf>& residuals) {
@@ -63,24 +65,32 @@ bool from_input_noise(const GapTrials& work, const FitResult& base, const Struct
   return 0.5 * (gain + work.gain_of_input_noise(base, structure)) > work.options().search.input_noise_fraction * gain;
 }
 
-bool has_no_size(const Structure& structure) {
+bool has_no_size(const GapTrials& work, const Structure& structure) {
   const Candidate& candidate = structure.fit.effects.back();
   const EffectType& type = *find_effect_type(candidate.effect.effect);
-  bool sized = false;
+  bool sized = false, least = false;
+  ModelChange less = structure.fit.model;
   for (std::size_t p = 0; p < type.parameters.size(); ++p) {
     const double none = type.parameters[p].none;
     if (std::isnan(none)) continue;
     sized = true;
     const Bounds& b = candidate.bounds[p];
-    const double size = std::abs(candidate.effect.parameters[p] - none);
-    if (candidate.logarithmic(p) || !(size <= kNoSize * (b.maximum - b.minimum))) return false;
+    const double value = candidate.effect.parameters[p];
+    if (candidate.logarithmic(p)) {  // the least that is tried is not nothing
+      const double place = candidate.to_coordinate(p, value);
+      if (std::isinf(none) ? place < 1 - kAtEnd : place > kAtEnd) return false;
+      less.effects.back().parameters[p] = std::isinf(none) ? value / kMuchLess : none + kMuchLess * (value - none);
+      least = true;
+    } else if (!(std::abs(value - none) <= kNoSize * (b.maximum - b.minimum))) {
+      return false;
+    }
   }
-  return sized;
+  return sized && (!least || work.learned_gain(structure, less) > kWinsAsMuch * work.learned_gain(structure));
 }
 
 bool gains(const GapTrials& work, const EffectSearch& now, const Structure& best) {
   const std::vector<double> gain = minus(now.score, best.score);
-  return !has_no_size(best) &&
+  return !has_no_size(work, best) &&
          sum(gain) > work.options().search.significance_standard_errors * work.standard_error(gain) &&
          !from_input_noise(work, now.base, best);
 }

@@ -14,9 +14,9 @@ double loss_of(const GapTrials& work, const std::vector<FreePlace>& noise, const
 // where it is not there; the noise gives N in both: the gains are S + N and N - S.
 bool from_input_noise(const GapTrials& work, const FitResult& base, const Structure& structure);
 
-// Whether the last effect of a structure has a size of nothing: what it wins its port alone brings into the model, as
-// the two bodies of a play without a gap.
-bool has_no_size(const Structure& structure);
+// Whether the last effect of a structure has a size of nothing, or the least that is tried and much less wins as much:
+// what it wins its port alone brings into the model, as the two bodies of a play without a gap, or finer steps.
+bool has_no_size(const GapTrials& work, const Structure& structure);
 
 // Whether a structure gains over what it was added to on runs that its fit did not see, and more than noise of inputs
 // would give it.

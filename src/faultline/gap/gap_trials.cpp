@@ -478,6 +478,10 @@ double GapTrials::learned_gain(const Structure& structure) const {
   return learned_loss(around_) - learned_loss(structure.around);
 }
 
+double GapTrials::learned_gain(const Structure& structure, const ModelChange& instead) const {
+  return learned_loss(around_) - learned_loss(structure.around, instead);
+}
+
 double GapTrials::gain_of_input_noise(const FitResult& standing, const Structure& structure) const {
   const std::vector<Eigen::MatrixXf> plain = around_.linear->subset(learn_).at_model();
   const std::vector<Eigen::MatrixXf> left = structure.around.linear->subset(learn_).at_model();

@@ -104,6 +104,8 @@ class GapTrials {
   // What a structure that was refined wins over the model that stands, on the runs to learn from; and what it would
   // win on a rig without it whose measured inputs have their noise (input_noise.h).
   double learned_gain(const Structure& structure) const;
+  // ... and what another model near to it would.
+  double learned_gain(const Structure& structure, const ModelChange& instead) const;
   double gain_of_input_noise(const FitResult& standing, const Structure& structure) const;
   // Residuals of what stands, per run.
   const std::vector<Eigen::MatrixXf>& left() const { return around_.linear->at_model(); }
