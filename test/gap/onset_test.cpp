@@ -67,8 +67,15 @@ TEST(Onset, OfALeakIsFoundToASegment) {
   for (std::size_t i = 0; i < before.parameters.size(); ++i) {
     if (!(servo().parameters[i].tolerance > 0)) continue;
     EXPECT_EQ(before.parameters[i].nominal, onset->parameters[i]);
-    EXPECT_DOUBLE_EQ(before.parameters[i].tolerance, 0.1 * servo().parameters[i].tolerance);
+    const double left = before.parameters[i].tolerance / servo().parameters[i].tolerance;
+    EXPECT_NEAR(left, std::max(0.1, onset->uncertainty[i]), 1e-12);
+    EXPECT_LE(left, 1);
   }
+  const auto known = [&](const char* name) {
+    return onset->uncertainty[static_cast<std::size_t>(servo().parameter(name))];
+  };
+  EXPECT_LT(known("viscous_damping"), 0.2);
+  EXPECT_NEAR(known("leak_valve_gain"), 1, 1e-6);  // that valve stays shut
   const SegmentedRun rest = rest_of(servo(), leaks_later(), onset->segments[0], GapOptions().segments);
   EXPECT_NEAR(rest.duration(), kDuration - onset->moments[0].time, 0.01);
 }

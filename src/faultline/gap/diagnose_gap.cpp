@@ -114,7 +114,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   } else if (result.verdict != "none" && !closed) {
     if (forward) forward(kFirstShare, "looking since when");
     std::string remark;
-    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, used, again, remark)) {
+    const double left = result.gap[1].excess;
+    if (std::optional<GapResult> since = diagnose_since(sheet, runs, holdout, used, again, left, remark)) {
       since->runs = std::move(result.runs);
       since->holdout = std::move(result.holdout);
       result = std::move(*since);

@@ -55,12 +55,12 @@ std::vector<EffectSpec> specs_of(const std::vector<NamedEffect>& effects) {
 
 std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                         const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
-                                        const GapProgress& progress, std::string& remark) {
+                                        const GapProgress& progress, double refit_excess, std::string& remark) {
   std::vector<SegmentedRun> all = runs;
   all.insert(all.end(), holdout.begin(), holdout.end());
   OnsetSearch search(sheet, all, settings.options, settings.jobs);
   const std::optional<Onset> onset = search.find();
-  if (!onset) return std::nullopt;
+  if (!onset || refit_excess < settings.options.onset.explained_fraction * onset->following) return std::nullopt;
   const std::string moments = told(*onset, all);
   remark = between_runs(*onset)
                ? "the model, calibrated on the other recordings, explains those and not " + moments

@@ -8,9 +8,10 @@
 
 namespace faultline {
 
-// Nothing where no cause that began is told; `remark` says when something began all the same.
+// Nothing where no cause that began is told; `remark` says when something began all the same. `refit_excess`: what
+// parameters of all runs leave. Where that is little of what those of before leave later, they explain both.
 std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                         const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
-                                        const GapProgress& progress, std::string& remark);
+                                        const GapProgress& progress, double refit_excess, std::string& remark);
 
 }  // namespace faultline

@@ -195,6 +195,9 @@ struct GapOptions {
     double shown_fraction =
         0.1;  // of the information about parameters that a segment holds later, and must hold before
     double least_excess_variances = 0.1;  // that follows: less is the scatter of what is never modelled
+    // Of the excess that follows, what parameters of all runs may leave where nothing began. A cause of which they took
+    // the place leaves as much before as parameters of before leave later, for as long as that lasted.
+    double explained_fraction = 0.03;
     // Left of the tolerances by what was before: the model is always a little wrong.
     double tolerance_fraction = 0.05;
     double contradicted_fraction = 0.1;  // OnsetSearch::contradicted(), from which a cause was not there before
@@ -399,6 +402,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(onset.before_fraction);
   FAULTLINE_OPTION(onset.shown_fraction);
   FAULTLINE_OPTION(onset.least_excess_variances);
+  FAULTLINE_OPTION(onset.explained_fraction);
   FAULTLINE_OPTION(onset.tolerance_fraction);
   FAULTLINE_OPTION(onset.contradicted_fraction);
   FAULTLINE_OPTION(verdict.quiet_excess_variances);

@@ -1,9 +1,12 @@
 #include "faultline/gap/onset.h"
-#include "faultline/numerics/in_parallel.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+
+#include <Eigen/Cholesky>
+
+#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {
@@ -149,6 +152,18 @@ void OnsetSearch::part_runs(const Products& products, const Eigen::VectorXd& z, 
   if (split.firsts != given) split.before = adjusted(*linear_, those_before(products, follows(split.firsts)), z);
 }
 
+std::vector<double> OnsetSearch::uncertainty(const Products& products) const {
+  const std::vector<std::size_t>& free = linear_->free_parameters();
+  const auto n = static_cast<Eigen::Index>(free.size());
+  Eigen::MatrixXd hessian = Eigen::MatrixXd::Identity(n, n);
+  for (const Eigen::MatrixXd& segment : products)
+    hessian += linear_->robust_weight(0.5 * segment(0, 0)) * segment.bottomRightCorner(n, n);
+  const Eigen::VectorXd variance = hessian.ldlt().solve(Eigen::MatrixXd::Identity(n, n)).diagonal();
+  std::vector<double> result(residuals_.sheet().parameters.size(), 1.0);
+  for (Eigen::Index i = 0; i < n; ++i) result[free[static_cast<std::size_t>(i)]] = std::sqrt(variance[i]);
+  return result;
+}
+
 std::optional<Onset> OnsetSearch::find() {
   const GapOptions::Onset& options = residuals_.options().onset;
   const Datasheet& sheet = residuals_.sheet();
@@ -183,6 +198,8 @@ std::optional<Onset> OnsetSearch::find() {
   Onset onset;
   onset.segments = split->firsts;
   onset.parameters = model.parameters;
+  onset.uncertainty = uncertainty(those_before(products, later));
+  onset.following = following;
   for (std::size_t r = 0; r < every_.size(); ++r) {
     const SegmentedRun& run = residuals_.runs()[r];
     const std::size_t first = onset.segments[r];
@@ -229,7 +246,7 @@ Datasheet calibrated(const Datasheet& sheet, const Onset& onset, double toleranc
     Parameter& p = result.parameters[i];
     if (!(p.tolerance > 0)) continue;
     p.nominal = onset.parameters[i];
-    p.tolerance *= tolerance_fraction;
+    p.tolerance *= std::clamp(onset.uncertainty[i], tolerance_fraction, 1.0);
   }
   return result;
 }

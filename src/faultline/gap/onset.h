@@ -26,6 +26,8 @@ struct Onset {
   // others not at all.
   std::vector<Since::Moment> moments;
   std::vector<double> parameters;        // theta, in the datasheet's order
+  std::vector<double> uncertainty;       // ... and how well what is before tells them, in tolerances: 1 not at all
+  double following = 0;                  // excess that theta leaves from then on
   double begins(std::size_t run) const;  // s from that run's beginning; 0 where it does not, or with the run
 };
 
@@ -57,6 +59,7 @@ class OnsetSearch {
   void part_runs(const Products& products, const Eigen::VectorXd& z, Split& split) const;
   double score(const std::vector<double>& level, const Firsts& firsts) const;
   std::vector<double> levels(const Products& products, const Eigen::VectorXd& move) const;
+  std::vector<double> uncertainty(const Products& products) const;  // Onset::uncertainty, of these segments
 
   int jobs_;
   ResidualModel residuals_;
@@ -67,8 +70,8 @@ class OnsetSearch {
 // The run from the segment on, as a run of its own.
 SegmentedRun rest_of(const Datasheet& sheet, const SegmentedRun& run, std::size_t segment,
                      const SegmentOptions& options);
-// The rig as it was before: its parameters are the datasheet's, known to a fraction of its tolerances. They do not
-// move by themselves: what moves them is a cause.
+// The rig as it was before: its parameters are known as well as that tells them, to a fraction of their tolerances at
+// best. They do not move by themselves: what moves them is a cause.
 Datasheet calibrated(const Datasheet& sheet, const Onset& onset, double tolerance_fraction);
 
 }  // namespace faultline
