@@ -63,19 +63,16 @@ TEST(Onset, OfALeakIsFoundToASegment) {
   EXPECT_GT(search.contradicted(*onset, {parse_effect(leak)}), 0.5);
   EXPECT_LT(search.contradicted(*onset, {parse_effect(leak + ",from=4.5")}), 0.02);
   // As a rig of its own.
-  const Datasheet before = calibrated(servo(), *onset, 0.1);
-  for (std::size_t i = 0; i < before.parameters.size(); ++i) {
-    if (!(servo().parameters[i].tolerance > 0)) continue;
+  const GapOptions::Onset options;
+  const Datasheet before = calibrated(servo(), *onset, options);
+  const auto left = [&](const char* name) {
+    const auto i = static_cast<std::size_t>(servo().parameter(name));
     EXPECT_EQ(before.parameters[i].nominal, onset->parameters[i]);
-    const double left = before.parameters[i].tolerance / servo().parameters[i].tolerance;
-    EXPECT_NEAR(left, std::max(0.1, onset->uncertainty[i]), 1e-12);
-    EXPECT_LE(left, 1);
-  }
-  const auto known = [&](const char* name) {
-    return onset->uncertainty[static_cast<std::size_t>(servo().parameter(name))];
+    return before.parameters[i].tolerance / servo().parameters[i].tolerance;
   };
-  EXPECT_LT(known("viscous_damping"), 0.2);
-  EXPECT_NEAR(known("leak_valve_gain"), 1, 1e-6);  // that valve stays shut
+  for (const char* told : {"ram_area", "viscous_damping", "flow_coefficient"})
+    EXPECT_DOUBLE_EQ(left(told), options.tolerance_fraction) << told;
+  EXPECT_DOUBLE_EQ(left("leak_valve_gain"), 1);  // that valve stays shut
   const SegmentedRun rest = rest_of(servo(), leaks_later(), onset->segments[0], GapOptions().segments);
   EXPECT_NEAR(rest.duration(), kDuration - onset->moments[0].time, 0.01);
 }

@@ -76,7 +76,7 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
   }
   if (rest.empty()) return std::nullopt;
   const bool between = between_runs(*onset);
-  const Datasheet rig = between ? sheet : calibrated(sheet, *onset, settings.options.onset.tolerance_fraction);
+  const Datasheet rig = between ? sheet : calibrated(sheet, *onset, settings.options.onset);
   GapSettings asked = settings;
   // What began then is more than what it closes; the parameters, which hardly move, leave a gap of their own.
   if (!between) asked.options.verdict.named_shrink_fraction = 0;

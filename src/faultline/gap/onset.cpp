@@ -240,13 +240,13 @@ SegmentedRun rest_of(const Datasheet& sheet, const SegmentedRun& run, std::size_
   return cut_run(sheet, run.name, std::move(rest), static_cast<double>(run.segment) * run.period, options);
 }
 
-Datasheet calibrated(const Datasheet& sheet, const Onset& onset, double tolerance_fraction) {
+Datasheet calibrated(const Datasheet& sheet, const Onset& onset, const GapOptions::Onset& options) {
   Datasheet result = sheet;
   for (std::size_t i = 0; i < result.parameters.size(); ++i) {
     Parameter& p = result.parameters[i];
     if (!(p.tolerance > 0)) continue;
     p.nominal = onset.parameters[i];
-    p.tolerance *= std::clamp(onset.uncertainty[i], tolerance_fraction, 1.0);
+    if (onset.uncertainty[i] < options.untold_tolerances) p.tolerance *= options.tolerance_fraction;
   }
   return result;
 }

@@ -70,8 +70,8 @@ class OnsetSearch {
 // The run from the segment on, as a run of its own.
 SegmentedRun rest_of(const Datasheet& sheet, const SegmentedRun& run, std::size_t segment,
                      const SegmentOptions& options);
-// The rig as it was before: its parameters are known as well as that tells them, to a fraction of their tolerances at
-// best. They do not move by themselves: what moves them is a cause.
-Datasheet calibrated(const Datasheet& sheet, const Onset& onset, double tolerance_fraction);
+// The rig as it was before: its parameters are known to a fraction of their tolerances, but those of which that told
+// nothing. They do not move by themselves: what moves them is a cause.
+Datasheet calibrated(const Datasheet& sheet, const Onset& onset, const GapOptions::Onset& options);
 
 }  // namespace faultline
