@@ -200,8 +200,8 @@ struct GapOptions {
     double explained_fraction = 0.03;
     // Left of the tolerances by what was before: the model is always a little wrong.
     double tolerance_fraction = 0.05;
-    // Uncertainty of a parameter that is left by what was before, in tolerances, from which it keeps its own. Lower, those
-    // would that are known in their combinations only, and take the place of causes.
+    // Uncertainty of a parameter that is left by what was before, in tolerances, from which it keeps its own. From less
+    // on, those would that are known in their combinations only, and take the place of causes.
     double untold_tolerances = 0.9;
     double contradicted_fraction = 0.1;  // OnsetSearch::contradicted(), from which a cause was not there before
   } onset;
