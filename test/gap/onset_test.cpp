@@ -10,6 +10,7 @@
 #include <string>
 
 #include "faultline/gap/diagnose_gap.h"
+#include "faultline/gap/diagnose_since.h"
 #include "faultline/segments/segment_length.h"
 #include "rigs/servo_actuator/runs.h"
 
@@ -75,6 +76,13 @@ TEST(Onset, OfALeakIsFoundToASegment) {
   EXPECT_DOUBLE_EQ(left("leak_valve_gain"), 1);  // that valve stays shut
   const SegmentedRun rest = rest_of(servo(), leaks_later(), onset->segments[0], GapOptions().segments);
   EXPECT_NEAR(rest.duration(), kDuration - onset->moments[0].time, 0.01);
+}
+
+// Whatever parameters of before leave later: those of all runs may explain both, as of a rig that stands idle first.
+TEST(Onset, IsNoneWhereParametersOfAllRunsExplainBoth) {
+  std::string remark;
+  EXPECT_FALSE(diagnose_since(servo(), {leaks_later()}, {}, few_candidates(), {}, 0, remark));
+  EXPECT_EQ(remark, "");
 }
 
 TEST(Onset, IsNoneWhereNothingBegins) {

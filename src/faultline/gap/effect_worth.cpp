@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kNoSize = 1e-4;  // of the range of a size
 constexpr double kAtEnd = 1e-3;   // of its coordinate
+// Of the least size that is tried, and of what that wins: two decades less of what the rig has would win much less.
 constexpr double kMuchLess = 0.01, kWinsAsMuch = 0.9;
 
 // Per output, the mean square of what counts beyond the noise's.
