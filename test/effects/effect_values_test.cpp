@@ -439,6 +439,9 @@ TEST(EffectValues, Source) {
   const auto ripple = effect_of("ripple@source.a:amplitude=1e5,frequency=10");
   EXPECT_NEAR(ripple->boundary(7e6, 0, 0.025), 7.1e6, 1e-6);
   EXPECT_NEAR(ripple->boundary(7e6, 0, 0.075), 6.9e6, 1e-6);
+  const auto ahead = effect_of("ripple@source.a:amplitude=1e5,frequency=10,phase=1.5707963267948966");
+  EXPECT_NEAR(ahead->boundary(7e6, 0, 0), 7.1e6, 1e-6);
+  EXPECT_NEAR(ahead->boundary(7e6, 0, 0.05), 6.9e6, 1e-6);
   const auto pump = effect_of("displacement_ripple@source.a:amplitude=0.1,order=9");
   EXPECT_NEAR(pump->delivery(2e-4, 3.141592653589793 / 18), 2.2e-4, 1e-16);
   Viscosity viscosity;

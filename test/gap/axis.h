@@ -102,8 +102,9 @@ inline Datasheet axis() {
 }
 
 // Moves and rests under a controller, against dry friction that holds and a load, in steps of 0.1 ms. `asymmetry`: by
-// how much friction is larger to plus.
-inline Recording axis_run(double duration, std::uint64_t seed, double friction, double load, double asymmetry = 0) {
+// how much friction is larger to plus. `excess`: by how much it is at rest; half of it is gone at 5 mm/s.
+inline Recording axis_run(double duration, std::uint64_t seed, double friction, double load, double asymmetry = 0,
+                          double excess = 0) {
   constexpr double kPeriod = 0.01, kStep = 1e-4, kMass = 95.1, kViscous = 203.5, kGain = 35.15, kNoise = 1e-7;
   Recording recording;
   recording.rig = "axis";
@@ -127,7 +128,8 @@ inline Recording axis_run(double duration, std::uint64_t seed, double friction, 
     recording.values.push_back(read);
     for (int i = 0; i < 100; ++i) {
       const double free = v + kStep * (kGain * u - load - kViscous * v) / kMass;
-      const double held = kStep * (friction + std::copysign(0.5 * asymmetry, free)) / kMass;
+      const double slowly = excess / (1 + (v / 5e-3) * (v / 5e-3));
+      const double held = kStep * (friction + slowly + std::copysign(0.5 * asymmetry, free)) / kMass;
       const double next = std::abs(free) <= held ? 0 : free - std::copysign(held, free);
       x += kStep * 0.5 * (v + next);
       v = next;

@@ -235,6 +235,32 @@ TEST(EffectSearch, FindsTheFrequencyOfARipple) {
   EXPECT_NEAR(size[1], 23.7, 0.02);
 }
 
+// A pump pulses on between recordings.
+TEST(EffectSearch, ARippleHasAnotherPhaseInEachRun) {
+  constexpr double kFrequency = 23.7, kTwoPi = 6.283185307179586;
+  const auto of = [&](double phase) {
+    return std::vector<std::string>{"ripple@source.supply_pressure:amplitude=9e5,frequency=23.7,phase=" +
+                                    std::to_string(phase)};
+  };
+  const GapSettings settings = among(servo(), {"source.supply_pressure", "flow.chamber_a_tank"});
+  for (const double other : {0.9, -1.8}) {
+    std::vector<SegmentedRun> runs = runs_with(of(0.9));
+    runs[1] = runs_with(of(other))[1];
+    GapTrials work(servo(), runs, kFolds, {0, 1}, settings, kSilent);
+    const EffectSearch search = search_effects(work, 3, 0.05);
+    ASSERT_EQ(found(search), "ripple@source.supply_pressure ") << other;
+    const std::vector<double>& size = search.base.effects.front().effect.parameters;
+    EXPECT_NEAR(size[0], 9e5, 5e4) << other;
+    EXPECT_NEAR(size[1], kFrequency, 0.02) << other;
+    EXPECT_NEAR(std::remainder(size[2] - 0.9, kTwoPi), 0, 0.25) << other;
+    const double ahead = kTwoPi * kFrequency * work.model().runs()[1].ahead;
+    if (other == 0.9)
+      EXPECT_EQ(ahead, 0);
+    else
+      EXPECT_NEAR(std::remainder(ahead - (other - 0.9), kTwoPi), 0, 0.3);
+  }
+}
+
 // A free signal is hardly like a ripple, and beside an oil column wins little: while a gap is large the search goes on.
 TEST(EffectSearch, GoesOnWhileTheGapIsLarge) {
   const EffectSearch search = search_among({"source.supply_pressure", "line.valve_cylinder"},

@@ -46,6 +46,23 @@ TEST(NoiseFloor, OfASimulatedRunIsWhatTheDatasheetSays) {
   }
 }
 
+TEST(ShorterSegments, CutEachAndKeepWhatItCounts) {
+  SimulationSetup setup = servo_setup("multisine");
+  Recording recording = simulate(servo(), setup, 2.6);
+  for (std::size_t k = 700; k < 900; ++k)
+    recording.values[k * recording.columns() + column("velocity")] = std::numeric_limits<double>::quiet_NaN();
+  const SegmentedRun run = cut_run(servo(), "a.bag", std::move(recording), kSegment);
+  const SegmentedRun shorter = shorter_segments(servo(), run, 3);  // 166 rows; the last two of each are left out
+  ASSERT_EQ(run.segments(), 5u);
+  ASSERT_EQ(shorter.segments(), 15u);
+  EXPECT_EQ(shorter.segment, 166u);
+  EXPECT_EQ(shorter.restarts[4], 500u + 166u);
+  const double outputs = static_cast<double>(compared_outputs(servo()).size());
+  EXPECT_EQ(shorter.counted[0], 166 * outputs);
+  EXPECT_EQ(shorter.counted[4], 166 * outputs - (832 - 700));
+  EXPECT_TRUE(shorter.starts.empty());
+}
+
 TEST(CutRun, HidesGroundTruthAndCutsSegments) {
   SimulationSetup setup = servo_setup("multisine");
   open_bypass(setup, 0.5, 3);

@@ -67,7 +67,9 @@ std::vector<std::vector<double>> starting_points(const Candidate& candidate, con
       values = {b.minimum};
     } else if (i > 0 || std::isnan(none)) {
       for (const double c : options.shape_coordinates) values.push_back(candidate.from_coordinate(i, c));
-      if (i > 0 && !std::isnan(none)) values.push_back(std::clamp(none, b.minimum, b.maximum));
+      const double nothing = std::clamp(none, b.minimum, b.maximum);
+      if (i > 0 && !std::isnan(none) && std::find(values.begin(), values.end(), nothing) == values.end())
+        values.push_back(nothing);
     } else if (candidate.family == "stuck") {  // a time: its loss has a narrow valley
       const double times = static_cast<double>(options.stuck_times);
       for (std::size_t k = 0; k < options.stuck_times; ++k)

@@ -1,7 +1,7 @@
-// Ripple: y = value + amplitude sin(2 pi frequency t).
+// Ripple: y = value + amplitude sin(2 pi frequency t + phase).
 //
-// amplitude [of the source], frequency [Hz], a shape. Smooth, linear in `amplitude`; t is the recording's time.
-// Limit: one sinusoid of fixed phase; a pump's ripple that follows its shaft is displacement_ripple.
+// amplitude [of the source]; frequency [Hz] and phase [rad], shapes. Smooth, linear in `amplitude`; t is the
+// recording's time. Limit: one sinusoid; a pump's ripple that follows its shaft is displacement_ripple.
 
 #include <cmath>
 
@@ -10,12 +10,12 @@
 namespace faultline {
 namespace {
 
-constexpr double kTwoPi = 6.283185307179586;
+constexpr double kTwoPi = 6.283185307179586, kPi = 3.141592653589793;
 
 class Ripple : public Effect {
  public:
   double boundary(double value, double /*flow*/, double time) const override {
-    return value + parameter(0) * std::sin(angular_frequency_ * time);
+    return value + parameter(0) * std::sin(angular_frequency_ * time + parameter(2));
   }
 
  private:
@@ -26,11 +26,12 @@ class Ripple : public Effect {
 
 }  // namespace
 
-FAULTLINE_EFFECT(ripple, {"ripple",
-                          "source",
-                          "value + amplitude sin(2 pi frequency t)",
-                          {PortKind::source},
-                          {{"amplitude", "port", 0, 0, 1e9}, {"frequency", "Hz", kNoShape, 0, 1e5}},
-                          &make_effect<Ripple>});
+FAULTLINE_EFFECT(
+    ripple, {"ripple",
+             "source",
+             "value + amplitude sin(2 pi frequency t + phase)",
+             {PortKind::source},
+             {{"amplitude", "port", 0, 0, 1e9}, {"frequency", "Hz", kNoShape, 0, 1e5}, {"phase", "rad", 0, -kPi, kPi}},
+             &make_effect<Ripple>});
 
 }  // namespace faultline

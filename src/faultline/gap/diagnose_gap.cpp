@@ -36,6 +36,29 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
   return result;
 }
 
+// Step 9. Nothing where no cause is told.
+std::optional<GapResult> diagnose_shorter(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                          const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
+                                          const GapProgress& progress) {
+  const GapOptions::Shorter& options = settings.options.shorter;
+  std::vector<SegmentedRun> shorter[2];
+  for (const SegmentedRun& run : runs) {
+    if (run.segment < options.times * options.least_samples) return std::nullopt;
+    shorter[0].push_back(shorter_segments(sheet, run, options.times, settings.options.segments));
+  }
+  for (const SegmentedRun& run : holdout) {
+    if (run.segment < options.times * options.least_samples) return std::nullopt;
+    shorter[1].push_back(shorter_segments(sheet, run, options.times, settings.options.segments));
+  }
+  const double length = static_cast<double>(shorter[0].front().segment) * shorter[0].front().period;
+  GapResult result = diagnose_runs(sheet, sheet, std::move(shorter[0]), std::move(shorter[1]), settings, progress);
+  if (result.verdict != "named") return std::nullopt;
+  result.remarks.push_back(fmt::format(
+      "all this is over segments of {:.3g} s, of which a usual one holds {}: over those no cause was found", length,
+      options.times));
+  return result;
+}
+
 // Step 7. Nothing where no such drift is told.
 std::optional<GapResult> diagnose_drift(const Datasheet& sheet, const RunsAway& found, GapSettings settings,
                                         const GapProgress& progress) {
@@ -122,6 +145,11 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     } else if (result.verdict == "unknown" && !remark.empty()) {
       result.remarks.push_back(remark);
     }
+  }
+  if (result.verdict == "unknown") {
+    if (forward) forward(kFirstShare, "asking again of shorter segments");
+    if (std::optional<GapResult> shorter = diagnose_shorter(sheet, runs, holdout, used, again))
+      result = std::move(*shorter);
   }
   if (away && std::none_of(result.effects.begin(), result.effects.end(),
                            [&](const NamedEffect& e) { return e.port == away->port; }))

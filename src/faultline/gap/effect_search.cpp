@@ -14,6 +14,7 @@ namespace {
 constexpr int kMostValleys = 2;  // of the refit that are left for a better one
 // Of a gap, beyond which what was found is not sought once more beside a bias: a search as long as the first.
 constexpr double kClosesMost = 0.85;
+constexpr std::size_t kLikeNoise = 2;  // effects at a transducer that are followed before its signal is noise
 
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
 
@@ -160,6 +161,23 @@ std::optional<double> transducer_noise(const ResidualModel& model, const std::st
   return noise / static_cast<double>(model.runs().size());
 }
 
+// Whether an effect at a transducer makes the recording likelier than noise with a memory there does: a lag of it is
+// much like one, and how a lag looks as a function of what the model knows is no short formula.
+bool is_an_effect(const GapTrials& work, const EffectSearch& search, const FreePlace& noise) {
+  std::vector<Structure> structures = work.screen_at(noise.port, search.base);
+  if (structures.empty()) return false;
+  work.shortlist(search.base, structures, true, 0.05, 0.05);
+  structures.resize(std::min(structures.size(), kLikeNoise));
+  structures.resize(work.refine(structures, 0.05, 0.05));
+  std::vector<FreePlace> with = search.noise;
+  with.push_back(noise);
+  const double loss =
+      find_discrepancy(work.model(), search.base.model, work.learned(), work.jobs(), Places::none, with).loss;
+  return std::any_of(structures.begin(), structures.end(), [&](const Structure& structure) {
+    return gains(work, search, structure) && loss_of(work, search.noise, structure) < loss;
+  });
+}
+
 // The likeliest place of a cause, where it is a transducer whose signal is as small as noise, forgets itself within a
 // few segments and depends on nothing that the model knows: noise that is not white, which is no cause and hides what
 // is. What else could be at a place that is as likely needs more than noise.
@@ -174,14 +192,15 @@ std::optional<FreePlace> noise_with_memory(const GapTrials& work, const EffectSe
     if (place.gain < work.options().verdict.place_evidence_fraction * search.before.loss) break;
     const MissingSignal signal =
         find_missing_signal(work.model(), search.base.model, place, work.folds(), work.jobs(), Sought::all);
-    if (signal.formula.empty() && !signal.curve) return place;
+    if (signal.formula.empty() && !signal.curve && !is_an_effect(work, search, place)) return place;
   }
   return {};
 }
 
 // The refit that was found last, scored like every structure, and what a free signal beside it would win.
-void stand_plain(const GapTrials& work, EffectSearch& search) {
+void stand_plain(GapTrials& work, EffectSearch& search) {
   search.noise.clear();
+  work.put_in_step(search.base);
   search.plain = work.score(search.base);
   search.losses = search.plain.held_out;
   search.score = search.plain.score;

@@ -67,6 +67,9 @@ struct GapOptions {
     double line_half_width_resolutions = 0.5;  // range left to a frequency around a line, in units of 1/duration
     double line_distance_resolutions = 3;      // between lines, in the same: side lobes of the window are none
     double rarity_log_likelihood = 11;  // -ln of the probability that noise makes a line: 1.7e-5 of the grid points
+    // Of what phases of each run's own win, from which on one phase is as good (run_phases.h): what is fitted to each run
+    // always wins a little more.
+    double one_phase_fraction = 0.8;
   } spectrum;
 
   // screening.h.
@@ -163,6 +166,12 @@ struct GapOptions {
     double left_ratio =
         1.1;  // of what is left beside causes, told with one more and without: parameters took its place
   } nearer;
+
+  // diagnose_gap.h, step 9.
+  struct Shorter {
+    std::size_t times = 4;           // that a segment is cut into
+    std::size_t least_samples = 20;  // of such a part: fewer hold little more than the start states take
+  } shorter;
 
   // diagnose_gap.h, step 7.
   struct SlowDrift {
@@ -336,6 +345,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(spectrum.line_half_width_resolutions);
   FAULTLINE_OPTION(spectrum.line_distance_resolutions);
   FAULTLINE_OPTION(spectrum.rarity_log_likelihood);
+  FAULTLINE_OPTION(spectrum.one_phase_fraction);
   FAULTLINE_OPTION(screening.least_size_fraction);
   FAULTLINE_OPTION(screening.largest_size_fraction);
   FAULTLINE_OPTION(screening.first_stride);
@@ -386,6 +396,8 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(nearer.at_bounds);
   FAULTLINE_OPTION(nearer.bound_tolerances);
   FAULTLINE_OPTION(nearer.left_ratio);
+  FAULTLINE_OPTION(shorter.times);
+  FAULTLINE_OPTION(shorter.least_samples);
   FAULTLINE_OPTION(slow_drift.most_joined);
   FAULTLINE_OPTION(slow_drift.least_segments);
   FAULTLINE_OPTION(slow_drift.standard_errors);

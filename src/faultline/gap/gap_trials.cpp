@@ -9,6 +9,7 @@
 #include "faultline/gap/input_noise.h"
 #include "faultline/gap/part_of_runs.h"
 #include "faultline/gap/run_agreement.h"
+#include "faultline/gap/run_phases.h"
 #include "faultline/gap/screening.h"
 #include "faultline/gap/size_search.h"
 #include "faultline/gap/spectral_lines.h"
@@ -274,10 +275,27 @@ std::vector<SizeAgreement> GapTrials::sizes_agree(const FitResult& fit) const {
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   std::function<void(double)> progress;
   if (progress_) progress = [&](double done) { progress_(from + (to - from) * done, "trying effects"); };
+  return screen_candidates(*part_.residuals, *part_.linear, tried(), base, settings_.jobs, progress);
+}
+
+std::vector<Structure> GapTrials::screen_at(const std::string& port, const FitResult& base) const {
+  std::vector<Candidate> all = tried();
+  all.erase(std::remove_if(all.begin(), all.end(), [&](const Candidate& c) { return c.effect.port != port; }),
+            all.end());
+  if (all.empty()) return {};
+  return screen_candidates(*part_.residuals, *part_.linear, all, base, settings_.jobs, {});
+}
+
+std::vector<Candidate> GapTrials::tried() const {
   std::vector<double> periods;
   for (std::size_t run : around_.linear->runs()) periods.push_back(model().runs()[run].period);
-  const std::vector<Candidate> all = at_lines(all_, around_.linear->at_model(), periods, options().spectrum);
-  return screen_candidates(*part_.residuals, *part_.linear, all, base, settings_.jobs, progress);
+  return at_lines(all_, around_.linear->at_model(), periods, options().spectrum);
+}
+
+void GapTrials::put_in_step(const FitResult& standing) {
+  const std::vector<double> ahead = run_phases(model(), standing.model, tried(), jobs());
+  around_.residuals->set_ahead(ahead);
+  part_.residuals->set_ahead(ahead);
 }
 
 void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from,

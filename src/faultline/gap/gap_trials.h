@@ -74,6 +74,9 @@ class GapTrials {
   // The model as it is, with start states and linearisation of all runs at it.
   FitResult stand(const ModelChange& model);
 
+  // Puts what swings beside the model that stands in step over the runs (run_phases.h).
+  void put_in_step(const FitResult& standing);
+
   // What refit() or stand() just returned, scored fold by fold: the parameters belong to the rig and stay as all
   // learning runs have them, and so do the effects but the last; that one is fitted again on a fold's learning runs
   // and has to prove itself on the others.
@@ -88,6 +91,10 @@ class GapTrials {
   // Every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best
   // starting point or wherever on the way to it from no effect it should be better.
   std::vector<Structure> screen(const FitResult& base, double from, double to) const;
+  // The same at one port alone.
+  std::vector<Structure> screen_at(const std::string& port, const FitResult& base) const;
+  // All that are tried: at_lines() of what stands.
+  std::vector<Candidate> tried() const;
 
   // Fits each with the linearisation as it stands, and sorts them, best first. With `search`, sizes are searched
   // where a step fails, which takes several times as long.

@@ -41,6 +41,11 @@ class ResidualModel {
   double segment_values() const { return static_cast<double>(fewest_rows(runs_) * outputs().size()); }
   const GapOptions& options() const { return options_; }  // of all that works with these residuals
 
+  // SegmentedRun::ahead of each run.
+  void set_ahead(const std::vector<double>& ahead) {
+    for (std::size_t r = 0; r < runs_.size(); ++r) runs_[r].ahead = ahead[r];
+  }
+
   // Normalised residuals of one run, rows x outputs.
   Eigen::MatrixXf residuals(const ModelChange& model, std::size_t run) const {
     return model_.residuals(model, runs_[run], noise_);

@@ -106,6 +106,10 @@ std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const 
     for (const double line : spectral_lines(residuals, periods, range.minimum, range.maximum, options)) {
       result.push_back(candidate);
       result.back().bounds[at] = {std::max(range.minimum, line - width), std::min(range.maximum, line + width)};
+      // A phase of which the datasheet says nothing may be any.
+      for (std::size_t p = 0; p < parameters.size(); ++p)
+        if (Bounds& phase = result.back().bounds[p]; parameters[p].unit == "rad" && phase.minimum >= phase.maximum)
+          phase = {parameters[p].minimum, parameters[p].maximum};
     }
   }
   return result;

@@ -17,7 +17,8 @@ namespace faultline {
 std::vector<double> spectral_lines(const std::vector<Eigen::MatrixXf>& residuals, const std::vector<double>& periods,
                                    double low, double high, const GapOptions::Spectrum& options = {});
 
-// The candidates, those with a frequency once for each line within its range, narrowed to that line's width.
+// The candidates, those with a frequency once for each line within its range, narrowed to that line's width, with any
+// phase.
 std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const std::vector<Eigen::MatrixXf>& residuals,
                                 const std::vector<double>& periods, const GapOptions::Spectrum& options = {});
 

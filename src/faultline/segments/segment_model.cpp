@@ -14,6 +14,8 @@
 namespace faultline {
 namespace {
 
+constexpr double kTwoPi = 6.283185307179586;
+
 // What a channel shows `later` s after a row, from the quadratic around the nearest row.
 Shown shown_around(const SegmentedRun& run, const Recording& recording, std::size_t row, std::size_t channel,
                    double noise, double later, const SegmentOptions& options) {
@@ -133,6 +135,23 @@ std::vector<double> starts_of(const SegmentedRun& run) {
   return result;
 }
 
+ModelChange in_run(ModelChange change, const SegmentedRun& run) {
+  if (run.ahead == 0) return change;
+  for (EffectSpec& spec : change.effects) {
+    const EffectType* type = find_effect_type(spec.effect);
+    const auto of = [&](const char* unit) {
+      return static_cast<std::size_t>(std::find_if(type->parameters.begin(), type->parameters.end(),
+                                                   [&](const EffectParameter& p) { return p.unit == unit; }) -
+                                      type->parameters.begin());
+    };
+    const std::size_t frequency = of("Hz"), phase = of("rad");
+    if (frequency >= spec.parameters.size() || phase >= spec.parameters.size()) continue;
+    spec.parameters[phase] =
+        std::remainder(spec.parameters[phase] + kTwoPi * spec.parameters[frequency] * run.ahead, kTwoPi);
+  }
+  return change;
+}
+
 SegmentModel::SegmentModel(const Datasheet& sheet, const SegmentOptions& options)
     : sheet_(std::make_shared<const Datasheet>(sheet)), options_(options), outputs_(compared_outputs(sheet)) {
   for (const State& state : sheet_->states) {
@@ -224,7 +243,7 @@ std::unique_ptr<DrivenModel> SegmentModel::driven(const ModelChange& change, con
                                                   const std::vector<double>& noise, Beside beside) const {
   SimulationSetup setup;
   setup.parameters = change.parameters;
-  setup.effects = change.effects;
+  setup.effects = in_run(change, run).effects;
   setup.sample_period = run.period;
   setup.noise = false;
   setup.long_steps = options_.long_steps;

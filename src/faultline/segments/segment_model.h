@@ -29,6 +29,10 @@ struct ModelChange {
   std::vector<EffectSpec> effects;  // on top of the datasheet's nominal effects
 };
 
+// What it is in a run: an effect with a frequency and a phase (Hz, rad) swings on when nothing is recorded, so that its
+// phase is another one in each run (SegmentedRun::ahead).
+ModelChange in_run(ModelChange change, const SegmentedRun& run);
+
 class SegmentModel {
  public:
   explicit SegmentModel(const Datasheet& sheet, const SegmentOptions& options = {});

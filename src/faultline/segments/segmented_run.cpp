@@ -125,6 +125,28 @@ double noise_about_command(const Datasheet& sheet, const SegmentedRun& run, std:
   return noise_floor(difference, 0);
 }
 
+// Of the segment that begins at a row.
+double counted_readings(const Datasheet& sheet, const SegmentedRun& run, std::size_t first,
+                        const SegmentOptions& options) {
+  const std::vector<int> outputs = compared_outputs(sheet);
+  std::size_t counted = 0;
+  for (const int output : outputs) {
+    const auto c = static_cast<std::size_t>(output);
+    for (std::size_t i = first; i < first + run.segment; ++i)
+      counted += measures(sheet.channels[c], run.recording.at(i, c));
+  }
+  const auto all = static_cast<double>(run.segment * outputs.size());
+  return std::max(static_cast<double>(counted), options.least_counted_fraction * all);
+}
+
+void forget_segments(SegmentedRun& run) {
+  run.restarts.clear();
+  run.counted.clear();
+  run.starts.clear();
+  run.start_shift.clear();
+  run.start_roots.clear();
+}
+
 }  // namespace
 
 std::vector<int> compared_outputs(const Datasheet& sheet) {
@@ -178,26 +200,21 @@ SegmentedRun cut_run(const Datasheet& sheet, const std::string& name, Recording 
     smooth_inputs(sheet, run.recording, stretch.first, stretch.last, widest_window(run, options), noise, options);
 
   const std::vector<int> outputs = compared_outputs(sheet);
-  std::size_t used = 0;
   std::vector<std::size_t> missing(outputs.size(), 0), bounds = missing;
   for (const Stretched& stretch : run.stretches)
     for (std::size_t k = stretch.first; k + run.segment <= stretch.last; k += run.segment) {
-      std::size_t counted = 0;
       for (std::size_t o = 0; o < outputs.size(); ++o)
         for (std::size_t i = k; i < k + run.segment; ++i) {
           const auto c = static_cast<std::size_t>(outputs[o]);
           const double value = run.recording.at(i, c);
           const bool good = measures(sheet.channels[c], value), there = std::isfinite(value);
-          counted += good;
           missing[o] += !there;
           bounds[o] += there && !good;
         }
-      const std::size_t all = run.segment * outputs.size();
       run.restarts.push_back(k);
-      run.counted.push_back(
-          std::max(static_cast<double>(counted), options.least_counted_fraction * static_cast<double>(all)));
-      used += run.segment;
+      run.counted.push_back(counted_readings(sheet, run, k, options));
     }
+  const std::size_t used = run.segments() * run.segment;
   const std::string why = breaks.count > 0 ? "; " + breaks.first : "";
   if (run.restarts.empty())
     throw InputError(fmt::format(
@@ -269,11 +286,7 @@ SegmentedRun some_segments(const SegmentedRun& run, const std::vector<std::size_
 
 SegmentedRun joined_segments(const SegmentedRun& run, std::size_t times) {
   SegmentedRun joined = run;
-  joined.restarts.clear();
-  joined.counted.clear();
-  joined.starts.clear();
-  joined.start_shift.clear();
-  joined.start_roots.clear();
+  forget_segments(joined);
   joined.segment = times * run.segment;
   for (std::size_t g = 0; g + times <= run.segments();) {
     if (run.restarts[g + times - 1] != run.restarts[g] + (times - 1) * run.segment) {
@@ -286,6 +299,19 @@ SegmentedRun joined_segments(const SegmentedRun& run, std::size_t times) {
     g += times;
   }
   return joined;
+}
+
+SegmentedRun shorter_segments(const Datasheet& sheet, const SegmentedRun& run, std::size_t times,
+                              const SegmentOptions& options) {
+  SegmentedRun shorter = run;
+  forget_segments(shorter);
+  shorter.segment = run.segment / times;
+  for (const std::size_t first : run.restarts)
+    for (std::size_t i = 0; i < times; ++i) {
+      shorter.restarts.push_back(first + i * shorter.segment);
+      shorter.counted.push_back(counted_readings(sheet, shorter, shorter.restarts.back(), options));
+    }
+  return shorter;
 }
 
 std::vector<double> noise_of(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,

@@ -33,6 +33,7 @@ struct SegmentedRun {
   std::vector<std::size_t> restarts;  // first row of each segment
   bool parted = false;                // segments are left out, and what lies between the others is not run
   std::size_t lead = 0;               // segments at the head of each stretch that only fill memories
+  double ahead = 0;                   // s, by which what swings by itself is ahead of where it is in the first run
   std::vector<double> counted;        // per segment: readings of outputs that count
   std::string remark;                 // what was left out and why; empty: nothing
   std::vector<std::vector<double>> unsmoothed;  // per channel, of inputs that are compared: as measured; else empty
@@ -77,6 +78,10 @@ SegmentedRun some_segments(const SegmentedRun& run, const std::vector<std::size_
 
 // The run in segments `times` as long, without starts; fewer than so many before a break are left out.
 SegmentedRun joined_segments(const SegmentedRun& run, std::size_t times);
+
+// The run with each of its segments cut into so many, without starts; rows at its end that make none are left out.
+SegmentedRun shorter_segments(const Datasheet& sheet, const SegmentedRun& run, std::size_t times,
+                              const SegmentOptions& options = {});
 
 // Noise of each compared output over runs, in the channel's unit: their own (smoothing.h), never below what rounding
 // takes away, by the datasheet or by the grid on which the readings lie (grid_step.h).

@@ -174,7 +174,7 @@ class Smoother {
       if (parameter.tolerance <= 0) continue;
       ModelChange moved = change;
       moved.parameters[i] += parameter.tolerance * parameter.nominal;
-      Propagation other(sheet, moved, run_.period);
+      Propagation other(sheet, in_run(moved, run_), run_.period);
       for (std::size_t r = 0; r < rows.size(); ++r) {
         const Eigen::VectorXd off = other.step(run_.recording, rows[r], states[r]).next - next[r];
         if (off.allFinite()) process_ += off.cwiseAbs2() / static_cast<double>(rows.size());
