@@ -270,6 +270,22 @@ TEST(EffectSearch, GoesOnWhileTheGapIsLarge) {
   EXPECT_NE(found(search).find("ripple@source.supply_pressure"), std::string::npos) << found(search);
 }
 
+// What a slow transducer leaves out looks much like noise with a memory.
+TEST(EffectSearch, ALagOfATransducerIsNoNoise) {
+  std::vector<SegmentedRun> runs;
+  for (const char* profile : {"multisine", "varied_steps"}) {
+    SimulationSetup setup = cylinder_off_nominal(profile, 21 + runs.size());
+    setup.parameters = draw_parameters(cylinder(), 21);
+    setup.effects.push_back(parse_effect("lag@sensor.chamber_a_pressure:time_constant=0.1"));
+    runs.push_back(cut_run(cylinder(), profile, simulate(cylinder(), setup, 8), kSegment));
+  }
+  const GapSettings settings = among(cylinder(), {"sensor.chamber_a_pressure", "sensor.chamber_b_pressure"});
+  GapTrials work(cylinder(), std::move(runs), kFolds, {0, 1}, settings, kSilent);
+  const EffectSearch search = search_effects(work, 3, 0.05);
+  EXPECT_EQ(found(search), "lag@sensor.chamber_a_pressure ");
+  EXPECT_TRUE(search.noise.empty());
+}
+
 // From sample to sample the second lag is not likely; over segments it closes all that is left.
 TEST(EffectSearch, FindsALagBesideALag) {
   const std::vector<std::string> effects = {"lag@command.pump2_speed:time_constant=0.003",

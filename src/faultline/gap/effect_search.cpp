@@ -192,7 +192,9 @@ std::optional<FreePlace> noise_with_memory(const GapTrials& work, const EffectSe
     if (place.gain < work.options().verdict.place_evidence_fraction * search.before.loss) break;
     const MissingSignal signal =
         find_missing_signal(work.model(), search.base.model, place, work.folds(), work.jobs(), Sought::all);
-    if (signal.formula.empty() && !signal.curve && !is_an_effect(work, search, place)) return place;
+    if (!signal.formula.empty() || signal.curve) continue;
+    if (is_an_effect(work, search, place)) break;  // as likely as which the others are no noise either
+    return place;
   }
   return {};
 }
