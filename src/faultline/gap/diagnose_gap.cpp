@@ -53,9 +53,9 @@ std::optional<GapResult> diagnose_shorter(const Datasheet& sheet, const std::vec
   const double length = static_cast<double>(shorter[0].front().segment) * shorter[0].front().period;
   GapResult result = diagnose_runs(sheet, sheet, std::move(shorter[0]), std::move(shorter[1]), settings, progress);
   if (result.verdict != "named") return std::nullopt;
-  result.remarks.push_back(fmt::format(
-      "all this is over segments of {:.3g} s, of which a usual one holds {}: over those no cause was found", length,
-      options.times));
+  result.remarks.push_back(
+      fmt::format("all this is over segments of {:.3g} s, of which a usual one holds {}: over those no cause was found",
+                  length, options.times));
   return result;
 }
 

@@ -67,8 +67,8 @@ struct GapOptions {
     double line_half_width_resolutions = 0.5;  // range left to a frequency around a line, in units of 1/duration
     double line_distance_resolutions = 3;      // between lines, in the same: side lobes of the window are none
     double rarity_log_likelihood = 11;  // -ln of the probability that noise makes a line: 1.7e-5 of the grid points
-    // Of what phases of each run's own win, from which on one phase is as good (run_phases.h): what is fitted to each run
-    // always wins a little more.
+    // Of what phases of each run's own win, from which on one phase is as good (run_phases.h): what is fitted to each
+    // run always wins a little more.
     double one_phase_fraction = 0.8;
   } spectrum;
 

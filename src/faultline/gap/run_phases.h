@@ -1,5 +1,5 @@
-// In which phase an effect swings in each run: a pump that pulses pulses on between recordings, and no run begins at the
-// phase of another one.
+// In which phase an effect swings in each run: a pump that pulses pulses on between recordings, and no run begins at
+// the phase of another one.
 //
 //   r_run + a_run s + b_run c ~ 0,   phase_run = atan2(b_run, a_run)
 //
