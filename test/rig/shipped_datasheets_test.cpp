@@ -183,6 +183,7 @@ TEST(ShippedDatasheets, HaveFaultsWithinTheBoundsOfTheirPorts) {
       const EffectSpec spec = parse_effect(text);
       const EffectType* type = find_effect_type(spec.effect);
       for (std::size_t i = 0; i < type->parameters.size(); ++i) {
+        if (type->parameters[i].unit == "rad") continue;  // a phase, of which a datasheet need say nothing
         const Bounds bound = bounds(sheet, spec.port, spec.effect, type->parameters[i].name);
         EXPECT_GE(spec.parameters[i], bound.minimum);
         EXPECT_LE(spec.parameters[i], bound.maximum);

@@ -36,10 +36,10 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
   return result;
 }
 
-// Step 9. Nothing where no cause is told.
+// Step 9. Nothing where no cause is told, or another one comes first than the one that was told as a part.
 std::optional<GapResult> diagnose_shorter(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                           const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
-                                          const GapProgress& progress) {
+                                          const GapProgress& progress, const GapResult& before) {
   const GapOptions::Shorter& options = settings.options.shorter;
   std::vector<SegmentedRun> shorter[2];
   for (const SegmentedRun& run : runs) {
@@ -53,9 +53,13 @@ std::optional<GapResult> diagnose_shorter(const Datasheet& sheet, const std::vec
   const double length = static_cast<double>(shorter[0].front().segment) * shorter[0].front().period;
   GapResult result = diagnose_runs(sheet, sheet, std::move(shorter[0]), std::move(shorter[1]), settings, progress);
   if (result.verdict != "named") return std::nullopt;
-  result.remarks.push_back(
-      fmt::format("all this is over segments of {:.3g} s, of which a usual one holds {}: over those no cause was found",
-                  length, options.times));
+  if (!before.effects.empty()) {
+    const NamedEffect &first = result.effects.front(), &part = before.effects.front();
+    if (first.effect != part.effect || first.port != part.port) return std::nullopt;
+  }
+  result.remarks.push_back(fmt::format(
+      "all this is over segments of {:.3g} s, of which a usual one holds {}: over those the cause is unknown", length,
+      options.times));
   return result;
 }
 
@@ -148,7 +152,7 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   }
   if (result.verdict == "unknown") {
     if (forward) forward(kFirstShare, "asking again of shorter segments");
-    if (std::optional<GapResult> shorter = diagnose_shorter(sheet, runs, holdout, used, again))
+    if (std::optional<GapResult> shorter = diagnose_shorter(sheet, runs, holdout, used, again, result))
       result = std::move(*shorter);
   }
   if (away && std::none_of(result.effects.begin(), result.effects.end(),

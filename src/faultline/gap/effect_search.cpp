@@ -202,7 +202,6 @@ std::optional<FreePlace> noise_with_memory(const GapTrials& work, const EffectSe
 // The refit that was found last, scored like every structure, and what a free signal beside it would win.
 void stand_plain(GapTrials& work, EffectSearch& search) {
   search.noise.clear();
-  work.put_in_step(search.base);
   search.plain = work.score(search.base);
   search.losses = search.plain.held_out;
   search.score = search.plain.score;
@@ -334,6 +333,7 @@ class EffectRounds {
     if (excess_of(search_.score) < quiet_variances_ || !more_to_find(work_.options().search, search_, large()))
       return false;
     const double from = round_ == 0 ? 0.1 : 0.55 + 0.18 * (round_ - 1), width = round_ == 0 ? 0.45 : 0.18;
+    work_.put_in_step(search_.base);
     const Structures screened =
         certain_ && certain_->bias ? finalists_beside_bias() : work_.screen(search_.base, from, from + 0.5 * width);
     if (round_ == 0) search_.screened = screened;

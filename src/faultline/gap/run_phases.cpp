@@ -101,8 +101,13 @@ double gain_of_each(const std::vector<Normal>& runs) {
 
 std::vector<double> run_phases(const ResidualModel& model, const ModelChange& standing,
                                const std::vector<Candidate>& candidates, int jobs) {
-  std::vector<double> ahead(model.runs().size(), 0.0);
-  if (ahead.size() < 2) return ahead;
+  std::vector<double> ahead;
+  for (const SegmentedRun& run : model.runs()) ahead.push_back(run.ahead);
+  const bool swinging = std::any_of(standing.effects.begin(), standing.effects.end(), [](const EffectSpec& effect) {
+    return with_unit(*find_effect_type(effect.effect), "rad") < effect.parameters.size();
+  });
+  if (swinging || ahead.size() < 2) return ahead;  // what swings already has its phases
+  ahead.assign(ahead.size(), 0.0);
   std::unique_ptr<Swings> swings;  // only where something may swing
   const Candidate* best = nullptr;
   std::size_t frequency = 0, phase = 0;

@@ -16,7 +16,7 @@ namespace faultline {
 
 // s, by which what swings is ahead in each run of where it is in the first, less than half a period: of the candidate
 // with a frequency and a phase (at_lines()) that wins most so. All 0 where there is none, or one phase wins nearly as
-// much.
+// much; as they are where the model that stands swings already.
 std::vector<double> run_phases(const ResidualModel& model, const ModelChange& standing,
                                const std::vector<Candidate>& candidates, int jobs);
 

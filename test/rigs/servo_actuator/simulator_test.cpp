@@ -350,6 +350,10 @@ EffectSpec sized(const Place& place, double share) {
         spec.parameters.push_back(0.5 + 2 * share);  // s; the bounds reach to infinity
         continue;
       }
+      if (fitting.bounds.count(parameter.name) == 0) {  // as a phase, of which a datasheet need say nothing
+        spec.parameters.push_back(parameter.none);
+        continue;
+      }
       const Bounds bounds = fitting.bounds.at(parameter.name);
       // Evenly in the logarithm where the bounds allow, else evenly.
       spec.parameters.push_back(bounds.minimum > 0 ? bounds.minimum * std::pow(bounds.maximum / bounds.minimum, share)
