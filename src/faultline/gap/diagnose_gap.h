@@ -13,9 +13,9 @@
 // 8. Where the model explains the runs up to some moment only (onset.h), all this is asked again of what follows, of
 //    the rig as it was before; a name that what was before contradicts is told with its date. So it is where the model
 //    explains some runs and not the others, of a rig whose parameters may be others there.
-// 9. Where a cause is unknown all this is asked again of shorter segments, and a name that is found there is told, if it
-//    begins with what was told as a part of the cause: when a rig breaks away or strikes is a matter of little, and a
-//    model that ran for longer is beside the recording whatever it knows of the cause.
+// 9. Where a cause is unknown all this is asked again of shorter segments, and a name that is found there is told, if
+//    it begins with what was told as a part of the cause: when a rig breaks away or strikes is a matter of little, and
+//    a model that ran for longer is beside the recording whatever it knows of the cause.
 // Deterministic: no random numbers but the bootstrap's, which are seeded.
 #pragma once
 
