@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <mutex>
 
 #include <fmt/format.h>
@@ -41,17 +42,17 @@ std::optional<GapResult> diagnose_shorter(const Datasheet& sheet, const std::vec
                                           const std::vector<SegmentedRun>& holdout, const GapSettings& settings,
                                           const GapProgress& progress, const GapResult& before) {
   const GapOptions::Shorter& options = settings.options.shorter;
-  std::vector<SegmentedRun> shorter[2];
-  for (const SegmentedRun& run : runs) {
-    if (run.segment < options.times * options.least_samples) return std::nullopt;
-    shorter[0].push_back(shorter_segments(sheet, run, options.times, settings.options.segments));
-  }
-  for (const SegmentedRun& run : holdout) {
-    if (run.segment < options.times * options.least_samples) return std::nullopt;
-    shorter[1].push_back(shorter_segments(sheet, run, options.times, settings.options.segments));
-  }
-  const double length = static_cast<double>(shorter[0].front().segment) * shorter[0].front().period;
-  GapResult result = diagnose_runs(sheet, sheet, std::move(shorter[0]), std::move(shorter[1]), settings, progress);
+  const std::size_t rows = std::min(fewest_rows(runs), holdout.empty() ? SIZE_MAX : fewest_rows(holdout));
+  if (rows < options.times * options.least_samples) return std::nullopt;
+  const auto cut = [&](const std::vector<SegmentedRun>& list) {
+    std::vector<SegmentedRun> result;
+    for (const SegmentedRun& run : list)
+      result.push_back(shorter_segments(sheet, run, options.times, settings.options.segments));
+    return result;
+  };
+  const std::vector<SegmentedRun> learned = cut(runs);
+  const double length = static_cast<double>(learned.front().segment) * learned.front().period;
+  GapResult result = diagnose_runs(sheet, sheet, learned, cut(holdout), settings, progress);
   if (result.verdict != "named") return std::nullopt;
   if (!before.effects.empty()) {
     const NamedEffect &first = result.effects.front(), &part = before.effects.front();

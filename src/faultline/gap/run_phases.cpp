@@ -130,7 +130,7 @@ std::vector<double> run_phases(const ResidualModel& model, const ModelChange& st
     all.m += run.m;
     all.z += run.z;
   }
-  if (all.gain() > model.options().spectrum.one_phase_fraction * gain_of_each(runs)) return ahead;
+  if (all.gain() >= model.options().spectrum.one_phase_fraction * gain_of_each(runs)) return ahead;
   // A line is known to a part of its width, over which phases at the beginnings of runs turn.
   const Bounds& width = best->bounds[frequency];
   double f = middle(width);
@@ -145,8 +145,10 @@ std::vector<double> run_phases(const ResidualModel& model, const ModelChange& st
     const Eigen::Vector2d solution = run.solution();
     return std::atan2(solution[1], solution[0]);
   };
-  for (std::size_t r = 1; r < ahead.size(); ++r)
-    ahead[r] = std::remainder(phase_of(runs[r]) - phase_of(runs[0]), kTwoPi) / (kTwoPi * f);
+  for (std::size_t r = 1; r < ahead.size(); ++r) {
+    const double turned = std::remainder(phase_of(runs[r]) - phase_of(runs[0]), kTwoPi);
+    if (std::isfinite(turned)) ahead[r] = turned / (kTwoPi * f);  // a run may say nothing
+  }
   return ahead;
 }
 

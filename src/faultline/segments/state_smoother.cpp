@@ -38,7 +38,7 @@ class Smoother {
  public:
   Smoother(const SegmentModel& model, const ModelChange& change, const SegmentedRun& run,
            const std::vector<double>& noise)
-      : model_(model), run_(run), noise_(noise), propagation_(model.sheet(), change, run.period) {
+      : model_(model), run_(run), noise_(noise), propagation_(model.sheet(), in_run(change, run), run.period) {
     find_sizes();
     find_process_noise(change);
   }
