@@ -40,17 +40,22 @@ Json effect_json(const EffectType& type) {
     effect["parameters"].push_back({{"name", p.name},
                                     {"unit", p.unit},
                                     {"none", number(p.none)},
+                                    {"usual", number(p.usual)},
                                     {"minimum", number(p.minimum)},
                                     {"maximum", number(p.maximum)}});
   return effect;
 }
 
+std::string told_of(const EffectParameter& p) {
+  if (!is_shape(p)) return fmt::format(", none at {:g}", p.none);
+  return std::isnan(p.usual) ? "" : fmt::format(", {:g} if not given", p.usual);
+}
+
 void print(const EffectType& type) {
   fmt::print("{:<24} {}\n    at {}\n    {}\n", type.name, type.family, fmt::join(kinds_of(type), ", "), type.meaning);
   for (const EffectParameter& p : type.parameters)
-    fmt::print("    {:<20} {:<34} {:g} to {:g}\n", p.name,
-               fmt::format("[{}]{}", p.unit, std::isnan(p.none) ? "" : fmt::format(", none at {:g}", p.none)),
-               p.minimum, p.maximum);
+    fmt::print("    {:<20} {:<34} {:g} to {:g}\n", p.name, fmt::format("[{}]{}", p.unit, told_of(p)), p.minimum,
+               p.maximum);
 }
 
 void run(const std::string& json) {

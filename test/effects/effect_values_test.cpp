@@ -47,6 +47,31 @@ TEST(EffectValues, ViscousFriction) {
   EXPECT_DOUBLE_EQ(force_of("viscous_friction@force.a:coefficient=200", {0, -0.5, 0}).viscous, -100);
 }
 
+// The step response of two low passes in a row, 1 - (a exp(-t/a) - b exp(-t/b))/(a - b).
+TEST(EffectValues, LagOfTwoLowPasses) {
+  const double step = 1e-4, a = 0.06, b = 0.02;
+  const auto lag = effect_of("lag@sensor.a:time_constant=0.08,second=0.25", step);
+  lag->signal(0, 0);
+  for (int k = 1; k <= 2000; ++k) {
+    const double y = lag->signal(1, k * step), t = (k - 0.5) * step;  // the input rises over the first step
+    EXPECT_NEAR(y, 1 - (a * std::exp(-t / a) - b * std::exp(-t / b)) / (a - b), 3e-6);
+  }
+  // Put back in the middle of an even motion it goes on as if it had been there.
+  const auto moving = effect_of("lag@sensor.a:time_constant=0.08,second=0.25", step);
+  moving->resume({2, 3, 0, 0}, {2 - 0.08 * 3, 3, 0, 0});
+  for (int k = 1; k <= 100; ++k)
+    EXPECT_NEAR(moving->signal(2 + 3 * k * step, k * step), 2 - 0.24 + 3 * k * step, 1e-12);
+  // Of a parabola the value and two slopes around say what went in.
+  const Shown in = moving->undo([](double later) { return Shown{later * later, 2 * later, 0, 0}; }, 0.1, 0, 0);
+  EXPECT_NEAR(in.value, 0.01 + 0.08 * 0.2 + 0.25 * 0.75 * 0.08 * 0.08 * 2, 1e-12);
+}
+
+TEST(EffectValues, StribeckFrictionFallsAsItsExponentSays) {
+  const auto f = force_of("stribeck_friction@force.a:static_excess=100,velocity=0.02,exponent=1", {0, -0.06, 0});
+  EXPECT_NEAR(f.sliding_minus, 100 * std::exp(-3.0), 1e-9);
+  EXPECT_EQ(f.breakaway_plus, 100);
+}
+
 TEST(EffectValues, StribeckFriction) {
   const auto f = force_of("stribeck_friction@force.a:static_excess=100,velocity=0.02", {0, -0.02, 0});
   EXPECT_NEAR(f.sliding_minus, 36.787944117144235, 1e-12);  // 100/e
@@ -431,6 +456,11 @@ TEST(EffectValues, Compliance) {
   EXPECT_NEAR(air->bulk_modulus(1e9, 101325), 1 / (1e-9 + 0.01 / 101325), 1e-3);
   EXPECT_NEAR(air->bulk_modulus(1e9, 1e6), 496709300.88, 0.1);
   EXPECT_EQ(air->bulk_modulus(1e9, -5e4), air->bulk_modulus(1e9, 2e4));
+  // Adiabatic: (p0/p)^(1/1.4)/(1.4 p) at 1e6 Pa is 1.3952e-7 times the fraction.
+  const auto hot = effect_of("entrained_air@compliance.a:fraction=0.01,exponent=1.4");
+  EXPECT_NEAR(1 / hot->bulk_modulus(1e9, 1e6) - 1e-9, 0.01 * std::pow(0.101325, 1 / 1.4) / 1.4e6, 1e-16);
+  EXPECT_EQ(to_string(parse_effect("entrained_air@compliance.a:fraction=0.01")),
+            "entrained_air@compliance.a:fraction=0.01,exponent=1");
   EXPECT_DOUBLE_EQ(effect_of("compliance_factor@compliance.a:factor=0.5")->bulk_modulus(1.4e9, 0), 7e8);
 }
 

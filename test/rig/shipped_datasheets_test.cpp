@@ -162,9 +162,9 @@ TEST(ShippedDatasheets, UseEffectsThatTheLibraryHas) {
         const EffectType* type = find_effect_type(fitting.effect);
         ASSERT_NE(type, nullptr);
         EXPECT_TRUE(type->fits_kind(port.kind));
-        // A parameter without bounds stays at its no-effect value, so it must have one.
+        // A parameter without bounds stays at its no-effect or usual value, so it must have one.
         for (const EffectParameter& parameter : type->parameters)
-          EXPECT_TRUE(fitting.bounds.count(parameter.name) > 0 || !std::isnan(parameter.none)) << parameter.name;
+          EXPECT_TRUE(fitting.bounds.count(parameter.name) > 0 || !std::isnan(not_given(parameter))) << parameter.name;
         for (const auto& [name, bound] : fitting.bounds) {
           const int index = type->parameter_index(name);
           ASSERT_GE(index, 0) << name;
@@ -183,7 +183,7 @@ TEST(ShippedDatasheets, HaveFaultsWithinTheBoundsOfTheirPorts) {
       const EffectSpec spec = parse_effect(text);
       const EffectType* type = find_effect_type(spec.effect);
       for (std::size_t i = 0; i < type->parameters.size(); ++i) {
-        if (type->parameters[i].unit == "rad") continue;  // a phase, of which a datasheet need say nothing
+        if (!std::isnan(type->parameters[i].usual)) continue;  // a shape of which a datasheet need say nothing
         const Bounds bound = bounds(sheet, spec.port, spec.effect, type->parameters[i].name);
         EXPECT_GE(spec.parameters[i], bound.minimum);
         EXPECT_LE(spec.parameters[i], bound.maximum);

@@ -39,7 +39,8 @@ std::vector<EffectSpec> sensor_effects() {
       spec.port = port.name;
       if (spec.effect == "stuck" || spec.effect == "quantisation") continue;
       for (const EffectParameter& p : find_effect_type(spec.effect)->parameters) {
-        const Bounds& b = fitting.bounds.at(p.name);
+        const auto found = fitting.bounds.find(p.name);
+        const Bounds b = found == fitting.bounds.end() ? Bounds{p.usual, p.usual} : found->second;
         spec.parameters.push_back(b.minimum > 0 ? std::sqrt(b.minimum * b.maximum) : 0.5 * b.maximum);
       }
       result.push_back(spec);
@@ -67,6 +68,7 @@ TEST(SegmentModel, LeavesNoiseWithAnyEffectAtASensor) {
   for (Port& port : sheet.ports)
     if (port.name == "sensor.velocity") port.effects.push_back({"gain_curve", {{"curvature", {-0.4, 0.4}}}});
   effects.push_back(parse_effect("gain_curve@sensor.velocity:curvature=0.3"));
+  effects.push_back(parse_effect("lag@sensor.velocity:time_constant=0.02,second=0.3"));
   ASSERT_GT(effects.size(), 10u);
   for (const EffectSpec& effect : effects) {
     SimulationSetup setup = servo_setup("multisine");
@@ -86,22 +88,23 @@ TEST(SegmentModel, LeavesNoiseWithAnyEffectAtASensor) {
 // Every effect that fits a sensor, of a size that the sensor plainly shows, on a state that is measured; the start
 // states come back through it. Against the same run without it.
 TEST(SegmentModel, StartsBehindAnyEffectAtASensor) {
-  std::map<std::string, std::string> sizes = {{"deadband", "width=0.005"},
-                                              {"delay", "time=0.0123"},
-                                              {"drift", "rate=0.01"},
-                                              {"free_curve", "of=0,low=-0.1,high=0.1,v0=0.01,v8=-0.02"},
-                                              {"free_signal", "value=0.02"},
-                                              {"gain_curve", "curvature=0.3"},
-                                              {"hysteresis", "width=0.01"},
-                                              {"lag", "time_constant=0.02"},
-                                              {"noise", "std=0.001"},
-                                              {"offset", "value=0.02"},
-                                              {"quantisation", "step=0.0005"},
-                                              {"rate_limit", "rate=0.3"},
-                                              {"saturation", "limit=0.05"},
-                                              {"scale", "factor=1.1"},
-                                              {"second_order_lag", "natural_frequency=200,damping=0.7"},
-                                              {"stuck", "from=1.5"}};
+  std::multimap<std::string, std::string> sizes = {{"deadband", "width=0.005"},
+                                                   {"delay", "time=0.0123"},
+                                                   {"drift", "rate=0.01"},
+                                                   {"free_curve", "of=0,low=-0.1,high=0.1,v0=0.01,v8=-0.02"},
+                                                   {"free_signal", "value=0.02"},
+                                                   {"gain_curve", "curvature=0.3"},
+                                                   {"hysteresis", "width=0.01"},
+                                                   {"lag", "time_constant=0.02"},
+                                                   {"lag", "time_constant=0.02,second=0.3"},
+                                                   {"noise", "std=0.001"},
+                                                   {"offset", "value=0.02"},
+                                                   {"quantisation", "step=0.0005"},
+                                                   {"rate_limit", "rate=0.3"},
+                                                   {"saturation", "limit=0.05"},
+                                                   {"scale", "factor=1.1"},
+                                                   {"second_order_lag", "natural_frequency=200,damping=0.7"},
+                                                   {"stuck", "from=1.5"}};
   const auto rms = [](const EffectSpec* effect, bool one_sample) {
     Datasheet sheet = servo();
     SimulationSetup setup = servo_setup("multisine");
@@ -134,13 +137,16 @@ TEST(SegmentModel, StartsBehindAnyEffectAtASensor) {
       // What noise and rounding add, the model adds as well; in a zone a state shows nowhere and goes on by itself.
       if (!type.fits_kind(PortKind::sensor) || type.name == "noise" || type.name == "quantisation") continue;
       if (type.name == "deadband" && !one_sample) continue;
-      for (const char* port : {"sensor.position", "sensor.velocity"}) {
-        const EffectSpec spec = parse_effect(type.name + "@" + port + ":" + sizes.at(type.name));
-        const std::vector<double> with = rms(&spec, one_sample);
-        for (std::size_t o = 0; o < with.size(); ++o)
-          EXPECT_LT(with[o], 1.15 * without[o] + 0.05)
-              << to_string(spec) << " output " << o << (one_sample ? ", one sample" : ", segments");
-      }
+      const auto [first, last] = sizes.equal_range(type.name);
+      ASSERT_NE(first, last) << type.name;
+      for (const std::string port : {"sensor.position", "sensor.velocity"})
+        for (auto size = first; size != last; ++size) {
+          const EffectSpec spec = parse_effect(type.name + "@" + port + ":" + size->second);
+          const std::vector<double> with = rms(&spec, one_sample);
+          for (std::size_t o = 0; o < with.size(); ++o)
+            EXPECT_LT(with[o], 1.15 * without[o] + 0.05)
+                << to_string(spec) << " output " << o << (one_sample ? ", one sample" : ", segments");
+        }
     }
   }
 }

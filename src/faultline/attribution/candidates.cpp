@@ -44,8 +44,9 @@ std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std:
       candidate.logarithmic_ratio = options.logarithmic_ratio;
       for (const EffectParameter& parameter : type->parameters) {
         const auto found = fitting.bounds.find(parameter.name);
-        // A parameter without a range here keeps its no-effect value.
-        Bounds bounds = found == fitting.bounds.end() ? Bounds{parameter.none, parameter.none} : found->second;
+        // A parameter without a range here keeps its no-effect or usual value.
+        const double kept = not_given(parameter);
+        Bounds bounds = found == fitting.bounds.end() ? Bounds{kept, kept} : found->second;
         if (!std::isfinite(bounds.maximum)) bounds.maximum = duration;  // "from" of a stuck sensor: any time of the run
         candidate.bounds.push_back(bounds);
         candidate.effect.parameters.push_back(parameter.none);
@@ -55,8 +56,19 @@ std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std:
   return result;
 }
 
+std::vector<Candidate> with_open_shapes(std::vector<Candidate> all) {
+  for (Candidate& candidate : all) {
+    const auto& parameters = find_effect_type(candidate.effect.effect)->parameters;
+    for (std::size_t p = 0; p < parameters.size(); ++p)
+      if (Bounds& b = candidate.bounds[p]; std::isfinite(parameters[p].usual) && b.minimum >= b.maximum)
+        b = {parameters[p].minimum, parameters[p].maximum};
+  }
+  return all;
+}
+
 std::vector<std::vector<double>> starting_points(const Candidate& candidate, const CandidateOptions& options) {
-  // Sizes over the range on both sides of no effect; a second parameter is a shape and gets three values.
+  // Sizes over the range on both sides of no effect; a second parameter is a shape and gets three values, but one where
+  // it has a usual value that is no angle.
   const EffectType* type = find_effect_type(candidate.effect.effect);
   std::vector<std::vector<double>> points = {{}};
   for (std::size_t i = 0; i < candidate.bounds.size(); ++i) {
@@ -65,6 +77,8 @@ std::vector<std::vector<double>> starting_points(const Candidate& candidate, con
     std::vector<double> values;
     if (b.minimum >= b.maximum) {
       values = {b.minimum};
+    } else if (std::isfinite(type->parameters[i].usual) && i != type->with_unit("rad")) {
+      values = {candidate.from_coordinate(i, 0.5)};
     } else if (i > 0 || std::isnan(none)) {
       for (const double c : options.shape_coordinates) values.push_back(candidate.from_coordinate(i, c));
       const double nothing = std::clamp(none, b.minimum, b.maximum);

@@ -46,6 +46,9 @@ bool same_effect(const Candidate& a, const Candidate& b);
 std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std::string>& without, double duration = 60,
                                   const CandidateOptions& options = {});
 
+// The same with shapes that have a usual value, and no range in the datasheet, over all that physics allows.
+std::vector<Candidate> with_open_shapes(std::vector<Candidate> all);
+
 // Starting points over a candidate's range: few for the size, few for a shape.
 std::vector<std::vector<double>> starting_points(const Candidate& candidate, const CandidateOptions& options = {});
 

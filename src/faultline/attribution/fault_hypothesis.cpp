@@ -11,8 +11,6 @@ namespace {
 
 constexpr double kLeastAmplitude = 1e-12;  // so that a size that falls with the amplitude stays finite
 
-bool is_shape(const EffectParameter& p) { return std::isnan(p.none); }
-
 double middle(const Bounds& b, const HypothesisOptions& options) {
   return b.minimum > 0 && b.maximum > options.logarithmic_ratio * b.minimum ? std::sqrt(b.minimum * b.maximum)
                                                                             : 0.5 * (b.minimum + b.maximum);

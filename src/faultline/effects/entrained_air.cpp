@@ -1,11 +1,14 @@
-// Entrained air: 1/beta_total = 1/beta + fraction p0/p^2, free gas that is compressed isothermally with the liquid.
+// Entrained air: 1/beta_total = 1/beta + fraction (p0/p)^(1/n)/(n p), free gas that is compressed with the liquid.
 //
-// fraction [1]: volume of gas per volume of fluid at p0 = 101325 Pa absolute. At pressure p it takes fraction p0/p, and
-// its own modulus is p: softness fraction p0/p^2. p is absolute and counted as no less than 20 kPa, where vapour takes
-// over. Smooth above that floor; the softness is linear in `fraction`. Limit: nothing dissolves; isothermal, so up
-// to 1.4 times too soft for fast cycles; the liquid's own share is taken as 1.
+// fraction [1]: volume of gas per volume of fluid at p0 = 101325 Pa absolute. exponent n [1], a shape: 1 where bubbles
+// keep the liquid's temperature (slow cycles, small bubbles), 1.4 for air where none of the heat of compression
+// leaves them, between the two on a rig. At pressure p the gas takes fraction (p0/p)^(1/n), and its own modulus is
+// n p. p is absolute and counted as no less than 20 kPa, where vapour takes over. Smooth above that floor; the
+// softness is linear in `fraction`. Limit: nothing dissolves; the exponent does not change with the cycle; the liquid's
+// own share is taken as 1.
 
 #include <algorithm>
+#include <cmath>
 
 #include "faultline/rig/effect.h"
 
@@ -20,7 +23,8 @@ class EntrainedAir : public Effect {
   double bulk_modulus(double modulus, double absolute_pressure) const override {
     if (parameter(0) <= 0) return modulus;
     const double pressure = std::max(absolute_pressure, kLowestPressure);
-    return 1 / (1 / modulus + parameter(0) * kAmbientPressure / (pressure * pressure));
+    const double compressed = kAmbientPressure / pressure, n = parameter(1);
+    return 1 / (1 / modulus + parameter(0) * (n == 1 ? compressed : std::pow(compressed, 1 / n)) / (n * pressure));
   }
 };
 
@@ -28,9 +32,9 @@ class EntrainedAir : public Effect {
 
 FAULTLINE_EFFECT(entrained_air, {"entrained_air",
                                  "compliance",
-                                 "1/beta + fraction p0/p^2, free gas at p0 = 101325 Pa",
+                                 "1/beta + fraction (p0/p)^(1/exponent)/(exponent p), free gas at p0 = 101325 Pa",
                                  {PortKind::compliance},
-                                 {{"fraction", "1", 0, 0, 1}},
+                                 {{"fraction", "1", 0, 0, 1}, {"exponent", "1", kNoShape, 1, 1.4, 1}},
                                  &make_effect<EntrainedAir>});
 
 }  // namespace faultline

@@ -26,12 +26,13 @@ class Ripple : public Effect {
 
 }  // namespace
 
-FAULTLINE_EFFECT(
-    ripple, {"ripple",
-             "source",
-             "value + amplitude sin(2 pi frequency t + phase)",
-             {PortKind::source},
-             {{"amplitude", "port", 0, 0, 1e9}, {"frequency", "Hz", kNoShape, 0, 1e5}, {"phase", "rad", 0, -kPi, kPi}},
-             &make_effect<Ripple>});
+FAULTLINE_EFFECT(ripple, {"ripple",
+                          "source",
+                          "value + amplitude sin(2 pi frequency t + phase)",
+                          {PortKind::source},
+                          {{"amplitude", "port", 0, 0, 1e9},
+                           {"frequency", "Hz", kNoShape, 0, 1e5},
+                           {"phase", "rad", kNoShape, -kPi, kPi, 0}},
+                          &make_effect<Ripple>});
 
 }  // namespace faultline

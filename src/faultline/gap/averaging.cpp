@@ -57,12 +57,10 @@ std::size_t rows_of_one(const Datasheet& sheet, const Recording& recording, cons
     fast.col(static_cast<Eigen::Index>(i)) = fast_part(recording, outputs[i], rows);
   double low = std::numeric_limits<double>::infinity(), high = 0;  // Hz, of what swings
   for (const Candidate& candidate : candidates(sheet, {})) {
-    const auto& parameters = find_effect_type(candidate.effect.effect)->parameters;
-    for (std::size_t p = 0; p < parameters.size(); ++p)
-      if (parameters[p].unit == "Hz") {
-        low = std::min(low, candidate.bounds[p].minimum);
-        high = std::max(high, candidate.bounds[p].maximum);
-      }
+    const std::size_t frequency = find_effect_type(candidate.effect.effect)->with_unit("Hz");
+    if (frequency >= candidate.bounds.size()) continue;
+    low = std::min(low, candidate.bounds[frequency].minimum);
+    high = std::max(high, candidate.bounds[frequency].maximum);
   }
   const auto swings = [&] {
     const double above = std::max(low, kSlowest / (static_cast<double>(rows) * period));

@@ -113,7 +113,7 @@ GapTrials::GapTrials(const Datasheet& sheet, std::vector<SegmentedRun> runs, con
   around_.residuals = std::make_shared<ResidualModel>(sheet, std::move(runs), options());
   double duration = 0;
   for (const SegmentedRun& run : model().runs()) duration = std::max(duration, run.duration());
-  all_ = where_still(candidates(sheet, settings.without, duration, options().candidates), model());
+  all_ = where_still(with_open_shapes(candidates(sheet, settings.without, duration, options().candidates)), model());
   for (std::size_t i = 0; i < model().runs().size(); ++i) every_.push_back(i);
 }
 

@@ -29,12 +29,6 @@ struct Normal {
   }
 };
 
-std::size_t with_unit(const EffectType& type, const char* unit) {
-  const auto found = std::find_if(type.parameters.begin(), type.parameters.end(),
-                                  [&](const EffectParameter& parameter) { return parameter.unit == unit; });
-  return static_cast<std::size_t>(found - type.parameters.begin());
-}
-
 Normal normal(const SegmentedRun& run, const Eigen::MatrixXf& left, const Eigen::MatrixXf& sine,
               const Eigen::MatrixXf& cosine) {
   Normal result;
@@ -104,7 +98,7 @@ std::vector<double> run_phases(const ResidualModel& model, const ModelChange& st
   std::vector<double> ahead;
   for (const SegmentedRun& run : model.runs()) ahead.push_back(run.ahead);
   const bool swinging = std::any_of(standing.effects.begin(), standing.effects.end(), [](const EffectSpec& effect) {
-    return with_unit(*find_effect_type(effect.effect), "rad") < effect.parameters.size();
+    return find_effect_type(effect.effect)->with_unit("rad") < effect.parameters.size();
   });
   if (swinging || ahead.size() < 2) return ahead;  // what swings already has its phases
   ahead.assign(ahead.size(), 0.0);
@@ -114,7 +108,7 @@ std::vector<double> run_phases(const ResidualModel& model, const ModelChange& st
   std::vector<Normal> runs;
   for (const Candidate& candidate : candidates) {
     const EffectType& type = *find_effect_type(candidate.effect.effect);
-    const std::size_t hertz = with_unit(type, "Hz"), radians = with_unit(type, "rad");
+    const std::size_t hertz = type.with_unit("Hz"), radians = type.with_unit("rad");
     if (hertz >= candidate.bounds.size() || radians >= candidate.bounds.size()) continue;
     if (!swings) swings = std::make_unique<Swings>(model, standing, jobs);
     std::vector<Normal> of = swings->at(candidate, hertz, radians, middle(candidate.bounds[hertz]));

@@ -94,11 +94,8 @@ std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const 
   const double width = options.line_half_width_resolutions / longest(residuals, periods);
   std::vector<Candidate> result;
   for (const Candidate& candidate : candidates) {
-    const auto& parameters = find_effect_type(candidate.effect.effect)->parameters;
-    const auto found =
-        std::find_if(parameters.begin(), parameters.end(), [](const EffectParameter& p) { return p.unit == "Hz"; });
-    const auto at = static_cast<std::size_t>(found - parameters.begin());
-    if (found == parameters.end() || candidate.bounds[at].minimum >= candidate.bounds[at].maximum) {
+    const std::size_t at = find_effect_type(candidate.effect.effect)->with_unit("Hz");
+    if (at >= candidate.bounds.size() || candidate.bounds[at].minimum >= candidate.bounds[at].maximum) {
       result.push_back(candidate);
       continue;
     }
@@ -106,10 +103,6 @@ std::vector<Candidate> at_lines(const std::vector<Candidate>& candidates, const 
     for (const double line : spectral_lines(residuals, periods, range.minimum, range.maximum, options)) {
       result.push_back(candidate);
       result.back().bounds[at] = {std::max(range.minimum, line - width), std::min(range.maximum, line + width)};
-      // A phase of which the datasheet says nothing may be any.
-      for (std::size_t p = 0; p < parameters.size(); ++p)
-        if (Bounds& phase = result.back().bounds[p]; parameters[p].unit == "rad" && phase.minimum >= phase.maximum)
-          phase = {parameters[p].minimum, parameters[p].maximum};
     }
   }
   return result;

@@ -284,7 +284,7 @@ FittingEffect read_fitting(const YamlValue& entry, const Port& port) {
   }
   if (fitting.bounds.empty()) entry.fail("must bound at least one parameter, as in {width: [0, 1]}");
   for (const EffectParameter& parameter : type->parameters)
-    if (std::isnan(parameter.none) && fitting.bounds.count(parameter.name) == 0)
+    if (std::isnan(not_given(parameter)) && fitting.bounds.count(parameter.name) == 0)
       entry.fail(fmt::format("lacks bounds of '{}', without which the effect is not defined", parameter.name));
   return fitting;
 }

@@ -61,8 +61,10 @@ std::string read_effect(const YamlValue& value, const Datasheet& sheet, Sizes si
   for (std::size_t i = 0; i < type.parameters.size(); ++i) {
     const EffectParameter& parameter = type.parameters[i];
     const double size = spec.parameters[i];
-    const bool none = size == parameter.none || std::isnan(size);
     const auto bounds = fitting->bounds.find(parameter.name);
+    const bool open =
+        std::isfinite(parameter.usual) && bounds == fitting->bounds.end();  // the effect's own limits hold
+    const bool none = size == not_given(parameter) || std::isnan(size) || open;
     if (!none && bounds == fitting->bounds.end())
       value.fail(fmt::format("gives '{}' in '{}', which has no bounds at {}", parameter.name, text, port_name));
     if (!none && sizes == Sizes::as_the_port_says && (size < bounds->second.minimum || size > bounds->second.maximum))

@@ -31,6 +31,10 @@ std::string parameter_names(const EffectType& type) {
 
 }  // namespace
 
+bool is_shape(const EffectParameter& parameter) { return std::isnan(parameter.none); }
+
+double not_given(const EffectParameter& parameter) { return is_shape(parameter) ? parameter.usual : parameter.none; }
+
 void Effect::configure(const std::vector<double>& parameters, const std::vector<double>& none,
                        const PortContext& context) {
   std::copy_n(parameters.begin(), std::min<std::size_t>(parameters.size(), kMaximumEffectParameters), full_.begin());
@@ -71,6 +75,12 @@ int EffectType::parameter_index(const std::string& wanted) const {
   return -1;
 }
 
+std::size_t EffectType::with_unit(const std::string& unit) const {
+  const auto found = std::find_if(parameters.begin(), parameters.end(),
+                                  [&](const EffectParameter& parameter) { return parameter.unit == unit; });
+  return static_cast<std::size_t>(found - parameters.begin());
+}
+
 EffectSpec parse_effect(const std::string& text) {
   EffectSpec spec;
   const auto at = text.find('@');
@@ -86,7 +96,7 @@ EffectSpec parse_effect(const std::string& text) {
         fmt::format("effect '{}': {} does not fit a {} port", text, spec.effect, to_string(port_kind(spec.port))));
 
   std::vector<bool> given(type->parameters.size(), false);
-  for (const auto& p : type->parameters) spec.parameters.push_back(p.none);
+  for (const auto& p : type->parameters) spec.parameters.push_back(not_given(p));
   std::set<std::string> keys;
   std::size_t begin = colon == std::string::npos ? text.size() : colon + 1;
   while (begin < text.size()) {
@@ -123,7 +133,7 @@ EffectSpec parse_effect(const std::string& text) {
     }
   }
   for (std::size_t i = 0; i < given.size(); ++i)
-    if (!given[i] && std::isnan(type->parameters[i].none))
+    if (std::isnan(spec.parameters[i]))
       throw InputError(fmt::format("effect '{}': parameter '{}' [{}] is missing", text, type->parameters[i].name,
                                    type->parameters[i].unit));
   if (std::none_of(given.begin(), given.end(), [](bool b) { return b; }))

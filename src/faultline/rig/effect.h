@@ -6,7 +6,7 @@
 // not given; `to` before `from` is refused).
 // With `swells` it comes and goes that many times between `from` and `to`, as (1 - cos)/2, and is gone before and
 // after. A parameter whose no-effect value is infinite grows as 1/size; one without a no-effect value (a shape) keeps
-// its value.
+// its value. A shape may have a usual value, which it has where none is given.
 #pragma once
 
 #include <array>
@@ -30,7 +30,12 @@ struct EffectParameter {
   double none;       // value at which nothing changes; NaN: a shape parameter, which alone changes nothing
   double minimum;    // what physics allows; a port may narrow it
   double maximum;
+  double usual = std::numeric_limits<double>::quiet_NaN();  // of a shape, where none is given; NaN: it must be given
 };
+
+bool is_shape(const EffectParameter& parameter);
+// No effect; of a shape its usual value.
+double not_given(const EffectParameter& parameter);
 
 // Where an effect works: what it may need to know of its port.
 struct PortContext {
@@ -118,6 +123,8 @@ struct EffectType {
 
   bool fits_kind(PortKind kind) const;
   int parameter_index(const std::string& name) const;  // -1 if there is none
+  // Where the first parameter in that unit stands: a frequency in Hz, a phase in rad. parameters.size(): nowhere.
+  std::size_t with_unit(const std::string& unit) const;
 };
 
 // All effect types, sorted by name. Each effect's file adds its own with FAULTLINE_EFFECT.

@@ -139,12 +139,7 @@ ModelChange in_run(ModelChange change, const SegmentedRun& run) {
   if (run.ahead == 0) return change;
   for (EffectSpec& spec : change.effects) {
     const EffectType* type = find_effect_type(spec.effect);
-    const auto of = [&](const char* unit) {
-      return static_cast<std::size_t>(std::find_if(type->parameters.begin(), type->parameters.end(),
-                                                   [&](const EffectParameter& p) { return p.unit == unit; }) -
-                                      type->parameters.begin());
-    };
-    const std::size_t frequency = of("Hz"), phase = of("rad");
+    const std::size_t frequency = type->with_unit("Hz"), phase = type->with_unit("rad");
     if (frequency >= spec.parameters.size() || phase >= spec.parameters.size()) continue;
     spec.parameters[phase] =
         std::remainder(spec.parameters[phase] + kTwoPi * spec.parameters[frequency] * run.ahead, kTwoPi);

@@ -350,8 +350,8 @@ EffectSpec sized(const Place& place, double share) {
         spec.parameters.push_back(0.5 + 2 * share);  // s; the bounds reach to infinity
         continue;
       }
-      if (fitting.bounds.count(parameter.name) == 0) {  // as a phase, of which a datasheet need say nothing
-        spec.parameters.push_back(parameter.none);
+      if (fitting.bounds.count(parameter.name) == 0) {  // a shape of which a datasheet need say nothing
+        spec.parameters.push_back(not_given(parameter));
         continue;
       }
       const Bounds bounds = fitting.bounds.at(parameter.name);
