@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "faultline/gap/diagnose_gap.h"
+#include "faultline/gap/diagnose_runs.h"
 #include "faultline/gap/effect_worth.h"
 #include "faultline/gap/size_search.h"
 #include "rigs/pump_cylinder/runs.h"
@@ -14,6 +16,7 @@ namespace faultline {
 namespace {
 
 constexpr double kSegment = 0.25;  // s
+constexpr const char* kLeak = "laminar_leakage@flow.chamber_a_chamber_b:coefficient=5e-11";
 
 // Adds to a channel noise that forgets itself in `memory` s.
 void add_noise(const Datasheet& sheet, Recording& recording, const std::string& channel, double size, double memory,
@@ -70,6 +73,29 @@ std::string found(const EffectSearch& search) {
     all += effect.effect + "@" + effect.port + " ";
   }
   return all;
+}
+
+// The leak by an orifice that the first round took for a laminar one, beside a dead band, is left without a flow.
+TEST(DiagnoseGap, TellsNoCauseThatTheOthersDoWithout) {
+  std::vector<SegmentedRun> runs;
+  for (const char* profile : {"multisine", "triangle"}) {
+    SimulationSetup setup = servo_setup(profile, 5);
+    setup.parameters = draw_parameters(servo(), 3);
+    for (const char* effect : {"deadband@restriction.valve:width=0.6", kLeak})
+      setup.effects.push_back(parse_effect(effect));
+    runs.push_back(cut_run(servo(), profile, simulate(servo(), setup, 6), kSegment));
+  }
+  const GapSettings settings = among(servo(), {"restriction.valve", "flow.chamber_a_chamber_b"});
+  const GapResult all = diagnose_runs(servo(), servo(), runs, {}, settings, kSilent);
+  ASSERT_EQ(all.effects.size(), 3u) << all.sentence;
+  EXPECT_EQ(all.effects.front().effect, "orifice_leakage");
+  for (const NamedEffect& effect : all.effects) EXPECT_EQ(effect.least, effect.effect == "orifice_leakage");
+  const GapResult result = diagnose_gap(servo(), runs, {}, settings, kSilent);
+  EXPECT_EQ(result.verdict, "named");
+  ASSERT_EQ(result.effects.size(), 2u) << result.sentence;
+  EXPECT_EQ(result.effects.front().effect, "laminar_leakage");
+  EXPECT_NEAR(result.effects.front().parameters.at("coefficient"), 5e-11, 2e-12);
+  EXPECT_EQ(result.effects.back().effect, "deadband");
 }
 
 TEST(Narrow, FindsTheDeepestOfSeveralValleys) {
@@ -259,6 +285,27 @@ TEST(EffectSearch, ARippleHasAnotherPhaseInEachRun) {
     else
       EXPECT_NEAR(std::remainder(ahead - (other - 0.9), kTwoPi), 0, 0.3);
   }
+}
+
+// A pump stands somewhere when a recording begins, and how many pistons it has nobody says. Its size trades with the
+// oil's modulus.
+TEST(EffectSearch, APumpsRippleHasAnOrderAndAnotherPhaseInEachRun) {
+  std::vector<SegmentedRun> runs;
+  for (const char* phase : {"0.7", "-1.9"}) {
+    const std::string ripple = "displacement_ripple@source.pump2:amplitude=0.06,order=7,phase=" + std::string(phase);
+    const std::string profile = runs.empty() ? "multisine" : "varied_steps";
+    const SimulationSetup setup = cylinder_setup(profile, {ripple}, 21 + runs.size());
+    runs.push_back(cut_run(cylinder(), profile, simulate(cylinder(), setup, 10), kSegment));
+  }
+  const GapSettings settings = among(cylinder(), {"source.pump2", "flow.pump2_a_b"});
+  GapTrials work(cylinder(), std::move(runs), kFolds, {0, 1}, settings, kSilent);
+  const EffectSearch search = search_effects(work, 3, 0.05);
+  ASSERT_EQ(found(search), "displacement_ripple@source.pump2 ");
+  const std::vector<double>& size = search.base.effects.front().effect.parameters;
+  EXPECT_NEAR(size[0], 0.06, 0.025);
+  EXPECT_EQ(size[1], 7);
+  EXPECT_NEAR(size[2], 0.7, 0.35);
+  EXPECT_NEAR(7 * work.model().runs()[1].turned, -2.6, 0.4);
 }
 
 // A free signal is hardly like a ripple, and beside an oil column wins little: while a gap is large the search goes on.

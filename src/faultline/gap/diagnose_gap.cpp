@@ -18,22 +18,60 @@ namespace {
 
 constexpr double kFirstShare = 0.96;  // of the progress, before it is asked since when
 
-// Step 6: causes that are found where the parameters stay nearer to the datasheet; nothing where none are, or none
-// beside those of `before`.
+// Step 6: causes that are found where the parameters stay nearer to the datasheet, which `settings` are told then.
+// Nothing where none are, or such as win little and let no parameters go back. Beside those of `before` it takes one
+// more, or others that let parameters go back or leave much less.
 std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
-                                         const std::vector<SegmentedRun>& holdout, const GapSettings& nearer,
+                                         const std::vector<SegmentedRun>& holdout, GapSettings& settings,
                                          const GapProgress& progress, const GapResult& before,
-                                         const std::vector<std::string>& at_bounds, double bound_tolerances) {
+                                         const std::vector<std::string>& far) {
+  const GapOptions::Nearer& options = settings.options.nearer;
+  GapSettings nearer = settings;
+  nearer.options.linearisation.parameter_bound_tolerances = options.bound_tolerances;
+  // What bent parameters hide shows over segments only: there it is known by what it lets go back.
+  const bool silent = before.verdict == "none" || before.verdict == "miscalibrated";
+  if (before.verdict == "miscalibrated") {
+    nearer.options.search.evidence_fraction = nearer.options.verdict.material_evidence_fraction = -1;
+    nearer.options.verdict.small_gap_shrink_fraction = options.shrink_fraction;
+  }
   GapResult result = diagnose_runs(sheet, sheet, runs, holdout, nearer, progress);
   if (result.verdict != "named") return std::nullopt;
-  const bool beside = before.verdict == "named";
-  if (beside && (result.effects.size() <= before.effects.size() ||
-                 result.gap[2].excess > nearer.options.nearer.left_ratio * before.gap[2].excess))
-    return std::nullopt;
+  const double left = result.gap.back().excess, left_before = before.gap.back().excess;
+  if (!silent && left > options.left_ratio * left_before) return std::nullopt;
+  const GapOptions::Verdict& verdict = settings.options.verdict;
+  const bool go_back =
+      left <= options.left_ratio * left_before &&
+      prior_loss(sheet, before.gap.back()) - prior_loss(sheet, result.gap.back()) > options.relief_log_likelihood;
+  const bool likely =
+      result.evidence.effects > verdict.material_evidence_fraction * result.evidence.perfect &&
+      std::max(result.evidence.shrink, result.evidence.typical_shrink) >= verdict.small_gap_shrink_fraction;
+  const bool more = result.effects.size() > before.effects.size(), better = left < options.better_ratio * left_before;
+  if (!go_back && !(likely && (silent || more || better))) return std::nullopt;
   result.remarks.push_back(
       fmt::format("a refit {} explains {} only with {} {:.2g} tolerances from the datasheet at once",
-                  beside ? "with fewer causes" : "without a cause", beside ? "what it does" : "the runs",
-                  fmt::join(at_bounds, ", "), bound_tolerances));
+                  silent ? "without a cause"
+                  : more ? "with fewer causes"
+                         : "with other causes",
+                  silent ? "the runs" : "what it does", fmt::join(far, ", "),
+                  settings.options.linearisation.parameter_bound_tolerances));
+  settings.options.linearisation.parameter_bound_tolerances = options.bound_tolerances;
+  return result;
+}
+
+// Step 6. The answer without those causes of `before` that have next to no size beside the others, which are then left
+// out of `settings`; nothing where none has, or where that leaves more.
+std::optional<GapResult> diagnose_without(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                          const std::vector<SegmentedRun>& holdout, GapSettings& settings,
+                                          const GapProgress& progress, const GapResult& before) {
+  GapSettings fewer = settings;
+  for (const NamedEffect& effect : before.effects)
+    if (effect.least) fewer.without.push_back(effect.effect + "@" + effect.port);
+  const std::size_t left_out = fewer.without.size() - settings.without.size();
+  if (before.verdict != "named" || left_out == 0 || left_out == before.effects.size()) return std::nullopt;
+  GapResult result = diagnose_runs(sheet, sheet, runs, holdout, fewer, progress);
+  if (result.verdict != "named" || result.gap[2].excess > settings.options.nearer.left_ratio * before.gap[2].excess)
+    return std::nullopt;
+  settings = fewer;
   return result;
 }
 
@@ -111,6 +149,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   }
   GapSettings used = settings;
   GapResult result = diagnose_runs(sheet, sheet, runs, holdout, used, forward);
+  if (std::optional<GapResult> fewer = diagnose_without(sheet, runs, holdout, used, again, result))
+    result = std::move(*fewer);
   // Parameters may have taken the place of a cause, or of another one beside those that are told.
   const GapOptions& options = settings.options;
   const bool silent = result.verdict == "none" || result.verdict == "miscalibrated";
@@ -118,13 +158,8 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
     const std::vector<std::string> far = at_bounds(sheet, result.gap[silent ? 1 : 2], options);
     if (far.size() >= options.nearer.at_bounds) {
       if (forward) forward(kFirstShare, "asking again with parameters nearer to the datasheet");
-      used.options.linearisation.parameter_bound_tolerances = options.nearer.bound_tolerances;
-      std::optional<GapResult> nearer = diagnose_nearer(sheet, runs, holdout, used, again, result, far,
-                                                        options.linearisation.parameter_bound_tolerances);
-      if (nearer)
+      if (std::optional<GapResult> nearer = diagnose_nearer(sheet, runs, holdout, used, again, result, far))
         result = std::move(*nearer);
-      else
-        used = settings;
     }
   }
   const std::optional<RunsAway> away =

@@ -330,10 +330,13 @@ class EffectRounds {
 
   // One round. False: the search has ended.
   bool step() {
-    if (excess_of(search_.score) < quiet_variances_ || !more_to_find(work_.options().search, search_, large()))
-      return false;
+    const double excess = excess_of(search_.score);
+    if (excess < quiet_variances_) return false;
+    // What swings is hardly like a free signal.
+    const bool swings =
+        work_.put_in_step(search_.base) * (1 + excess) > work_.options().verdict.material_shrink_fraction * excess;
+    if (!more_to_find(work_.options().search, search_, large() || swings)) return false;
     const double from = round_ == 0 ? 0.1 : 0.55 + 0.18 * (round_ - 1), width = round_ == 0 ? 0.45 : 0.18;
-    work_.put_in_step(search_.base);
     const Structures screened =
         certain_ && certain_->bias ? finalists_beside_bias() : work_.screen(search_.base, from, from + 0.5 * width);
     if (round_ == 0) search_.screened = screened;

@@ -69,7 +69,7 @@ struct GapOptions {
     double rarity_log_likelihood = 11;  // -ln of the probability that noise makes a line: 1.7e-5 of the grid points
     // Of what phases of each run's own win, from which on one phase is as good (run_phases.h): what is fitted to each
     // run always wins a little more.
-    double one_phase_fraction = 0.8;
+    double one_phase_fraction = 0.95;
   } spectrum;
 
   // screening.h.
@@ -163,8 +163,13 @@ struct GapOptions {
   struct Nearer {
     std::size_t at_bounds = 2;    // parameters of a model: a rig of which so many lie there is rare
     double bound_tolerances = 2;  // of all parameters then
-    double left_ratio =
-        1.1;  // of what is left beside causes, told with one more and without: parameters took its place
+    // Of what is left beside causes, told with one more and without, or with others: parameters took its place.
+    double left_ratio = 1.1;
+    double better_ratio = 0.5;  // ... of others that leave much less, wherever the parameters lie
+    // What tolerances say less against the parameters beside causes that let them go back: odds of 600 to 1 among the
+    // 237 candidates of the largest rig here.
+    double relief_log_likelihood = 12;
+    double shrink_fraction = 0.3;  // that such causes close of the small gap that is left between nearer bounds
   } nearer;
 
   // diagnose_gap.h, step 9.
@@ -396,6 +401,9 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(nearer.at_bounds);
   FAULTLINE_OPTION(nearer.bound_tolerances);
   FAULTLINE_OPTION(nearer.left_ratio);
+  FAULTLINE_OPTION(nearer.better_ratio);
+  FAULTLINE_OPTION(nearer.relief_log_likelihood);
+  FAULTLINE_OPTION(nearer.shrink_fraction);
   FAULTLINE_OPTION(shorter.times);
   FAULTLINE_OPTION(shorter.least_samples);
   FAULTLINE_OPTION(slow_drift.most_joined);

@@ -60,6 +60,7 @@ struct NamedEffect {
   std::map<std::string, Interval> intervals;  // 90 %
   std::vector<std::string> at_bounds;         // parameters whose value is an end of the range that the datasheet allows
   double probability = 0;
+  bool least = false;      // its size is near the least that is tried
   std::string instead_of;  // effect@port among those found, of one that these runs cannot tell from it
 };
 

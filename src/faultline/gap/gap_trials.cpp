@@ -289,13 +289,15 @@ std::vector<Structure> GapTrials::screen_at(const std::string& port, const FitRe
 std::vector<Candidate> GapTrials::tried() const {
   std::vector<double> periods;
   for (std::size_t run : around_.linear->runs()) periods.push_back(model().runs()[run].period);
-  return at_lines(all_, around_.linear->at_model(), periods, options().spectrum);
+  return at_lines(at_orders(all_, orders_), around_.linear->at_model(), periods, options().spectrum);
 }
 
-void GapTrials::put_in_step(const FitResult& standing) {
-  const std::vector<double> ahead = run_phases(model(), standing.model, tried(), jobs());
-  around_.residuals->set_ahead(ahead);
-  part_.residuals->set_ahead(ahead);
+double GapTrials::put_in_step(const FitResult& standing) {
+  orders_ = likeliest_orders(model(), standing.model, all_, jobs());
+  const RunPhases phases = run_phases(model(), standing.model, tried(), jobs());
+  around_.residuals->put_in_step(phases);
+  part_.residuals->put_in_step(phases);
+  return phases.closed;
 }
 
 void GapTrials::shortlist(const FitResult& base, std::vector<Structure>& structures, bool search, double from,

@@ -75,7 +75,8 @@ class GapTrials {
   FitResult stand(const ModelChange& model);
 
   // Puts what swings beside the model that stands in step over the runs (run_phases.h).
-  void put_in_step(const FitResult& standing);
+  // Returns what part of the mean square of residuals it closes.
+  double put_in_step(const FitResult& standing);
 
   // What refit() or stand() just returned, scored fold by fold: the parameters belong to the rig and stay as all
   // learning runs have them, and so do the effects but the last; that one is fitted again on a fold's learning runs
@@ -161,9 +162,10 @@ class GapTrials {
   std::vector<Fold> folds_;
   std::vector<std::size_t> learn_, every_;
   std::vector<Candidate> all_;
-  Surroundings around_;  // of the model that stands
-  Surroundings part_;    // the same over the segments on which causes are sought (part_of_runs.h)
-  bool parted_ = false;  // whether these are not all
+  std::vector<double> orders_;  // likeliest_orders() of these
+  Surroundings around_;         // of the model that stands
+  Surroundings part_;           // the same over the segments on which causes are sought (part_of_runs.h)
+  bool parted_ = false;         // whether these are not all
 };
 
 }  // namespace faultline

@@ -9,6 +9,19 @@
 namespace faultline {
 namespace {
 
+constexpr double kNearLeast = 0.1;   // of the coordinate of a size
+constexpr double kNearNone = 0.005;  // of its range
+
+// Over a logarithmic range the least size that is tried is not nothing.
+bool near_least(const Candidate& candidate, const EffectParameter& parameter, std::size_t p) {
+  const Bounds& b = candidate.bounds[p];
+  const double value = candidate.effect.parameters[p];
+  if (b.minimum >= b.maximum) return true;
+  if (!candidate.logarithmic(p)) return std::abs(value - parameter.none) < kNearNone * (b.maximum - b.minimum);
+  const double place = candidate.to_coordinate(p, value);
+  return std::isinf(parameter.none) ? place > 1 - kNearLeast : place < kNearLeast;
+}
+
 // `apart`: how far fits of single runs lie from each other, in the effect's coordinates.
 // `ninety`: half width of 90 % bounds in standard errors.
 NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::VectorXd& apart, double ninety,
@@ -25,9 +38,11 @@ NamedEffect named(const FitResult& fit, std::size_t position, const Eigen::Vecto
   Eigen::Index at = fit.covariance.rows();
   for (std::size_t e = fit.effects.size(); e-- > position;)
     for (const Bounds& b : fit.effects[e].bounds) at -= b.minimum < b.maximum;
+  result.least = candidate.family != "stuck";
   for (std::size_t p = 0; p < candidate.effect.parameters.size(); ++p) {
     const double value = candidate.effect.parameters[p];
     result.parameters[type->parameters[p].name] = value;
+    if (!is_shape(type->parameters[p])) result.least = result.least && near_least(candidate, type->parameters[p], p);
     if (candidate.bounds[p].minimum >= candidate.bounds[p].maximum) continue;
     const double place = candidate.to_coordinate(p, value);
     if (std::abs(place - 0.5) > 0.5 - options.bound_coordinate) result.at_bounds.push_back(type->parameters[p].name);

@@ -11,6 +11,12 @@
 
 namespace faultline {
 
+// Per run; run_phases.h.
+struct RunPhases {
+  std::vector<double> ahead, turned;
+  double closed = 0;  // of the mean square of residuals, by what swings so
+};
+
 class ResidualModel {
  public:
   ResidualModel(const Datasheet& sheet, std::vector<SegmentedRun> runs, const GapOptions& options = {})
@@ -41,9 +47,9 @@ class ResidualModel {
   double segment_values() const { return static_cast<double>(fewest_rows(runs_) * outputs().size()); }
   const GapOptions& options() const { return options_; }  // of all that works with these residuals
 
-  // SegmentedRun::ahead of each run.
-  void set_ahead(const std::vector<double>& ahead) {
-    for (std::size_t r = 0; r < runs_.size(); ++r) runs_[r].ahead = ahead[r];
+  // SegmentedRun::ahead and turned of each run.
+  void put_in_step(const RunPhases& phases) {
+    for (std::size_t r = 0; r < runs_.size(); ++r) runs_[r].ahead = phases.ahead[r], runs_[r].turned = phases.turned[r];
   }
 
   // Normalised residuals of one run, rows x outputs.

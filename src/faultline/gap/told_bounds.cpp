@@ -24,6 +24,15 @@ std::vector<std::string> at_bounds(const Datasheet& sheet, const std::vector<dou
   return names;
 }
 
+std::vector<double> parameters_of(const Datasheet& sheet, const GapLevel& level) {
+  std::vector<double> parameters = sheet.nominal();
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    const auto factor = level.parameters.find(sheet.parameters[i].name);
+    if (factor != level.parameters.end()) parameters[i] *= factor->second;
+  }
+  return parameters;
+}
+
 struct BeyondRange {
   std::size_t parameter;
   Bounds range;
@@ -48,12 +57,17 @@ std::vector<BeyondRange> sizes_beyond(const Datasheet& sheet, const Candidate& c
 }  // namespace
 
 std::vector<std::string> at_bounds(const Datasheet& sheet, const GapLevel& level, const GapOptions& options) {
-  std::vector<double> parameters = sheet.nominal();
+  return at_bounds(sheet, parameters_of(sheet, level), options);
+}
+
+double prior_loss(const Datasheet& sheet, const GapLevel& level) {
+  const std::vector<double> parameters = parameters_of(sheet, level);
+  double loss = 0;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const auto factor = level.parameters.find(sheet.parameters[i].name);
-    if (factor != level.parameters.end()) parameters[i] *= factor->second;
+    const Parameter& p = sheet.parameters[i];
+    if (p.tolerance > 0) loss += 0.5 * std::pow((parameters[i] / p.nominal - 1) / p.tolerance, 2);
   }
-  return at_bounds(sheet, parameters, options);
+  return loss;
 }
 
 std::string told_at_bounds(const Datasheet& sheet, const ModelChange& model, const GapOptions& options) {

@@ -13,6 +13,8 @@ namespace faultline {
 
 // Parameters of a level that lie as far from the datasheet as they may.
 std::vector<std::string> at_bounds(const Datasheet& sheet, const GapLevel& level, const GapOptions& options);
+// What the datasheet's tolerances say against a level's parameters: minus log likelihood.
+double prior_loss(const Datasheet& sheet, const GapLevel& level);
 // Those of a model in one sentence; empty: none.
 std::string told_at_bounds(const Datasheet& sheet, const ModelChange& model, const GapOptions& options);
 

@@ -92,6 +92,7 @@ void DrivenModel::begin(const Recording& recording, std::size_t row, const doubl
   parts_->take(recording, row, parts_->now);
   parts_->plant.start(Parts::time(recording, row), parts_->now.data(), state, state ? parts_->known() : nullptr,
                       parts_->around(recording, row));
+  if (parts_->hidden.empty()) parts_->plant.integrate_inputs(recording, row);
   parts_->read_held_commands(recording, row);
   parts_->plant.follow(Parts::time(recording, row), parts_->now.data());
   parts_->last = Parts::time(recording, row);

@@ -36,6 +36,12 @@ class Rig : public OdeSystem {
   virtual double drawn(int /*channel*/, double /*time*/, const double* /*state*/, const double* /*channels*/) const {
     return 0;
   }
+  // A state of an effect that is the integral of an input since the recording began, as the angle of a shaft that is
+  // not measured. `state`: its place.
+  struct Integral {
+    std::size_t state, channel;
+  };
+  virtual std::vector<Integral> integrals() const { return {}; }
 };
 
 struct RigType {

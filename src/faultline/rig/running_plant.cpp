@@ -346,6 +346,17 @@ void RunningPlant::move_to(const double* nominal_state, const double* channels, 
   rig_->set_modes(state);
 }
 
+void RunningPlant::integrate_inputs(const Recording& recording, std::size_t row) {
+  for (const Rig::Integral& integral : rig_->integrals()) {
+    double& sum = integrator_->state()[integral.state];
+    sum = 0;
+    for (std::size_t k = 0; k < row; ++k) {
+      const double value = recording.at(k, integral.channel);
+      if (std::isfinite(value)) sum += value * (recording.time[k + 1] - recording.time[k]);
+    }
+  }
+}
+
 void RunningPlant::read_added(const double* channels, double* off) {
   if (added() == 0) return;
   const double* state = integrator_->state();

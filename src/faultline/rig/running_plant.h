@@ -12,6 +12,7 @@
 #include "faultline/rig/effect_chain.h"
 #include "faultline/rig/rig.h"
 #include "faultline/rig/simulation_setup.h"
+#include "faultline/signal/sample.h"
 
 namespace faultline {
 
@@ -37,6 +38,9 @@ class RunningPlant {
   // they are. `running`: whether the states until now are worth anything.
   void restart(double time, const double* channels, const double* nominal_state, const double* hidden,
                const CourseOf& around, bool running);
+
+  // Where the integrals of inputs (Rig::integrals()) are at a row, of what the recording shows of these.
+  void integrate_inputs(const Recording& recording, std::size_t row);
 
   // States that effects added; and what they are off from rest at the rig's states.
   std::size_t added() const { return static_cast<std::size_t>(rig_->states()) - sheet_.states.size(); }

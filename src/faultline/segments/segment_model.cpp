@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include <Eigen/Cholesky>
 
 #include "faultline/numerics/in_parallel.h"
 #include "faultline/rig/effect_chain.h"
+#include "faultline/rig/swing.h"
 #include "faultline/segments/smoothing.h"
 #include "faultline/segments/state_smoother.h"
 
@@ -136,13 +138,13 @@ std::vector<double> starts_of(const SegmentedRun& run) {
 }
 
 ModelChange in_run(ModelChange change, const SegmentedRun& run) {
-  if (run.ahead == 0) return change;
+  if (run.ahead == 0 && run.turned == 0) return change;
   for (EffectSpec& spec : change.effects) {
-    const EffectType* type = find_effect_type(spec.effect);
-    const std::size_t frequency = type->with_unit("Hz"), phase = type->with_unit("rad");
-    if (frequency >= spec.parameters.size() || phase >= spec.parameters.size()) continue;
-    spec.parameters[phase] =
-        std::remainder(spec.parameters[phase] + kTwoPi * spec.parameters[frequency] * run.ahead, kTwoPi);
+    const std::optional<Swing> swing = swing_of(*find_effect_type(spec.effect));
+    if (!swing) continue;
+    const double by = swing->by_angle ? run.turned : run.ahead;
+    double& phase = spec.parameters[swing->phase];
+    phase = std::remainder(phase + swing->rate(spec.parameters[swing->frequency]) * by, kTwoPi);
   }
   return change;
 }

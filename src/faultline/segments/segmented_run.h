@@ -33,9 +33,10 @@ struct SegmentedRun {
   std::vector<std::size_t> restarts;  // first row of each segment
   bool parted = false;                // segments are left out, and what lies between the others is not run
   std::size_t lead = 0;               // segments at the head of each stretch that only fill memories
-  double ahead = 0;                   // s, by which what swings by itself is ahead of where it is in the first run
-  std::vector<double> counted;        // per segment: readings of outputs that count
-  std::string remark;                 // what was left out and why; empty: nothing
+  // What swings by itself is ahead of where it is in the first run: by the time s, by the angle of a shaft rad.
+  double ahead = 0, turned = 0;
+  std::vector<double> counted;                  // per segment: readings of outputs that count
+  std::string remark;                           // what was left out and why; empty: nothing
   std::vector<std::vector<double>> unsmoothed;  // per channel, of inputs that are compared: as measured; else empty
   std::vector<double> input_noise;  // per channel, of a reading of measured inputs; 0: no input, or not smoothed
   // Where each segment starts: starts + start_roots start_shift, the shift beforehand normal with covariance 1

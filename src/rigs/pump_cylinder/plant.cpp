@@ -132,6 +132,11 @@ PumpCylinder::PumpCylinder(const Datasheet& sheet, const std::vector<double>& pa
   moved_.resize(static_cast<std::size_t>(count_));
 }
 
+std::vector<Rig::Integral> PumpCylinder::integrals() const {
+  if (angle_ == 0) return {};
+  return {{static_cast<std::size_t>(angle_), static_cast<std::size_t>(speed2_)}};
+}
+
 void PumpCylinder::start(const double* channels, double* state) {
   const double sum = channels[pressure_sum_], area_ratio = p_.cap_area / p_.rod_area;
   const double a = (sum + p_.mass * p_.gravity / p_.rod_area) / (1 + area_ratio);

@@ -71,6 +71,7 @@ class PumpCylinder : public Rig {
   int states() const override { return count_; }
   void start(const double* channels, double* state) override;
   void start_at(const double* nominal_state, const double* channels, double* state) override;
+  std::vector<Integral> integrals() const override;
   void derivative(double time, const double* state, const double* channels, double* rate) override;
   void after_step(double time, double* state, const double* channels) override;
   void outputs(double time, const double* state, double* channels) const override;
