@@ -77,7 +77,7 @@ std::vector<std::vector<double>> starting_points(const Candidate& candidate, con
     std::vector<double> values;
     if (b.minimum >= b.maximum) {
       values = {b.minimum};
-    } else if (i == type->with_unit("rad")) {  // an angle, all around; no three, of which each third trial would see one
+    } else if (i == type->with_unit("rad")) {  // an angle: four, so that each third trial sees all of them
       for (const double c : {0.125, 0.375, 0.625, 0.875}) values.push_back(candidate.from_coordinate(i, c));
     } else if (std::isfinite(type->parameters[i].usual)) {
       values = {candidate.from_coordinate(i, 0.5)};

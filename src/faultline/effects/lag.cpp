@@ -5,8 +5,8 @@
 // discretised exactly for an input that runs straight from one step h to the next, e = exp(-h/t):
 //   y += (1 - e)(u_before - y) + (1 - (1 - e) t/h)(u - u_before)
 // so that the lag of a signal that moves is the time constant, however short. y starts at the first value (no start-up
-// transient). Continuous in time_constant down to 0, where y = u. Undone as u = y + T y' + s (1 - s) T^2 y'', y'' from the
-// slopes around.
+// transient). Continuous in time_constant down to 0, where y = u. Undone as u = y + T y' + s (1 - s) T^2 y'', y'' from
+// the slopes around.
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-// Effects that swing by themselves, with the time or with the angle of a shaft: no run begins at the phase of another one.
+// Effects that swing by themselves, with the time or with the angle of a shaft: each run begins at a phase of its own.
 #pragma once
 
 #include <cstddef>
