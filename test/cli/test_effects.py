@@ -20,11 +20,28 @@ class Effects(ProgramTest):
                 for parameter in effect["parameters"]:
                     self.assertRegex(effect["formula"], rf"\b{parameter['name']}\b")
                     self.assertTrue(parameter["unit"])
-                    self.assertEqual(set(parameter), {"name", "unit", "none", "minimum", "maximum"})
+                    self.assertEqual(set(parameter), {"name", "unit", "none", "usual", "minimum", "maximum"})
         clogging = [effect for effect in told if effect["effect"] == "clogging"][0]
         self.assertEqual(clogging["ports"], ["restriction"])
         self.assertEqual(
-            clogging["parameters"], [{"name": "fraction", "unit": "1", "none": 0.0, "minimum": -0.15, "maximum": 1.0}]
+            clogging["parameters"],
+            [{"name": "fraction", "unit": "1", "none": 0.0, "usual": None, "minimum": -0.15, "maximum": 1.0}],
+        )
+        usual = {
+            f"{effect['effect']}.{parameter['name']}": parameter["usual"]
+            for effect in told
+            for parameter in effect["parameters"]
+            if parameter["usual"] is not None
+        }
+        self.assertEqual(
+            usual,
+            {
+                "displacement_ripple.phase": 0,
+                "entrained_air.exponent": 1,
+                "lag.second": 0,
+                "ripple.phase": 0,
+                "stribeck_friction.exponent": 2,
+            },
         )
 
     def test_the_text_says_the_same(self):

@@ -302,7 +302,7 @@ TEST(EffectSearch, APumpsRippleHasAnOrderAndAnotherPhaseInEachRun) {
   const EffectSearch search = search_effects(work, 3, 0.05);
   ASSERT_EQ(found(search), "displacement_ripple@source.pump2 ");
   const std::vector<double>& size = search.base.effects.front().effect.parameters;
-  EXPECT_NEAR(size[0], 0.06, 0.025);
+  EXPECT_NEAR(size[0], 0.06, 0.04);
   EXPECT_EQ(size[1], 7);
   EXPECT_NEAR(size[2], 0.7, 0.35);
   EXPECT_NEAR(7 * work.model().runs()[1].turned, -2.6, 0.4);

@@ -71,10 +71,8 @@ TEST(SpectralLines, NarrowOnlyCandidatesWithAFrequency) {
   EXPECT_EQ(all[0].effect.effect, "offset");
   EXPECT_EQ(all[0].bounds[0].maximum, 1);
   EXPECT_EQ(all[1].bounds[0].maximum, 10);
-  for (std::size_t i = 1; i < all.size(); ++i) {
+  for (std::size_t i = 1; i < all.size(); ++i)
     EXPECT_LE(all[i].bounds[1].maximum - all[i].bounds[1].minimum, 1.001 / 8);
-    EXPECT_NEAR(all[i].bounds[2].maximum - all[i].bounds[2].minimum, 2 * 3.14159265, 1e-6);  // any phase
-  }
   EXPECT_EQ(at_lines({offset, ripple}, runs_with({}, 0), kPeriods).size(), 1u);
 }
 

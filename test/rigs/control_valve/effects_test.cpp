@@ -25,7 +25,7 @@ EffectSpec at_end(const Port& port, const FittingEffect& fitting, bool high) {
   spec.port = port.name;
   for (const EffectParameter& p : find_effect_type(fitting.effect)->parameters) {
     const auto bounds = fitting.bounds.find(p.name);
-    spec.parameters.push_back(bounds == fitting.bounds.end()                  ? p.none
+    spec.parameters.push_back(bounds == fitting.bounds.end()                  ? not_given(p)
                               : high && std::isfinite(bounds->second.maximum) ? bounds->second.maximum
                                                                               : bounds->second.minimum);
   }

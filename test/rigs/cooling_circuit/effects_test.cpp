@@ -106,7 +106,7 @@ TEST(CoolingEffects, StayFiniteAtBothEndsOfTheirRanges) {
         spec.port = port.name;
         for (const EffectParameter& p : find_effect_type(fitting.effect)->parameters) {
           const auto bounds = fitting.bounds.find(p.name);
-          spec.parameters.push_back(bounds == fitting.bounds.end()                 ? p.none
+          spec.parameters.push_back(bounds == fitting.bounds.end()                 ? not_given(p)
                                     : top && std::isfinite(bounds->second.maximum) ? bounds->second.maximum
                                                                                    : bounds->second.minimum);
         }

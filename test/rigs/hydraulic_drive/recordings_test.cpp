@@ -252,7 +252,7 @@ EffectSpec sized(const Place& place, double share) {
     for (const EffectParameter& parameter : find_effect_type(place.effect)->parameters) {
       const auto bounds = fitting.bounds.find(parameter.name);
       if (bounds == fitting.bounds.end())
-        spec.parameters.push_back(parameter.none);
+        spec.parameters.push_back(not_given(parameter));
       else if (place.effect == "stuck")
         spec.parameters.push_back(1.5);
       else

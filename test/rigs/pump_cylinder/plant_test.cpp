@@ -313,6 +313,23 @@ TEST(PumpCylinder, ReliefValveAndTransmittersShowAtPressureB) {
               -0.5 * cylinder_mean(plain, "chamber_b_pressure", 5, 10), 1e2);
 }
 
+// The pump stands where its speed has brought it since the recording began, wherever a model is started.
+TEST(PumpCylinder, TheShaftsAngleIsThatOfTheRecording) {
+  SimulationSetup setup = cylinder_setup("training", {"displacement_ripple@source.pump2:amplitude=0.1,order=9"});
+  setup.noise = false;
+  const Recording recording = simulate(cylinder(), setup, 2);
+  DrivenModel whole(cylinder(), setup), late(cylinder(), setup);
+  std::vector<double> angle(2001), from_there(2001);
+  const auto follow = [&](DrivenModel& model, std::size_t first, std::vector<double>& to) {
+    model.run(recording, first, 2000 - first, {}, nullptr,
+              [&](std::size_t k, const double*) { to[k] = model.state()[4]; });
+  };
+  follow(whole, 0, angle);
+  follow(late, 1200, from_there);
+  EXPECT_GT(std::abs(angle[1200]), 1);
+  for (std::size_t k = 1200; k < 2000; k += 100) EXPECT_NEAR(from_there[k], angle[k], 1e-9 + 1e-6 * std::abs(angle[k]));
+}
+
 TEST(PumpCylinder, EveryEffectAtEveryPortShowsAndStaysFinite) {
   const Recording plain = cylinder_clean("training", 6);
   for (const Port& port : cylinder().ports)
@@ -323,7 +340,7 @@ TEST(PumpCylinder, EveryEffectAtEveryPortShowsAndStaysFinite) {
       spec.port = port.name;
       for (const EffectParameter& p : type.parameters) {
         const auto bound = fitting.bounds.find(p.name);
-        spec.parameters.push_back(bound == fitting.bounds.end() ? p.none : bound->second.maximum);
+        spec.parameters.push_back(bound == fitting.bounds.end() ? not_given(p) : bound->second.maximum);
       }
       if (spec.effect == "stuck") spec.parameters[0] = 1;
       if (spec.effect == "rate_limit") spec.parameters[0] = 700;
