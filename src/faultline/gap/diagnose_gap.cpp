@@ -36,12 +36,12 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
   }
   GapResult result = diagnose_runs(sheet, sheet, runs, holdout, nearer, progress);
   if (result.verdict != "named") return std::nullopt;
-  const double left = result.gap.back().excess, left_before = before.gap.back().excess;
+  const GapLevel &was = before.gap[silent ? 1 : 2], &is = result.gap[2];
+  const double left = is.excess, left_before = was.excess;
   if (!silent && left > options.left_ratio * left_before) return std::nullopt;
   const GapOptions::Verdict& verdict = settings.options.verdict;
-  const bool go_back =
-      left <= options.left_ratio * left_before &&
-      prior_loss(sheet, before.gap.back()) - prior_loss(sheet, result.gap.back()) > options.relief_log_likelihood;
+  const bool go_back = left <= options.left_ratio * left_before &&
+                       prior_loss(sheet, was) - prior_loss(sheet, is) > options.relief_log_likelihood;
   const bool likely =
       result.evidence.effects > verdict.material_evidence_fraction * result.evidence.perfect &&
       std::max(result.evidence.shrink, result.evidence.typical_shrink) >= verdict.small_gap_shrink_fraction;
