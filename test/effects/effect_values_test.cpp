@@ -8,6 +8,7 @@
 
 #include "effect_probe.h"
 #include "faultline/rig/effect_chain.h"
+#include "faultline/signal/error.h"
 
 namespace faultline {
 namespace {
@@ -461,6 +462,7 @@ TEST(EffectValues, Compliance) {
   EXPECT_NEAR(1 / hot->bulk_modulus(1e9, 1e6) - 1e-9, 0.01 * std::pow(0.101325, 1 / 1.4) / 1.4e6, 1e-16);
   EXPECT_EQ(to_string(parse_effect("entrained_air@compliance.a:fraction=0.01")),
             "entrained_air@compliance.a:fraction=0.01,exponent=1");
+  EXPECT_THROW(parse_effect("entrained_air@compliance.a:exponent=1.2"), InputError);
   EXPECT_DOUBLE_EQ(effect_of("compliance_factor@compliance.a:factor=0.5")->bulk_modulus(1.4e9, 0), 7e8);
 }
 

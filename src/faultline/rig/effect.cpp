@@ -136,8 +136,9 @@ EffectSpec parse_effect(const std::string& text) {
     if (std::isnan(spec.parameters[i]))
       throw InputError(fmt::format("effect '{}': parameter '{}' [{}] is missing", text, type->parameters[i].name,
                                    type->parameters[i].unit));
-  if (std::none_of(given.begin(), given.end(), [](bool b) { return b; }))
-    throw InputError(fmt::format("effect '{}': give a size: {}", text, parameter_names(*type)));
+  bool sized = false;  // a shape that has a usual value says nothing of the size
+  for (std::size_t i = 0; i < given.size(); ++i) sized |= given[i] && std::isnan(type->parameters[i].usual);
+  if (!sized) throw InputError(fmt::format("effect '{}': give a size: {}", text, parameter_names(*type)));
   if (keys.count("to") == 0) spec.to = spec.from;
   if (spec.to < spec.from)
     throw InputError(fmt::format("effect '{}': to={} is before from={}; give to after from, or leave it out for a step",
