@@ -461,7 +461,7 @@ GapEvidence evidence() {
   e.free_after = 50;
   e.readings = 10000;
   e.size = 0.1;
-  e.excess = 5;
+  e.excess = 3;
   e.calibrated = 1;
   return e;
 }

@@ -74,7 +74,7 @@ TEST(Verdict, AStructureThatLeavesMuchDoesNotFit) {
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "unknown");
   EXPECT_FALSE(judge_gap(evidence, 0.01, options).placed);
   // Both are needed: noise hides much, and transducers that are much better than the model show little things.
-  evidence.excess = 9;
+  evidence.excess = 3.5;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "miscalibrated");
   evidence.excess = 1200;
   evidence.size = 0.04;

@@ -9,6 +9,7 @@
 #include <Eigen/Cholesky>
 
 #include "faultline/segments/linearisation.h"
+#include "rigs/cooling_circuit/runs.h"
 #include "rigs/hydraulic_drive/runs.h"
 #include "rigs/servo_actuator/runs.h"
 
@@ -208,6 +209,32 @@ TEST(SegmentModel, PiecesAreLedIntoWhereTheModelRemembers) {
     return miss;
   };
   EXPECT_LT(misses(SegmentOptions().ahead_segments), 0.001F * misses(0));
+}
+
+// Where no start puts a state back, what a smoother says of it at the beginning of a piece is not what the model itself
+// would have made of it: effects that remember, which are led in, would win by that alone.
+TEST(SegmentModel, PiecesAreLedIntoWhereStatesGoOn) {
+  SimulationSetup setup = cooling_setup("paper");
+  setup.effects = {parse_effect("heat_capacity@heat.t_wall:capacity=1000")};
+  SegmentedRun run = cut_run(cooling(), "run", simulate(cooling(), setup, 30), 0.25);
+  const std::vector<double> noise = noise_of(cooling(), {run});
+  const SegmentModel placed(cooling());
+  placed.place_starts(run, noise, placed.nominal());
+  const SegmentedRun part = some_segments(run, {20, 21, 60, 61, 100, 101});
+  const ModelChange change{cooling().nominal(), {}};
+  const Eigen::MatrixXf all = placed.residuals(change, run, noise);
+  const auto misses = [&](std::size_t ahead) {
+    SegmentOptions options;
+    options.ahead_segments = ahead;
+    const Eigen::MatrixXf own = SegmentModel(cooling(), options).residuals(change, part, noise);
+    float miss = 0;
+    for (const std::size_t restart : part.restarts) {
+      const auto first = static_cast<Eigen::Index>(restart), rows = static_cast<Eigen::Index>(part.segment);
+      miss += (own.middleRows(first, rows) - all.middleRows(first, rows)).squaredNorm();
+    }
+    return miss;
+  };
+  EXPECT_LT(misses(SegmentOptions().ahead_segments), 0.01F * misses(0)) << misses(0) << " " << misses(2);
 }
 
 TEST(SegmentModel, LongStepsAreAsNear) {

@@ -39,7 +39,7 @@ TODAY = {
     "place_log_likelihood": 0.02,
     "material_excess_variances": 1.0,
     "silent_matters_ratio": 5.0,
-    "silent_excess_variances": 10.0,
+    "silent_excess_variances": 4.0,
     "size_spread": 0.25,
 }
 # of 1: their distance from it is drawn

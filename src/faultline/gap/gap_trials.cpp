@@ -293,8 +293,8 @@ std::vector<Candidate> GapTrials::tried() const {
 }
 
 double GapTrials::put_in_step(const FitResult& standing) {
-  orders_ = likeliest_orders(model(), standing.model, all_, jobs());
-  const RunPhases phases = run_phases(model(), standing.model, tried(), jobs());
+  orders_ = likeliest_orders(*part_.residuals, standing.model, all_, jobs());
+  const RunPhases phases = run_phases(*part_.residuals, standing.model, tried(), jobs());
   around_.residuals->put_in_step(phases);
   part_.residuals->put_in_step(phases);
   return phases.closed;
@@ -394,7 +394,7 @@ double GapTrials::begin(Structure& structure) const {
   return follow(structure, part_, base, 1);
 }
 
-void GapTrials::finish(Structure& structure) const {
+double GapTrials::finish(Structure& structure) const {
   const GapOptions::Trials& trials = options().trials;
   const double base = learned_loss(part_);
   double best = follow(structure, Surroundings(structure.around), base, trials.refine_rounds);
@@ -411,7 +411,11 @@ void GapTrials::finish(Structure& structure) const {
     structure = std::move(searched);
     best = other;
   }
-  if (parted_) follow(structure, around_, learned_loss(around_), trials.whole_rounds);
+  return best;
+}
+
+void GapTrials::finish_whole(Structure& structure) const {
+  if (parted_) follow(structure, around_, learned_loss(around_), options().trials.whole_rounds);
   structure.fit.covariance =
       uncertainty(*structure.around.residuals, structure.fit, structure.around.linear->subset(learn_), settings_.jobs);
   cross_score(structure.around, structure, structure.fit.effects.size() - 1);
@@ -460,31 +464,44 @@ std::size_t GapTrials::refine(std::vector<Structure>& structures, double from, d
     if (progress_)
       progress_(from + (to - from) * std::min(1.0, static_cast<double>(now) / steps), "comparing the best");
   };
-  std::vector<double> losses(structures.size());
-  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+  const std::size_t count = structures.size();
+  std::vector<double> losses(count);
+  in_parallel(count, settings_.jobs, [&](std::size_t i) {
     losses[i] = begin(structures[i]);
-    tell_one(2 * static_cast<double>(structures.size()));
+    tell_one(3 * static_cast<double>(count));
   });
   const double base = learned_loss(part_);
-  const auto best = static_cast<std::size_t>(std::min_element(losses.begin(), losses.end()) - losses.begin());
-  const double enough = options().search.kept_gain_fraction * (base - losses[best]);
   std::vector<Structure> behind;
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < structures.size(); ++i) {
-    structures[i].quick = base - losses[i];
-    if (i == best || structures[i].quick >= enough) {
-      if (kept != i) structures[kept] = std::move(structures[i]);
-      ++kept;
-    } else {
-      structures[i].around = {};
-      behind.push_back(std::move(structures[i]));
+  // Leaves out those that win too little against the best.
+  const auto keep = [&](double fraction) {
+    const auto best = static_cast<std::size_t>(std::min_element(losses.begin(), losses.end()) - losses.begin());
+    const double enough = fraction * (base - losses[best]);
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < structures.size(); ++i) {
+      structures[i].quick = base - losses[i];
+      if (i == best || structures[i].quick >= enough) {
+        if (kept != i) structures[kept] = std::move(structures[i]), losses[kept] = losses[i];
+        ++kept;
+      } else {
+        structures[i].around = {};
+        behind.push_back(std::move(structures[i]));
+      }
     }
-  }
-  structures.resize(kept);
-  in_parallel(kept, settings_.jobs, [&](std::size_t i) {
-    finish(structures[i]);
-    tell_one(static_cast<double>(losses.size() + kept));
+    structures.resize(kept);
+    losses.resize(kept);
+  };
+  keep(options().search.kept_gain_fraction);
+  const double steps = static_cast<double>(count + 2 * structures.size());
+  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+    losses[i] = finish(structures[i]);
+    tell_one(steps);
   });
+  if (parted_) keep(options().search.whole_gain_fraction);
+  in_parallel(structures.size(), settings_.jobs, [&](std::size_t i) {
+    finish_whole(structures[i]);
+    tell_one(steps);
+  });
+  const std::size_t kept = structures.size();
   for (Structure& structure : behind) structures.push_back(std::move(structure));
   return kept;
 }

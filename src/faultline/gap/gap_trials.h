@@ -74,7 +74,8 @@ class GapTrials {
   // The model as it is, with start states and linearisation of all runs at it.
   FitResult stand(const ModelChange& model);
 
-  // Puts what swings beside the model that stands in step over the runs (run_phases.h).
+  // Puts what swings beside the model that stands in step over the runs (run_phases.h), by the segments on which causes
+  // are sought.
   // Returns what part of the mean square of residuals it closes.
   double put_in_step(const FitResult& standing);
 
@@ -150,7 +151,9 @@ class GapTrials {
   void take_part(const ModelChange& at);
   // Around sensitivities of its own, once.
   double begin(Structure& structure) const;
-  void finish(Structure& structure) const;
+  // Until nothing is gained on the segments on which causes are sought, and on all. Returns the learned loss there.
+  double finish(Structure& structure) const;
+  void finish_whole(Structure& structure) const;
   // `base`: learned loss of what it is beside, over the same segments.
   double follow(Structure& structure, const Surroundings& from, double base, std::size_t rounds) const;
   // The first `held` effects stay as they are.

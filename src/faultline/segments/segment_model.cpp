@@ -349,7 +349,7 @@ std::vector<Eigen::MatrixXf> SegmentModel::simulate(const std::vector<Variant>& 
       const std::size_t first = static_cast<std::size_t>(restart - restarts.begin()) * shown_by_.size();
       std::vector<std::size_t> own{*restart++};
       while (restart != ends && !(run.parted && *restart > own.back() + run.segment)) own.push_back(*restart++);
-      const std::size_t ahead = run.parted && remembers ? options_.ahead_segments * run.segment : 0;
+      const std::size_t ahead = run.parted && (remembers || goes_on) ? options_.ahead_segments * run.segment : 0;
       run_on(own, first, run.parted ? std::min(stretch.last, own.back() + run.segment) : stretch.last,
              std::min(ahead, own.front() - stretch.first));
     }

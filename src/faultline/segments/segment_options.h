@@ -53,8 +53,8 @@ struct SegmentOptions {
   double period_error_fraction = 0.45;
   // Readings of a segment that count, as a fraction of all: fewer are not taken to speak for all of them.
   double least_counted_fraction = 0.25;
-  // Run ahead of each piece of a recording of which only pieces are run, where the model has memories to fill: a play
-  // is used up when the motion has turned once or twice.
+  // Run ahead of each piece of a recording of which only pieces are run, where the model has memories to fill (a play
+  // is used up when the motion has turned once or twice) or states that no start puts back, which go on.
   std::size_t ahead_segments = 2;
   // Whether the model takes long steps where its motion is even: for answers that are asked for many times over. Not
   // where small differences between models are weighed over long recordings.
