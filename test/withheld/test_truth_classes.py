@@ -233,7 +233,7 @@ class Tables(unittest.TestCase):
 
     def test_thresholds_are_judged_on_what_was_left_out(self):
         evidence = {"found": True, "plain": True, "shrink": 0.9, "perfect": 100.0, "effects": 80.0, "free_before": 70.0,
-                    "free_after": 10.0, "readings": 10.0, "size": 0.1, "matters": 0.01, "excess": 5.0,
+                    "free_after": 10.0, "readings": 10.0, "size": 0.1, "matters": 0.01, "excess": 3.0,
                     "calibrated": 0.0, "left": 1.0, "quiet": 0.05}
         judged = lambda **changed: leave_out.judged({**evidence, **changed}, leave_out.TODAY)
         self.assertEqual(judged(), "named")
