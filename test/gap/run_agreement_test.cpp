@@ -34,7 +34,7 @@ std::string said_of(const std::vector<double>& frictions, const char* effect = n
     for (std::size_t r = 0; r < runs.size(); ++r) residuals.settle_starts(at.model, r);
   }
   const Linearisation linear(residuals, at.model, {0, 1}, 1);
-  return disagreement(residuals, linear, at);
+  return disagreement(residuals, linear, at, 1);
 }
 
 TEST(RunAgreement, NamesTheParameterInWhichTwoRunsDiffer) {

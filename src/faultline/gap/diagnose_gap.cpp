@@ -34,7 +34,7 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
     nearer.options.search.evidence_fraction = nearer.options.verdict.material_evidence_fraction = -1;
     nearer.options.verdict.small_gap_shrink_fraction = options.shrink_fraction;
   }
-  GapResult result = diagnose_runs(sheet, sheet, runs, holdout, nearer, progress);
+  GapResult result = diagnose_runs(sheet, sheet, runs, holdout, nearer, progress, Wanted::name);
   if (result.verdict != "named") return std::nullopt;
   const GapLevel &was = before.gap[silent ? 1 : 2], &is = result.gap[2];
   const double left = is.excess, left_before = was.excess;
@@ -68,7 +68,7 @@ std::optional<GapResult> diagnose_without(const Datasheet& sheet, const std::vec
     if (effect.least) fewer.without.push_back(effect.effect + "@" + effect.port);
   const std::size_t left_out = fewer.without.size() - settings.without.size();
   if (before.verdict != "named" || left_out == 0 || left_out == before.effects.size()) return std::nullopt;
-  GapResult result = diagnose_runs(sheet, sheet, runs, holdout, fewer, progress);
+  GapResult result = diagnose_runs(sheet, sheet, runs, holdout, fewer, progress, Wanted::name);
   if (result.verdict != "named" || result.gap[2].excess > settings.options.nearer.left_ratio * before.gap[2].excess)
     return std::nullopt;
   settings = fewer;
@@ -90,7 +90,7 @@ std::optional<GapResult> diagnose_shorter(const Datasheet& sheet, const std::vec
   };
   const std::vector<SegmentedRun> learned = cut(runs);
   const double length = static_cast<double>(learned.front().segment) * learned.front().period;
-  GapResult result = diagnose_runs(sheet, sheet, learned, cut(holdout), settings, progress);
+  GapResult result = diagnose_runs(sheet, sheet, learned, cut(holdout), settings, progress, Wanted::name);
   if (result.verdict != "named") return std::nullopt;
   if (!before.effects.empty()) {
     const NamedEffect &first = result.effects.front(), &part = before.effects.front();
@@ -116,7 +116,7 @@ std::optional<GapResult> diagnose_drift(const Datasheet& sheet, const RunsAway& 
       options.evidence_fraction;
   settings.options.search.least_free_fraction = 0;  // what adds up is no signal that forgets
   if (progress) progress(0, "holding " + found.channel + " against its rate");
-  GapResult result = diagnose_runs(sheet, sheet, found.runs, found.holdout, settings, progress);
+  GapResult result = diagnose_runs(sheet, sheet, found.runs, found.holdout, settings, progress, Wanted::name);
   if (result.verdict != "named" || result.effects.front().effect != "drift") return std::nullopt;
   const double off = std::abs(result.effects.front().parameters.at("rate") - found.apart.rate);
   if (off > std::max(options.agreement_fraction * std::abs(found.apart.rate),

@@ -62,7 +62,8 @@ void remark_noise(const Datasheet& sheet, GapResult& result) {
 }  // namespace
 
 GapResult diagnose_runs(const Datasheet& sheet, const Datasheet& stated, std::vector<SegmentedRun> runs,
-                        std::vector<SegmentedRun> holdout, const GapSettings& settings, const GapProgress& progress) {
+                        std::vector<SegmentedRun> holdout, const GapSettings& settings, const GapProgress& progress,
+                        Wanted wanted) {
   const GapOptions& options = settings.options;
   const GapOptions::Verdict& verdict = options.verdict;
   GapResult result;
@@ -87,7 +88,6 @@ GapResult diagnose_runs(const Datasheet& sheet, const Datasheet& stated, std::ve
         work.learned_segments(), work.segment_s()));
   work.tell(0.02, "refitting parameters");
   const EffectSearch search = search_effects(work, settings.most_effects, quiet);
-  std::string disagree = work.runs_disagree(search.base);
   for (const FreePlace& noise : search.noise)
     result.remarks.push_back(fmt::format("{}: its noise has a memory of {:.2g} s; what depends on nothing is no cause",
                                          sheet.port(noise.port).channel, noise.memory));
@@ -151,6 +151,8 @@ GapResult diagnose_runs(const Datasheet& sheet, const Datasheet& stated, std::ve
                       effect.effect, effect.port, sizes[e].least, sizes[e].most));
   result.verdict = answer.verdict;
   result.unknown_probability = 1 / (1 + std::exp(-verdict.doubt_steepness * (answer.doubt - 1)));
+  if (wanted == Wanted::name && result.verdict == "unknown") return result;
+  std::string disagree = work.runs_disagree(search.base);
   // What runs disagree in may keep a cause from being found that all of them have.
   if (disagree.empty() && result.verdict == "unknown" && !found && !search.ranked.empty()) {
     const GapTrials::Standing standing = work.standing();

@@ -5,9 +5,13 @@
 
 namespace faultline {
 
+// Of what is asked again in another way only a name counts: an "unknown" says nothing more then.
+enum class Wanted { answer, name };
+
 // `sheet`: the rig that is asked about. `stated`: what the user's datasheet says of its parameters, where the rig was
 // calibrated since. Throws InputError.
 GapResult diagnose_runs(const Datasheet& sheet, const Datasheet& stated, std::vector<SegmentedRun> runs,
-                        std::vector<SegmentedRun> holdout, const GapSettings& settings, const GapProgress& progress);
+                        std::vector<SegmentedRun> holdout, const GapSettings& settings, const GapProgress& progress,
+                        Wanted wanted = Wanted::answer);
 
 }  // namespace faultline

@@ -80,7 +80,8 @@ std::optional<GapResult> diagnose_since(const Datasheet& sheet, const std::vecto
   GapSettings asked = settings;
   // What began then is more than what it closes; the parameters, which hardly move, leave a gap of their own.
   if (!between) asked.options.verdict.named_shrink_fraction = 0;
-  GapResult result = diagnose_runs(rig, sheet, std::move(rest), std::move(rest_held_out), asked, progress);
+  GapResult result =
+      diagnose_runs(rig, sheet, std::move(rest), std::move(rest_held_out), asked, progress, Wanted::name);
   if (result.verdict != "named") return std::nullopt;
   if (search.contradicted(*onset, specs_of(result.effects)) < settings.options.onset.contradicted_fraction)
     return std::nullopt;

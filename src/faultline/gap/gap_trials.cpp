@@ -265,7 +265,7 @@ FitResult GapTrials::stand(const ModelChange& model) {
 }
 
 std::string GapTrials::runs_disagree(const FitResult& fit) const {
-  return disagreement(model(), around_.linear->subset(learn_), fit);
+  return disagreement(model(), around_.linear->subset(learn_), fit, settings_.jobs);
 }
 
 std::vector<SizeAgreement> GapTrials::sizes_agree(const FitResult& fit) const {

@@ -9,6 +9,7 @@
 
 #include "faultline/attribution/screening.h"
 #include "faultline/gap/gap_trials.h"
+#include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
 namespace {
@@ -67,17 +68,19 @@ OwnParameters fitted_alone(const ResidualModel& residuals, std::size_t run, cons
 
 }  // namespace
 
-std::string disagreement(const ResidualModel& residuals, const Linearisation& linear, const FitResult& at) {
+std::string disagreement(const ResidualModel& residuals, const Linearisation& linear, const FitResult& at, int jobs) {
   const GapOptions::Agreement& options = residuals.options().agreement;
-  std::vector<OwnParameters> runs;
-  double gain = 0, loss = 0;
-  for (std::size_t r = 0; r < linear.runs().size(); ++r) {
-    runs.push_back(fitted_alone(residuals, linear.runs()[r], at));
-    gain += runs.back().gain;
-    loss += runs.back().loss;
-  }
   const double values = linear.segment_values() * static_cast<double>(linear.weights().size());
-  if (gain < options.gain_fraction * loss || gain < options.least_excess_variances * 0.5 * values) return "";
+  const double least_gain = options.least_excess_variances * 0.5 * values;
+  if (loss_of(linear) < least_gain) return "";  // what is left beyond the noise is less
+  std::vector<OwnParameters> runs(linear.runs().size());
+  in_parallel(runs.size(), jobs, [&](std::size_t r) { runs[r] = fitted_alone(residuals, linear.runs()[r], at); });
+  double gain = 0, loss = 0;
+  for (const OwnParameters& run : runs) {
+    gain += run.gain;
+    loss += run.loss;
+  }
+  if (gain < options.gain_fraction * loss || gain < least_gain) return "";
   double farthest = options.apart_standard_errors;
   std::string text;
   for (std::size_t a = 0; a < runs.size(); ++a)

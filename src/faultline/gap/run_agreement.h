@@ -11,6 +11,6 @@ namespace faultline {
 
 // One sentence that names the parameter whose values lie farthest apart, in standard errors, and the two runs; empty
 // where the runs agree. `linear`: of the runs to compare, at the model of `at`, whose effects stay as they are.
-std::string disagreement(const ResidualModel& residuals, const Linearisation& linear, const FitResult& at);
+std::string disagreement(const ResidualModel& residuals, const Linearisation& linear, const FitResult& at, int jobs);
 
 }  // namespace faultline

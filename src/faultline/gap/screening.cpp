@@ -5,7 +5,6 @@
 
 #include "faultline/attribution/fault_hypothesis.h"
 #include "faultline/attribution/screening.h"
-#include "faultline/gap/discrepancy.h"
 #include "faultline/numerics/in_parallel.h"
 
 namespace faultline {
@@ -27,23 +26,19 @@ bool has(const std::vector<Candidate>& effects, const Candidate& candidate) {
                      [&](const Candidate& known) { return same_effect(known, candidate); });
 }
 
-// Where no state is put back to what a sensor shows, an effect there moves nothing: all of them are tried beside one
-// run of the base. Of the first trials; returns which were judged.
+// The first trials, many beside one run of the base (SegmentModel::residuals); what cannot go beside it runs alone.
 template <class Judge>
-std::vector<char> try_sensors(const ResidualModel& residuals, const std::vector<std::size_t>& runs,
-                              const std::vector<Candidate>& candidates, const std::vector<Trial>& trials,
-                              const std::vector<std::vector<double>>& values, const FitResult& base, int jobs,
-                              Judge&& judge) {
-  std::vector<char> judged(trials.size(), 0);
-  if (residuals.model().directions() > 0) return judged;
-  std::vector<std::size_t> at_sensors;
+void try_first(const ResidualModel& residuals, const std::vector<std::size_t>& runs,
+               const std::vector<Candidate>& candidates, const std::vector<Trial>& trials,
+               const std::vector<std::vector<double>>& values, const FitResult& base, int jobs, Judge&& judge) {
+  std::vector<std::size_t> firsts;
   for (std::size_t i = 0; i < trials.size(); ++i)
-    if (trials[i].first && output_of(residuals, candidates[trials[i].hypothesis].effect.port)) at_sensors.push_back(i);
-  in_parallel((at_sensors.size() + kTogether - 1) / kTogether, jobs, [&](std::size_t batch) {
-    const std::size_t first = batch * kTogether, count = std::min(kTogether, at_sensors.size() - first);
+    if (trials[i].first) firsts.push_back(i);
+  in_parallel((firsts.size() + kTogether - 1) / kTogether, jobs, [&](std::size_t batch) {
+    const std::size_t first = batch * kTogether, count = std::min(kTogether, firsts.size() - first);
     std::vector<ModelChange> tried;
     for (std::size_t k = first; k < first + count; ++k)
-      tried.push_back(beside(base, candidates[trials[at_sensors[k]].hypothesis], values[at_sensors[k]]).model);
+      tried.push_back(beside(base, candidates[trials[firsts[k]].hypothesis], values[firsts[k]]).model);
     std::vector<std::vector<Eigen::MatrixXf>> full(count);
     for (const std::size_t r : runs) {
       const SegmentedRun& run = residuals.runs()[r];
@@ -52,12 +47,8 @@ std::vector<char> try_sensors(const ResidualModel& residuals, const std::vector<
       std::vector<Eigen::MatrixXf> found = residuals.model().residuals(variants, run, residuals.noise(), 1);
       for (std::size_t k = 0; k < count; ++k) full[k].push_back(std::move(found[1 + k]));
     }
-    for (std::size_t k = 0; k < count; ++k) {
-      judge(at_sensors[first + k], full[k]);
-      judged[at_sensors[first + k]] = 1;
-    }
+    for (std::size_t k = 0; k < count; ++k) judge(firsts[first + k], full[k]);
   });
-  return judged;
 }
 
 }  // namespace
@@ -90,9 +81,9 @@ std::vector<Structure> screen_candidates(const ResidualModel& residuals, const L
     if (small.loss < found[i].loss) found[i] = std::move(small);
     if (progress) progress(static_cast<double>(++done) / static_cast<double>(trials.size()));
   };
-  const std::vector<char> judged = try_sensors(residuals, linear.runs(), candidates, trials, values, base, jobs, judge);
+  try_first(residuals, linear.runs(), candidates, trials, values, base, jobs, judge);
   const auto loss = [&](std::size_t i, double) {
-    if (!judged[i])
+    if (!trials[i].first)
       judge(i, residuals_of(residuals, beside(base, candidates[trials[i].hypothesis], values[i]).model, linear.runs()));
     return found[i].loss;
   };

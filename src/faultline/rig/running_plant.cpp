@@ -152,6 +152,9 @@ void RunningPlant::start(double time, const double* channels, const double* nomi
   std::fill_n(integrator_->state(), rig_->states(), 0.0);
   try {
     rig_->start(true_.data(), integrator_->state());
+    if (use_ == Use::model)
+      rig_->start_as_shown([&](int channel) { return shown_at_start(channel, time, channels, around); },
+                           integrator_->state());
   } catch (const InputError&) {
     // A model that is tried need not have a state of rest: where states are measured it begins from those, and from
     // where the others came to.
@@ -167,6 +170,13 @@ void RunningPlant::start(double time, const double* channels, const double* nomi
     sensor.before = shown_[sensor.channel];
     shown_[sensor.channel] = std::isnan(resumed) ? sensor.chain->signal(sensor.before, time) : resumed;
   }
+}
+
+double RunningPlant::shown_at_start(int channel, double time, const double* channels, const CourseOf& around) const {
+  const auto c = static_cast<std::size_t>(channel);
+  const Course course = [&](double later) { return around ? around(c, later) : Shown{channels[c]}; };
+  const auto at = std::find_if(sensors_.begin(), sensors_.end(), [c](const Sensor& s) { return s.channel == c; });
+  return at == sensors_.end() ? course(0).value : at->chain->undo(course, time).value;
 }
 
 void RunningPlant::remember(std::size_t command, double value, double time) {

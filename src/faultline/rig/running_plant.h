@@ -87,6 +87,8 @@ class RunningPlant {
 
  private:
   double within_reading(std::size_t state, const double* channels) const;  // of one that goes on
+  // Rig::start_as_shown()
+  double shown_at_start(int channel, double time, const double* channels, const CourseOf& around) const;
   // What effects add to the state keeps its distance to rest: a load stays at the flank of the play on which it was.
   void move_to(const double* nominal_state, const double* channels, const double* added);
 

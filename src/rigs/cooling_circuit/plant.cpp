@@ -53,6 +53,7 @@ struct Values {
 std::pair<double, double> root(double x) { return signed_root_and_slope(x, kTransition); }
 
 const QuickPower tube_power(-kTubeBend);
+const QuickPower to_tube_flow(kTubePower), from_tube_flow(1 / kTubePower);  // 0 of 0
 
 }  // namespace
 
@@ -139,8 +140,8 @@ CoolingCircuit::Flow CoolingCircuit::tube(const Branch& branch, double drop, dou
   // Effects act on c sqrt(x), scaled such that it is the flow q_r where the flow is q_r.
   const auto changed = [&](double x) {
     const double q_r = branch.reference_flow, q = plain(x).value;
-    const double opening = branch.tube_port->opening(q_r * std::pow(std::abs(q) / q_r, 1 / kTubePower));
-    return std::copysign(q_r * std::pow(std::max(opening, 0.0) / q_r, kTubePower), q);
+    const double opening = branch.tube_port->opening(q_r * from_tube_flow(std::abs(q) / q_r));
+    return std::copysign(q_r * to_tube_flow(std::max(opening, 0.0) / q_r), q);
   };
   const double step = std::max(kSmallDrop, 1e-5 * std::abs(drop));
   return {changed(drop), (changed(drop + step) - changed(drop - step)) / (2 * step)};
@@ -358,17 +359,16 @@ void CoolingCircuit::start(const double* channels, double* state) {
   // Water that stands has no temperature of rest of its own, and none at all where it is heated: it is as it came. The
   // pressures are then those without heat, since water of a million kelvins would have set them.
   const std::vector<double> heated(state, state + count_);
-  std::vector<bool> stands;
-  for (const Branch& branch : branches_) stands.push_back(state[kValve] <= 0 || moves(branch.state + 3));
+  for (Branch& branch : branches_) branch.stands = state[kValve] <= 0 || moves(branch.state + 3);
   if (!moving.empty()) {
     std::vector<double> unheated(channels, channels + channels_);
     unheated[static_cast<std::size_t>(heat_command_)] = 0;
     moving = come_to_rest(unheated.data(), state);
     state[kFiring] = std::max(channels[heat_command_], 0.0);
   }
-  for (std::size_t b = 0; b < branches_.size(); ++b)
-    for (const int s : {branches_[b].state + 2, branches_[b].state + 3})
-      state[s] = stands[b] ? water_temperature_ : heated[static_cast<std::size_t>(s)];
+  for (const Branch& branch : branches_)
+    for (const int s : {branch.state + 2, branch.state + 3})
+      state[s] = branch.stands ? water_temperature_ : heated[static_cast<std::size_t>(s)];
   if (!moving.empty())
     throw InputError(fmt::format(
         "cooling_circuit: no state of rest to start from: {} does not settle at a supply of {:g} Pa with the valve at "
@@ -376,6 +376,15 @@ void CoolingCircuit::start(const double* channels, double* state) {
         "both, the parameters and the effects",
         state_names_[static_cast<std::size_t>(moving.front())], channels[supply_], channels[valve_command_]));
   start_at(state, channels, state);
+}
+
+void CoolingCircuit::start_as_shown(const std::function<double(int channel)>& shown, double* state) {
+  for (const Branch& branch : branches_) {
+    if (!branch.stands) continue;
+    const int channels[2] = {branch.inlet_temperature, branch.outlet_temperature};
+    for (int i = 0; i < 2; ++i)
+      if (const double value = shown(channels[i]); std::isfinite(value)) state[branch.state + 2 + i] = value;
+  }
 }
 
 void CoolingCircuit::start_at(const double* nominal_state, const double* channels, double* state) {

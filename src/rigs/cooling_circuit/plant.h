@@ -29,6 +29,7 @@ class CoolingCircuit : public Rig {
   // At rest for these commands and this supply; with the valve shut all pressures are P_d. Water that stands is at T_w.
   // InputError where there is no such state.
   void start(const double* channels, double* state) override;
+  void start_as_shown(const std::function<double(int channel)>& shown, double* state) override;
   void start_at(const double* nominal_state, const double* channels, double* state) override;
   void derivative(double time, const double* state, const double* channels, double* rate) override;
   void outputs(double time, const double* state, double* channels) const override;
@@ -51,6 +52,7 @@ class CoolingCircuit : public Rig {
     int line = -1;  // state of the pressure over the tube, if its line has inertia
     int inlet, outlet, meter, inlet_temperature, outlet_temperature;  // channels
     int state;                                                        // first of P_1, P_2, T_1, T_2
+    bool stands = false;                                              // at the start
   };
   struct Header {                       // what the branches share
     double compliance = 0;              // V_m/a^2, kg/Pa

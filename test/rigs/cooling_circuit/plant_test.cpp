@@ -290,6 +290,31 @@ TEST(CoolingCircuit, HalfTheSubstepChangesLittle) {
     }
 }
 
+// Water that stands is as warm as the thermocouples show it, whatever is wrong with these, and not as it once came.
+TEST(CoolingCircuit, WaterThatStandsStartsAsWarmAsARecordingShowsIt) {
+  Recording r = simulate(cooling(), cooling_setup("paper"), 0.2);
+  const std::size_t outlet = cooling_column("v1_outlet_temperature"), other = cooling_column("v2_outlet_temperature");
+  for (std::size_t k = 0; k < r.rows(); ++k) r.values[k * r.columns() + outlet] = 297;
+  for (const char* effect : {"", "offset@sensor.v1_outlet_temperature:value=3"}) {
+    SimulationSetup setup = cooling_setup("paper");
+    if (*effect) setup.effects.push_back(parse_effect(effect));
+    DrivenModel model(cooling(), setup);
+    model.run(r, 0, r.rows(), {}, nullptr, [&](std::size_t k, const double* shown) {
+      EXPECT_NEAR(shown[outlet], 297, 1e-6) << k << " " << effect;
+      EXPECT_NEAR(shown[other], r.at(0, other), 1e-6) << k;
+    });
+  }
+  // Once it flows the start is forgotten.
+  SimulationSetup setup = cooling_setup("paper");
+  Recording flowing = simulate(cooling(), setup, 8);
+  const std::vector<double> plain = flowing.values;
+  flowing.values[outlet] = 297;
+  DrivenModel model(cooling(), setup);
+  model.run(flowing, 0, flowing.rows(), {}, nullptr, [&](std::size_t k, const double* shown) {
+    if (k + 1000 > flowing.rows()) EXPECT_NEAR(shown[outlet], plain[k * flowing.columns() + outlet], 0.01) << k;
+  });
+}
+
 // Heat that flows though nothing moves: the water's temperature never settles. Models that are tried may be such, and
 // begin from what is measured.
 TEST(CoolingCircuit, AModelWithoutAStateOfRestBeginsFromMeasuredStates) {
