@@ -67,7 +67,9 @@ def judged(evidence, options):
         beside = max(beside, 2.0 if e["output_shrink"] < o["named_output_shrink_fraction"] else 0.0)
     beyond_free = e["plain"] and foremost and all_of_both > o["hidden_shrink_fraction"]
     closed = (e["left"] < e["quiet"] and e["shrink"] > o["closed_shrink_fraction"]) or (
-        not e["plain"] and e["shrink"] > o["nearly_closed_fraction"]
+        not e["plain"]
+        and e["shrink"]
+        > o["closed_shrink_fraction" if e["left"] < o["material_excess_variances"] else "nearly_closed_fraction"]
     )
     names = (
         e["found"]

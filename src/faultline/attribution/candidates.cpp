@@ -67,6 +67,7 @@ std::vector<Candidate> with_open_shapes(std::vector<Candidate> all) {
 }
 
 std::vector<std::vector<double>> starting_points(const Candidate& candidate, const CandidateOptions& options) {
+  if (!candidate.starts.empty()) return candidate.starts;
   // Sizes over the range on both sides of no effect; a second parameter is a shape and gets three values, but one where
   // it has a usual value that is no angle.
   const EffectType* type = find_effect_type(candidate.effect.effect);

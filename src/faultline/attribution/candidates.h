@@ -30,8 +30,9 @@ struct CandidateOptions {
 struct Candidate {
   EffectSpec effect;  // parameters filled while fitting
   std::string family;
-  std::vector<Bounds> bounds;  // per parameter of the type
-  bool widened = false;        // beyond what the datasheet says
+  std::vector<Bounds> bounds;               // per parameter of the type
+  bool widened = false;                     // beyond what the datasheet says
+  std::vector<std::vector<double>> starts;  // values to begin from, where those are known; else over the bounds
   double logarithmic_ratio = CandidateOptions().logarithmic_ratio;
   bool logarithmic(std::size_t parameter) const;
   double to_coordinate(std::size_t parameter, double value) const;  // 0..1 over the bounds
@@ -49,7 +50,7 @@ std::vector<Candidate> candidates(const Datasheet& sheet, const std::vector<std:
 // The same with shapes that have a usual value, and no range in the datasheet, over all that physics allows.
 std::vector<Candidate> with_open_shapes(std::vector<Candidate> all);
 
-// Starting points over a candidate's range: few for the size, few for a shape.
+// Candidate::starts, or starting points over the range: few for the size, few for a shape.
 std::vector<std::vector<double>> starting_points(const Candidate& candidate, const CandidateOptions& options = {});
 
 }  // namespace faultline

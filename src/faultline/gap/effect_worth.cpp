@@ -123,7 +123,9 @@ bool pays(const GapTrials& work, const EffectSearch& certain, const EffectSearch
   // its fit did not see.
   const bool large = mean_excess(now.losses, work.held_out_values()) > verdict.material_excess_variances;
   if (hidden && (large || !first) && left < quiet_variances && share > verdict.closed_shrink_fraction) return true;
-  if (hidden && large && first && share > verdict.nearly_closed_fraction) return true;
+  const double nearly =
+      left < verdict.material_excess_variances ? verdict.closed_shrink_fraction : verdict.nearly_closed_fraction;
+  if (hidden && large && first && share > nearly) return true;
   const double won = certain.after.loss - loss, before = certain.before.loss - certain.after.loss;
   // Where readings differ from the model's in ways that no place explains - noise with far outliers, a clock that
   // jitters - a perfect model is no measure: half of a large gap is closed by what is likelier than a free signal

@@ -275,7 +275,7 @@ std::vector<SizeAgreement> GapTrials::sizes_agree(const FitResult& fit) const {
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   std::function<void(double)> progress;
   if (progress_) progress = [&](double done) { progress_(from + (to - from) * done, "trying effects"); };
-  return screen_candidates(*part_.residuals, *part_.linear, tried(), base, settings_.jobs, progress);
+  return screen_candidates(*part_.residuals, *part_.linear, tried_, base, settings_.jobs, progress);
 }
 
 std::vector<Structure> GapTrials::screen_at(const std::string& port, const FitResult& base) const {
@@ -294,7 +294,8 @@ std::vector<Candidate> GapTrials::tried() const {
 
 double GapTrials::put_in_step(const FitResult& standing) {
   orders_ = likeliest_orders(*part_.residuals, standing.model, all_, jobs());
-  const RunPhases phases = run_phases(*part_.residuals, standing.model, tried(), jobs());
+  tried_ = tried();
+  const RunPhases phases = run_phases(*part_.residuals, standing.model, tried_, jobs());
   around_.residuals->put_in_step(phases);
   part_.residuals->put_in_step(phases);
   return phases.closed;

@@ -90,12 +90,12 @@ class GapTrials {
   // size_agreement() over all runs, at what refit() or stand() just returned.
   std::vector<SizeAgreement> sizes_agree(const FitResult& fit) const;
 
-  // Every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best
+  // After put_in_step(): every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best
   // starting point or wherever on the way to it from no effect it should be better.
   std::vector<Structure> screen(const FitResult& base, double from, double to) const;
   // The same at one port alone.
   std::vector<Structure> screen_at(const std::string& port, const FitResult& base) const;
-  // All that are tried: at_lines() of what stands.
+  // All that may be tried: at_lines() of what stands.
   std::vector<Candidate> tried() const;
 
   // Fits each with the linearisation as it stands, and sorts them, best first. With `search`, sizes are searched
@@ -165,10 +165,11 @@ class GapTrials {
   std::vector<Fold> folds_;
   std::vector<std::size_t> learn_, every_;
   std::vector<Candidate> all_;
-  std::vector<double> orders_;  // likeliest_orders() of these
-  Surroundings around_;         // of the model that stands
-  Surroundings part_;           // the same over the segments on which causes are sought (part_of_runs.h)
-  bool parted_ = false;         // whether these are not all
+  std::vector<double> orders_;    // likeliest_orders() of these
+  std::vector<Candidate> tried_;  // of these, by put_in_step()
+  Surroundings around_;           // of the model that stands
+  Surroundings part_;             // the same over the segments on which causes are sought (part_of_runs.h)
+  bool parted_ = false;           // whether these are not all
 };
 
 }  // namespace faultline

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 #include "faultline/numerics/in_parallel.h"
 #include "faultline/rig/swing.h"
@@ -16,6 +17,12 @@ namespace {
 constexpr double kTwoPi = 6.283185307179586;
 constexpr double kProbe = 0.25;  // of the largest amplitude
 constexpr double kAside = 0.25;  // of the width of a line
+
+// So many times the amplitude with which responses are found.
+double probed_size(const Candidate& candidate, double times) {
+  const double none = find_effect_type(candidate.effect.effect)->parameters[0].none;
+  return none + times * kProbe * (candidate.bounds[0].maximum - none);
+}
 
 double middle(const Bounds& bounds) { return 0.5 * (bounds.minimum + bounds.maximum); }
 
@@ -68,11 +75,10 @@ class Swings {
   }
 
   std::vector<Normal> at(const Candidate& candidate, const Swing& swing, double frequency) const {
-    const double none = find_effect_type(candidate.effect.effect)->parameters[0].none;
     ModelChange sine = standing_;
     sine.effects.push_back(candidate.effect);
     std::vector<double>& parameters = sine.effects.back().parameters;
-    parameters[0] = none + kProbe * (candidate.bounds[0].maximum - none);
+    parameters[0] = probed_size(candidate, 1);
     parameters[swing.frequency] = frequency;
     parameters[swing.phase] = 0;
     ModelChange cosine = sine;
@@ -112,6 +118,80 @@ bool swings_already(const ModelChange& standing) {
                      [](const EffectSpec& effect) { return swing_of(effect).has_value(); });
 }
 
+// What a candidate does at its frequency.
+struct Swung {
+  std::size_t candidate;
+  Swing swing;
+  std::vector<Normal> runs;
+};
+
+// Of all runs in their phases: [s c] of the first.
+Normal together(const Swung& swung, const RunPhases& phases, double frequency) {
+  Normal all;
+  const std::vector<double>& by = swung.swing.by_angle ? phases.turned : phases.ahead;
+  for (std::size_t r = 0; r < swung.runs.size(); ++r) {
+    const Eigen::Matrix2d turn = Eigen::Rotation2Dd(swung.swing.rate(frequency) * by[r]).toRotationMatrix();
+    all.m += turn.transpose() * swung.runs[r].m * turn;
+    all.z += turn.transpose() * swung.runs[r].z;
+  }
+  return all;
+}
+
+// A line is known to a part of its width, over which phases at the beginnings of runs turn; an order is whole.
+void find_phases(const Swings& swings, const Candidate& candidate, const Swung& swung, RunPhases& phases) {
+  const Bounds& width = candidate.bounds[swung.swing.frequency];
+  double f = middle(width);
+  std::vector<Normal> runs = swung.runs;
+  if (const double step = kAside * (width.maximum - width.minimum); step > 0) {
+    const double less = gain_of_each(swings.at(candidate, swung.swing, f - step)), here = gain_of_each(runs),
+                 more = gain_of_each(swings.at(candidate, swung.swing, f + step));
+    if (const double bend = less + more - 2 * here; bend < 0) {
+      f += std::clamp(0.5 * step * (less - more) / bend, -2 * step, 2 * step);
+      runs = swings.at(candidate, swung.swing, f);
+    }
+  }
+  const auto phase_of = [](const Normal& run) {
+    const Eigen::Vector2d solution = run.solution();
+    return std::atan2(solution[1], solution[0]);
+  };
+  std::vector<double>& by = swung.swing.by_angle ? phases.turned : phases.ahead;
+  for (std::size_t r = 1; r < runs.size(); ++r) {
+    const double turned = std::remainder(phase_of(runs[r]) - phase_of(runs[0]), kTwoPi);
+    if (std::isfinite(turned)) by[r] = turned / swung.swing.rate(f);  // a run may say nothing
+  }
+}
+
+// Begins each where it wins most, and leaves the best frequency of each effect.
+void keep_best(const std::vector<Swung>& swung, const RunPhases& phases, std::vector<Candidate>& candidates) {
+  std::vector<double> gains(candidates.size(), std::nan(""));  // of what swings
+  for (const Swung& one : swung) {
+    Candidate& candidate = candidates[one.candidate];
+    const Bounds &size = candidate.bounds[0], &width = candidate.bounds[one.swing.frequency];
+    const Normal all = together(one, phases, middle(width));
+    gains[one.candidate] = all.gain();
+    const Eigen::Vector2d solution = all.solution();
+    if (!solution.allFinite()) continue;
+    std::vector<double> start = candidate.effect.parameters;
+    start[0] = std::clamp(probed_size(candidate, solution.norm()), size.minimum, size.maximum);
+    // Beside a line the phase in the middle of a run stays what it is, which is as long as the line is narrow.
+    const double aside = width.maximum > width.minimum ? kAside : 0;
+    for (const double by : aside > 0 ? std::vector<double>{-aside, 0, aside} : std::vector<double>{0}) {
+      start[one.swing.frequency] = middle(width) + by * (width.maximum - width.minimum);
+      start[one.swing.phase] = std::remainder(std::atan2(solution[1], solution[0]) - by * kTwoPi / 2, kTwoPi);
+      candidate.starts.push_back(start);
+    }
+  }
+  std::vector<Candidate> left;
+  for (std::size_t c = 0; c < candidates.size(); ++c) {
+    bool behind = false;
+    for (const Swung& other : swung)
+      behind |= other.candidate != c && same_effect(candidates[c], candidates[other.candidate]) &&
+                (gains[other.candidate] > gains[c] || (gains[other.candidate] == gains[c] && other.candidate < c));
+    if (!behind) left.push_back(candidates[c]);
+  }
+  candidates = std::move(left);
+}
+
 }  // namespace
 
 std::vector<double> likeliest_orders(const ResidualModel& model, const ModelChange& standing,
@@ -140,59 +220,33 @@ std::vector<Candidate> at_orders(std::vector<Candidate> candidates, const std::v
   return candidates;
 }
 
-RunPhases run_phases(const ResidualModel& model, const ModelChange& standing, const std::vector<Candidate>& candidates,
+RunPhases run_phases(const ResidualModel& model, const ModelChange& standing, std::vector<Candidate>& candidates,
                      int jobs) {
   RunPhases phases;
   for (const SegmentedRun& run : model.runs()) {
     phases.ahead.push_back(run.ahead);
     phases.turned.push_back(run.turned);
   }
-  const std::size_t count = phases.ahead.size();
   if (swings_already(standing)) return phases;
-  phases.ahead.assign(count, 0.0);
+  phases.ahead.assign(phases.ahead.size(), 0.0);
   phases.turned = phases.ahead;
   std::unique_ptr<Swings> swings;  // only where something may swing
-  const Candidate* best = nullptr;
-  std::optional<Swing> swing;
-  std::vector<Normal> runs;
-  for (const Candidate& candidate : candidates) {
-    const std::optional<Swing> of_candidate = swing_of(candidate.effect);
-    if (!of_candidate) continue;
+  std::vector<Swung> swung;
+  for (std::size_t c = 0; c < candidates.size(); ++c) {
+    const std::optional<Swing> swing = swing_of(candidates[c].effect);
+    if (!swing) continue;
     if (!swings) swings = std::make_unique<Swings>(model, standing, jobs);
-    std::vector<Normal> of = swings->at(candidate, *of_candidate, middle(candidate.bounds[of_candidate->frequency]));
-    if (best && gain_of_each(of) <= gain_of_each(runs)) continue;
-    best = &candidate;
-    swing = of_candidate;
-    runs = std::move(of);
+    swung.push_back({c, *swing, swings->at(candidates[c], *swing, middle(candidates[c].bounds[swing->frequency]))});
   }
-  if (!best) return phases;
-  phases.closed = 2 * gain_of_each(runs) / std::max(count_of(swings->left()), 1.0);
-  Normal all;
-  for (const Normal& run : runs) {
-    all.m += run.m;
-    all.z += run.z;
-  }
-  if (count < 2 || all.gain() >= model.options().spectrum.one_phase_fraction * gain_of_each(runs)) return phases;
-  // A line is known to a part of its width, over which phases at the beginnings of runs turn; an order is whole.
-  const Bounds& width = best->bounds[swing->frequency];
-  double f = middle(width);
-  if (const double step = kAside * (width.maximum - width.minimum); step > 0) {
-    const double less = gain_of_each(swings->at(*best, *swing, f - step)), here = gain_of_each(runs),
-                 more = gain_of_each(swings->at(*best, *swing, f + step));
-    if (const double bend = less + more - 2 * here; bend < 0) {
-      f += std::clamp(0.5 * step * (less - more) / bend, -2 * step, 2 * step);
-      runs = swings->at(*best, *swing, f);
-    }
-  }
-  const auto phase_of = [](const Normal& run) {
-    const Eigen::Vector2d solution = run.solution();
-    return std::atan2(solution[1], solution[0]);
-  };
-  std::vector<double>& by = swing->by_angle ? phases.turned : phases.ahead;
-  for (std::size_t r = 1; r < count; ++r) {
-    const double turned = std::remainder(phase_of(runs[r]) - phase_of(runs[0]), kTwoPi);
-    if (std::isfinite(turned)) by[r] = turned / swing->rate(f);  // a run may say nothing
-  }
+  if (swung.empty()) return phases;
+  const auto& best = *std::max_element(swung.begin(), swung.end(), [](const Swung& a, const Swung& b) {
+    return gain_of_each(a.runs) < gain_of_each(b.runs);
+  });
+  phases.closed = 2 * gain_of_each(best.runs) / std::max(count_of(swings->left()), 1.0);
+  if (together(best, phases, middle(candidates[best.candidate].bounds[best.swing.frequency])).gain() <
+      model.options().spectrum.one_phase_fraction * gain_of_each(best.runs))
+    find_phases(*swings, candidates[best.candidate], best, phases);
+  keep_best(swung, phases, candidates);
   return phases;
 }
 

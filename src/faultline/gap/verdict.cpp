@@ -48,8 +48,10 @@ GapVerdict judge_gap(const GapEvidence& evidence, double matters, const GapOptio
                       (evidence.typical_shrink > shrink && evidence.typical_shrink_low > 0);
   // As little is left as on a rig in which nothing is missing, or next to nothing of what restarts hide: whatever wins
   // more there is no cause of this gap.
+  const double hidden_enough = evidence.left < options.material_excess_variances ? options.closed_shrink_fraction
+                                                                                 : options.nearly_closed_fraction;
   const bool closed = (evidence.left < evidence.quiet && evidence.shrink > options.closed_shrink_fraction) ||
-                      (!evidence.plain && evidence.shrink > options.nearly_closed_fraction);
+                      (!evidence.plain && evidence.shrink > hidden_enough);
   // What restarts hide may be unlikely from sample to sample and close all, and a perfect model is no measure where no
   // place explains much (pays() of effect_worth.cpp).
   const bool beyond_free = evidence.plain && foremost && closes_all > options.hidden_shrink_fraction;
