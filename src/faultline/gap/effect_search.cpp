@@ -89,25 +89,6 @@ void take_better(std::vector<Structure>& structures, std::vector<Structure>& wid
       if (same_effect(s.fit.effects.back(), w.fit.effects.back()) && better(w, s)) std::swap(s, w);
 }
 
-// How many of the finalists are followed, which are put first: those that win most, and such as win far less than the
-// screening promised. Their fits ended in valleys of where all of them started: what sticks shows with start states of
-// its own.
-std::size_t choose_followed(std::vector<Structure>& structures, const GapOptions::Search& options) {
-  std::size_t kept = 1;
-  const double promising = options.followed_gain_fraction * structures.front().quick;
-  while (kept < structures.size() && kept < options.followed && structures[kept].quick > promising) ++kept;
-  double most = 0;
-  for (const Structure& s : structures) most = std::max(most, s.screened);
-  for (std::size_t i = kept, more = 0; i < structures.size() && more < options.promised; ++i) {
-    const double promised = options.followed_gain_fraction * structures[i].screened;
-    if (structures[i].screened < options.followed_gain_fraction * most || structures[i].quick > promised) continue;
-    const auto at = structures.begin() + static_cast<std::ptrdiff_t>(i);
-    std::rotate(structures.begin() + static_cast<std::ptrdiff_t>(kept), at, at + 1);
-    ++kept, ++more;
-  }
-  return kept;
-}
-
 // The followed structures of one round, best first; `rest` takes the finalists that were not followed.
 std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& search,
                                      std::vector<Structure> structures, double from, double to,
@@ -123,7 +104,9 @@ std::vector<Structure> best_of_round(const GapTrials& work, const EffectSearch& 
     take_better(structures, wider, quicker);
     std::stable_sort(structures.begin(), structures.end(), quicker);
   }
-  std::size_t kept = choose_followed(structures, options);
+  std::size_t kept = 1;
+  const double promising = options.followed_gain_fraction * structures.front().quick;
+  while (kept < structures.size() && kept < options.followed && structures[kept].quick > promising) ++kept;
   rest.assign(structures.begin() + static_cast<std::ptrdiff_t>(kept), structures.end());
   structures.resize(kept);
   kept = work.refine(structures, middle, to);

@@ -126,8 +126,6 @@ struct GapOptions {
     std::size_t finalists = 10;           // candidates that are fitted after screening
     std::size_t followed = 5;             // ... and that are refined, at most
     double followed_gain_fraction = 0.5;  // of the best quick gain, from which a finalist is refined
-    // ... and so many more that the screening promised as much, of which their fits win less than that.
-    std::size_t promised = 2;
     // Of the most that a finalist wins once it has sensitivities of its own, what others must win to be followed on.
     double kept_gain_fraction = 0.6;
     // ... and to be followed over all segments, where causes are sought on a part: less is no rival.
@@ -390,7 +388,6 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.finalists);
   FAULTLINE_OPTION(search.followed);
   FAULTLINE_OPTION(search.followed_gain_fraction);
-  FAULTLINE_OPTION(search.promised);
   FAULTLINE_OPTION(search.kept_gain_fraction);
   FAULTLINE_OPTION(search.whole_gain_fraction);
   FAULTLINE_OPTION(search.significance_standard_errors);

@@ -311,7 +311,9 @@ TEST(CoolingCircuit, WaterThatStandsStartsAsWarmAsARecordingShowsIt) {
   flowing.values[outlet] = 297;
   DrivenModel model(cooling(), setup);
   model.run(flowing, 0, flowing.rows(), {}, nullptr, [&](std::size_t k, const double* shown) {
-    if (k + 1000 > flowing.rows()) EXPECT_NEAR(shown[outlet], plain[k * flowing.columns() + outlet], 0.01) << k;
+    if (k + 1000 > flowing.rows()) {
+      EXPECT_NEAR(shown[outlet], plain[k * flowing.columns() + outlet], 0.01) << k;
+    }
   });
 }
 
