@@ -16,6 +16,8 @@ constexpr int kExpectations = 4;          // steps of EM around each
 constexpr double kLeastVariance = 1e-18;  // of the process noise, in sizes squared
 constexpr double kAlike = 2;              // log likelihood, up to which two places are not told apart
 constexpr double kNear = 0.95;            // of the likeliest place's gain, from which another may be the same
+// Of a level or a memory: within it the likelihood of a signal of some hundred values changes by less than one.
+constexpr double kLeastStep = 1.2;
 constexpr std::size_t kPolished = 6;      // places whose free signal is fitted by the filter itself
 
 double total(const std::vector<double>& losses) { return std::accumulate(losses.begin(), losses.end(), 0.0); }
@@ -39,7 +41,7 @@ FreePlace best_signal(const StochasticModel& model, const Eigen::VectorXd& q, do
   };
   for (const double ratio : {1.0, 10.0, 0.1}) attempt(ratio * from.level, from.memory);
   if (at.level > 0)
-    for (double step = 3; step > 1.05; step = std::sqrt(step)) {
+    for (double step = 3; step > kLeastStep; step = std::sqrt(step)) {
       while (attempt(at.level * step, at.memory) || attempt(at.level / step, at.memory)) {
       }
       while (attempt(at.level, at.memory * step) || attempt(at.level, at.memory / step)) {
