@@ -246,6 +246,7 @@ FitResult GapTrials::refit_from_elsewhere(const FitResult& from_datasheet) {
 }
 
 void GapTrials::take_part(const ModelChange& at) {
+  tried_.clear();
   const auto segments = telling_segments(*around_.linear, model());
   part_ = around_;
   parted_ = false;
@@ -275,7 +276,8 @@ std::vector<SizeAgreement> GapTrials::sizes_agree(const FitResult& fit) const {
 std::vector<Structure> GapTrials::screen(const FitResult& base, double from, double to) const {
   std::function<void(double)> progress;
   if (progress_) progress = [&](double done) { progress_(from + (to - from) * done, "trying effects"); };
-  return screen_candidates(*part_.residuals, *part_.linear, tried_, base, settings_.jobs, progress);
+  return screen_candidates(*part_.residuals, *part_.linear, tried_.empty() ? tried() : tried_, base, settings_.jobs,
+                           progress);
 }
 
 std::vector<Structure> GapTrials::screen_at(const std::string& port, const FitResult& base) const {

@@ -90,8 +90,9 @@ class GapTrials {
   // size_agreement() over all runs, at what refit() or stand() just returned.
   std::vector<SizeAgreement> sizes_agree(const FitResult& fit) const;
 
-  // After put_in_step(): every candidate beside the effects of `base`, best first, parameters adjusted to first order, each at its best
-  // starting point or wherever on the way to it from no effect it should be better.
+  // Every candidate beside the effects of `base`, what swings as put_in_step() of it says, best first, parameters
+  // adjusted to first order, each at its best starting point or wherever on the way to it from no effect it should be
+  // better.
   std::vector<Structure> screen(const FitResult& base, double from, double to) const;
   // The same at one port alone.
   std::vector<Structure> screen_at(const std::string& port, const FitResult& base) const;
@@ -166,7 +167,7 @@ class GapTrials {
   std::vector<std::size_t> learn_, every_;
   std::vector<Candidate> all_;
   std::vector<double> orders_;    // likeliest_orders() of these
-  std::vector<Candidate> tried_;  // of these, by put_in_step()
+  std::vector<Candidate> tried_;  // tried() as put_in_step() leaves them; empty: not asked
   Surroundings around_;           // of the model that stands
   Surroundings part_;             // the same over the segments on which causes are sought (part_of_runs.h)
   bool parted_ = false;           // whether these are not all
