@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "rigs/cooling_circuit/recordings.h"
 #include "rigs/servo_actuator/runs.h"
 
@@ -26,6 +28,20 @@ TEST(Averaging, IsOverLessWhereOneRunSwingsFasterThanItsMeans) {
   EXPECT_EQ(rows_of({"ripple@source.t_drain:amplitude=1e5,frequency=90"}), 1u);
   EXPECT_EQ(rows_of({"ripple@source.supply:amplitude=3e4,frequency=45"}), 3u);
   EXPECT_EQ(rows_of({"ripple@source.supply:amplitude=3e4,frequency=4"}), 5u);
+}
+
+// Noise makes such lines among thousands of frequencies.
+TEST(Averaging, IsDoneWhereALineIsMuchLessThanTheNoise) {
+  Recording recording = simulate(cooling(), cooling_recording("valve_steps", 7), 20);
+  const std::size_t column = cooling_column("v2_outlet_temperature");
+  const auto swing = [&](double amplitude) {
+    for (std::size_t k = 0; k < recording.rows(); ++k)
+      recording.values[k * recording.columns() + column] += amplitude * std::sin(376.99 * recording.time[k]);
+    return rows_to_average(cooling(), {&recording});
+  };
+  const double noise = cooling().channels[column].noise_std;
+  EXPECT_EQ(swing(0.1 * noise), 5u);
+  EXPECT_EQ(swing(noise), 1u);
 }
 
 TEST(Averaging, IsNotDoneOfRigsThatShowSomethingInEverySample) {

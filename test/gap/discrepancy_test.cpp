@@ -497,7 +497,7 @@ TEST(Verdict, FollowsTheEvidence) {
   e.plain = true;
   EXPECT_NE(judge(e).verdict, "named");
   e.plain = false;
-  e.left = 0.2;
+  e.left = 1.2;
   e.shrink = 0.93;
   EXPECT_NE(judge(e).verdict, "named");
   e.shrink = 0.97;

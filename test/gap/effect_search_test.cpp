@@ -8,7 +8,9 @@
 #include "faultline/gap/diagnose_gap.h"
 #include "faultline/gap/diagnose_runs.h"
 #include "faultline/gap/effect_worth.h"
+#include "faultline/gap/run_phases.h"
 #include "faultline/gap/size_search.h"
+#include "faultline/gap/spectral_lines.h"
 #include "rigs/pump_cylinder/runs.h"
 #include "rigs/servo_actuator/runs.h"
 
@@ -285,6 +287,29 @@ TEST(EffectSearch, ARippleHasAnotherPhaseInEachRun) {
     else
       EXPECT_NEAR(std::remainder(ahead - (other - 0.9), kTwoPi), 0, 0.3);
   }
+}
+
+// Of all lines of the spectrum the one remains that wins most, and least squares say how large and at which phase.
+TEST(RunPhases, BeginWhatSwingsWhereItWinsMost) {
+  const GapSettings settings = among(servo(), {"source.supply_pressure"});
+  ResidualModel model(servo(), runs_with({"ripple@source.supply_pressure:amplitude=9e5,frequency=23.7,phase=0.9"}),
+                      settings.options);
+  const ModelChange plain{servo().nominal(), {}};
+  const std::vector<Eigen::MatrixXf> residuals{model.residuals(plain, 0), model.residuals(plain, 1)};
+  const double period = servo().sample_period;
+  std::vector<Candidate> all =
+      at_lines(candidates(servo(), settings.without), residuals, {period, period}, settings.options.spectrum);
+  const std::size_t before = all.size();
+  ASSERT_GT(before, 2u);
+  run_phases(model, plain, all, 1);
+  const auto swings = [](const Candidate& candidate) { return candidate.effect.effect == "ripple"; };
+  EXPECT_EQ(std::count_if(all.begin(), all.end(), swings), 1);
+  const Candidate& ripple = *std::find_if(all.begin(), all.end(), swings);
+  ASSERT_EQ(starting_points(ripple).size(), 3u);
+  const std::vector<double>& start = starting_points(ripple)[1];
+  EXPECT_NEAR(start[0], 9e5, 2e5);
+  EXPECT_NEAR(start[1], 23.7, 0.08);
+  EXPECT_NEAR(start[2] + 6.2832 * 3 * (start[1] - 23.7), 0.9, 0.3);  // in the middle of 6 s
 }
 
 // A pump stands somewhere when a recording begins, and how many pistons it has nobody says. Its size trades with the

@@ -40,6 +40,23 @@ GapEvidence of_effects(const Won& won, double readings, double size, double exce
   return evidence;
 }
 
+// What restarts hide may be unlikely from sample to sample and close all, or nearly all where less than the noise is
+// left.
+TEST(Verdict, APlayThatClosesNineTenthsIsNamedWhereLittleIsLeft) {
+  const GapOptions::Verdict options;
+  GapEvidence play = of_effects({-2000, 2000}, 6000, 0.05, 6);
+  play.plain = false;
+  play.shrink = play.typical_shrink = 0.93;
+  play.shrink_low = play.typical_shrink_low = 0.9;
+  play.free_before = play.free_after = 300;
+  play.left = 0.4;
+  EXPECT_EQ(judge_gap(play, 0.01, options).verdict, "named");
+  play.left = 1.2;
+  EXPECT_EQ(judge_gap(play, 0.01, options).verdict, "unknown");
+  play.shrink = 0.96;
+  EXPECT_EQ(judge_gap(play, 0.01, options).verdict, "named");
+}
+
 TEST(Verdict, NothingIsSaidToFitWhereMuchIsLeft) {
   EXPECT_EQ(said("none", ""), "No gap beyond the noise and the tolerances of the datasheet.");
   EXPECT_EQ(said("none", "flow 440 times its noise"),

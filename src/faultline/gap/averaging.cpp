@@ -16,8 +16,8 @@ namespace faultline {
 namespace {
 
 constexpr double kSlowest = 0.18;  // of the averages' rate: at it a mean is 5 % smaller than the swing
-// A line that matters stands out far more than chance lets one of some ten thousand frequencies do, which would make all
-// that follows take five times as long: 40 takes a seventh of the noise in one channel of 25 for 28 s at 1 kHz.
+// A line that matters stands out far more than chance lets one of some ten thousand frequencies do, which would make
+// all that follows take five times as long: this takes a seventh of the noise in one channel of 25 for 28 s at 1 kHz.
 constexpr double kRarity = 40;
 constexpr double kFarthest = 6;  // times the usual one, to which a deviation counts: a step is no line
 

@@ -21,9 +21,9 @@ class Rig : public OdeSystem {
  public:
   // Initial state for the given channel values; sets all discrete modes. `channels`: one value per channel.
   virtual void start(const double* channels, double* state) = 0;
-  // After start(), where a recording drives the model: states that no input sets there, as the temperature of water that
-  // stands, are what the outputs show. `shown`: of an output's channel, back through its sensor's effects; NaN where
-  // nothing is known.
+  // After start(), where a recording drives the model: states that no input sets there, as the temperature of water
+  // that stands, are what the outputs show. `shown`: of an output's channel, back through its sensor's effects; NaN
+  // where nothing is known.
   virtual void start_as_shown(const std::function<double(int channel)>& /*shown*/, double* /*state*/) {}
   // Takes a given nominal state (in the datasheet's order) instead of the initial one; effect states start at rest.
   // Sets no modes.
