@@ -36,7 +36,7 @@ TEST(Averaging, IsDoneWhereALineIsMuchLessThanTheNoise) {
   const std::size_t column = cooling_column("v2_outlet_temperature");
   const auto swing = [&](double amplitude) {
     for (std::size_t k = 0; k < recording.rows(); ++k)
-      recording.values[k * recording.columns() + column] += amplitude * std::sin(376.99 * recording.time[k]);
+      recording.values[k * recording.columns() + column] += amplitude * std::sin(565.49 * recording.time[k]);
     return rows_to_average(cooling(), {&recording});
   };
   const double noise = cooling().channels[column].noise_std;

@@ -289,12 +289,12 @@ TEST(EffectSearch, ARippleHasAnotherPhaseInEachRun) {
   }
 }
 
-// Of all lines of the spectrum the one remains that wins most, and least squares say how large and at which phase.
+// Of all lines of the spectrum two remain that win most, and least squares say how large and at which phase.
 TEST(RunPhases, BeginWhatSwingsWhereItWinsMost) {
   const GapSettings settings = among(servo(), {"source.supply_pressure"});
   ResidualModel model(servo(), runs_with({"ripple@source.supply_pressure:amplitude=9e5,frequency=23.7,phase=0.9"}),
                       settings.options);
-  const ModelChange plain{servo().nominal(), {}};
+  const ModelChange plain{draw_parameters(servo(), 11), {}};
   const std::vector<Eigen::MatrixXf> residuals{model.residuals(plain, 0), model.residuals(plain, 1)};
   const double period = servo().sample_period;
   std::vector<Candidate> all =
@@ -303,10 +303,12 @@ TEST(RunPhases, BeginWhatSwingsWhereItWinsMost) {
   ASSERT_GT(before, 2u);
   run_phases(model, plain, all, 1);
   const auto swings = [](const Candidate& candidate) { return candidate.effect.effect == "ripple"; };
-  EXPECT_EQ(std::count_if(all.begin(), all.end(), swings), 1);
-  const Candidate& ripple = *std::find_if(all.begin(), all.end(), swings);
+  EXPECT_LE(std::count_if(all.begin(), all.end(), swings), 2);
+  const auto first = std::find_if(all.begin(), all.end(), swings);
+  ASSERT_NE(first, all.end());
+  const Candidate& ripple = *first;  // lines are sorted
   ASSERT_EQ(starting_points(ripple).size(), 3u);
-  const std::vector<double>& start = starting_points(ripple)[1];
+  const std::vector<double> start = starting_points(ripple)[1];
   EXPECT_NEAR(start[0], 9e5, 2e5);
   EXPECT_NEAR(start[1], 23.7, 0.08);
   EXPECT_NEAR(start[2] + 6.2832 * 3 * (start[1] - 23.7), 0.9, 0.3);  // in the middle of 6 s

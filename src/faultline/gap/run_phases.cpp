@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
 constexpr double kProbe = 0.25;  // of the largest amplitude
+constexpr int kFrequencies = 2;  // of an effect that are tried: the first may be of another cause
 constexpr double kAside = 0.25;  // of the width of a line
 
 // So many times the amplitude with which responses are found.
@@ -161,7 +162,7 @@ void find_phases(const Swings& swings, const Candidate& candidate, const Swung& 
   }
 }
 
-// Begins each where it wins most, and leaves the best frequency of each effect.
+// Begins each where it wins most, and leaves the best frequencies of each effect.
 void keep_best(const std::vector<Swung>& swung, const RunPhases& phases, std::vector<Candidate>& candidates) {
   std::vector<double> gains(candidates.size(), std::nan(""));  // of what swings
   for (const Swung& one : swung) {
@@ -183,11 +184,11 @@ void keep_best(const std::vector<Swung>& swung, const RunPhases& phases, std::ve
   }
   std::vector<Candidate> left;
   for (std::size_t c = 0; c < candidates.size(); ++c) {
-    bool behind = false;
+    int before = 0;
     for (const Swung& other : swung)
-      behind |= other.candidate != c && same_effect(candidates[c], candidates[other.candidate]) &&
+      before += other.candidate != c && same_effect(candidates[c], candidates[other.candidate]) &&
                 (gains[other.candidate] > gains[c] || (gains[other.candidate] == gains[c] && other.candidate < c));
-    if (!behind) left.push_back(candidates[c]);
+    if (before < kFrequencies) left.push_back(candidates[c]);
   }
   candidates = std::move(left);
 }
