@@ -17,7 +17,7 @@ constexpr double kLeastVariance = 1e-18;  // of the process noise, in sizes squa
 constexpr double kAlike = 2;              // log likelihood, up to which two places are not told apart
 constexpr double kNear = 0.95;            // of the likeliest place's gain, from which another may be the same
 // Of a level or a memory: within it the likelihood of a signal of some hundred values changes by less than one.
-constexpr double kLeastStep = 1.2;
+constexpr double kLeastStep = 1.1;
 constexpr std::size_t kPolished = 6;  // places whose free signal is fitted by the filter itself
 
 double total(const std::vector<double>& losses) { return std::accumulate(losses.begin(), losses.end(), 0.0); }

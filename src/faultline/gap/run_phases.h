@@ -24,8 +24,9 @@ std::vector<Candidate> at_orders(std::vector<Candidate> candidates, const std::v
 
 // By how much what swings is ahead in each run of where it is in the first, less than half a period: of the candidate
 // (at_orders(), at_lines()) that wins most so. All 0 where there is none, or one phase wins nearly as much; as they are
-// where the model that stands swings already. Of each effect that swings only the two frequencies remain in `candidates`
-// by which it wins most in these phases, and it begins at the size and phase by which it does (Candidate::starts).
+// where the model that stands swings already. Of each effect that swings only the two frequencies remain in
+// `candidates` by which it wins most in these phases, and it begins at the size and phase by which it does
+// (Candidate::starts).
 RunPhases run_phases(const ResidualModel& model, const ModelChange& standing, std::vector<Candidate>& candidates,
                      int jobs);
 
