@@ -10,7 +10,7 @@
 namespace faultline {
 namespace {
 
-constexpr std::size_t kTogether = 16;  // models that run beside one: their residuals are held at once
+constexpr std::size_t kTogether = 32;  // models that run beside one: their residuals are held at once
 
 FitResult beside(const FitResult& base, const Candidate& candidate, const std::vector<double>& values) {
   FitResult fit;
@@ -34,6 +34,10 @@ void try_first(const ResidualModel& residuals, const std::vector<std::size_t>& r
   std::vector<std::size_t> firsts;
   for (std::size_t i = 0; i < trials.size(); ++i)
     if (trials[i].first) firsts.push_back(i);
+  // What acts in the equations needs the model's derivatives in every step: not beside what only sensors show.
+  std::stable_partition(firsts.begin(), firsts.end(), [&](std::size_t i) {
+    return port_kind(candidates[trials[i].hypothesis].effect.port) == PortKind::sensor;
+  });
   in_parallel((firsts.size() + kTogether - 1) / kTogether, jobs, [&](std::size_t batch) {
     const std::size_t first = batch * kTogether, count = std::min(kTogether, firsts.size() - first);
     std::vector<ModelChange> tried;
