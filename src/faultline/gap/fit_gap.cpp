@@ -147,7 +147,8 @@ FitResult fit_gap(const ResidualModel& residuals, const ModelChange& start, cons
     return sum + 0.5 * deviations(sheet, free, values).squaredNorm() + 0.5 * from_start(list).squaredNorm();
   };
 
-  const Eigen::VectorXd lowest = lowest_deviations(sheet, free, residuals.options().linearisation);
+  const Eigen::VectorXd lowest =
+      parameters_move ? lowest_deviations(sheet, free, residuals.options().linearisation) : Eigen::VectorXd();
   struct Point {
     FitResult fit;
     std::vector<Eigen::MatrixXf> residuals;
