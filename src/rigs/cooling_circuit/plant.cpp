@@ -53,7 +53,7 @@ struct Values {
 std::pair<double, double> root(double x) { return signed_root_and_slope(x, kTransition); }
 
 const QuickPower tube_power(-kTubeBend);
-const QuickPower to_tube_flow(kTubePower), from_tube_flow(1 / kTubePower);  // 0 of 0
+const QuickPower to_tube_flow(kTubePower), from_tube_flow(1 / kTubePower);  // of 0: next to 0
 
 }  // namespace
 
