@@ -27,8 +27,8 @@ Shown shown_around(const SegmentedRun& run, const Recording& recording, std::siz
   if (stretch == run.stretches.end() || nearest < static_cast<double>(stretch->first) ||
       nearest >= static_cast<double>(stretch->last))
     return {std::nan("")};
-  const Smoothed s = smoothed(recording, static_cast<std::size_t>(nearest), channel, stretch->first, stretch->last,
-                              noise, widest_window(run, options), options);
+  const Smoothed s = smoothed_course(recording, static_cast<std::size_t>(nearest), channel, stretch->first,
+                                     stretch->last, noise, widest_window(run, options), options);
   const double x = place - nearest;
   return {s.value + s.slope * x + s.curvature * x * x, (s.slope + 2 * s.curvature * x) / run.period,
           s.slope_std / run.period, s.std};

@@ -16,6 +16,8 @@ namespace {
 constexpr double kThirdDifferenceVariance = 20;  // of unit white noise: 1 + 9 + 9 + 1
 constexpr double kMedianOfNormal = 0.67449;      // of |x|, x normal
 
+constexpr std::array<std::size_t, 3> kCourseHalfWidths = {48, 24, 12};  // samples, of smoothed_course()
+
 // Noise that a resampling has mixed (resampled_noise): lags of its third differences that are looked at, and of itself
 // that it may have; rows that tell; standard deviations beyond which a difference is a jump; what the fit may leave, as
 // a fraction of the differences' variance; least density of its spectrum that is still called white (over 0.34 in 1033
@@ -137,6 +139,20 @@ Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t colum
       return *beside;
   }
   return result;
+}
+
+Smoothed smoothed_course(const Recording& recording, std::size_t row, std::size_t column, std::size_t first,
+                         std::size_t last, double noise, std::size_t widest, const SegmentOptions& options) {
+  for (const std::size_t w : kCourseHalfWidths) {
+    if (w > widest || last - first < 2 * w + 1) continue;
+    const Window window(w);
+    const double freedom = window.s0 - 3, scatter = std::sqrt(2 / freedom);
+    Quadratic q = quadratic(recording, row, std::clamp(row, first + w, last - 1 - w), window, column, noise);
+    if (!(q.misfit < (1 + scatter) * noise * noise * freedom)) continue;
+    q.at.slope_std = std::hypot(q.at.slope_std, noise / static_cast<double>(w));
+    return q.at;
+  }
+  return smoothed(recording, row, column, first, last, noise, widest, options);
 }
 
 void smooth_inputs(const Datasheet& sheet, Recording& recording, std::size_t first, std::size_t last,

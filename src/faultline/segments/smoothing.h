@@ -39,6 +39,12 @@ struct Smoothed {
 Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t column, std::size_t first, std::size_t last,
                   double noise, std::size_t widest, const SegmentOptions& options);
 
+// The same where its slope counts - what is behind a sensor with a memory is what it shows and a multiple of the slope -
+// from the widest window around or beside the row that describes the signal as well as noise alone would, up to
+// `widest`. slope_std holds what a quadratic may be off by unseen: a noise over half the window.
+Smoothed smoothed_course(const Recording& recording, std::size_t row, std::size_t column, std::size_t first,
+                         std::size_t last, double noise, std::size_t widest, const SegmentOptions& options);
+
 // Smooths the recorded inputs (role input) in place within rows first .. last - 1, as far as what is taken away is
 // white: their noise would break a stuck body loose too early. `noise`: per channel.
 void smooth_inputs(const Datasheet& sheet, Recording& recording, std::size_t first, std::size_t last,
