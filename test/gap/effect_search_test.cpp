@@ -77,16 +77,22 @@ std::string found(const EffectSearch& search) {
   return all;
 }
 
-// The leak by an orifice that the first round took for a laminar one, beside a dead band, is left without a flow.
-TEST(DiagnoseGap, TellsNoCauseThatTheOthersDoWithout) {
+// Two runs of a rig off its datasheet, with a dead band and a leak.
+std::vector<SegmentedRun> dead_and_leaking(std::uint64_t rig) {
   std::vector<SegmentedRun> runs;
   for (const char* profile : {"multisine", "triangle"}) {
     SimulationSetup setup = servo_setup(profile, 5);
-    setup.parameters = draw_parameters(servo(), 3);
+    setup.parameters = draw_parameters(servo(), rig);
     for (const char* effect : {"deadband@restriction.valve:width=0.6", kLeak})
       setup.effects.push_back(parse_effect(effect));
     runs.push_back(cut_run(servo(), profile, simulate(servo(), setup, 6), kSegment));
   }
+  return runs;
+}
+
+// The leak by an orifice that the first round took for a laminar one, beside a dead band, is left without a flow.
+TEST(DiagnoseGap, TellsNoCauseThatTheOthersDoWithout) {
+  const std::vector<SegmentedRun> runs = dead_and_leaking(4);
   const GapSettings settings = among(servo(), {"restriction.valve", "flow.chamber_a_chamber_b"});
   const GapResult all = diagnose_runs(servo(), servo(), runs, {}, settings, kSilent);
   ASSERT_EQ(all.effects.size(), 3u) << all.sentence;
@@ -170,6 +176,18 @@ TEST(EffectWorth, TheLeastThatIsTriedIsASizeWhereLessWinsLess) {
   };
   EXPECT_FALSE(leaks({}, 1.2));
   EXPECT_TRUE(leaks({"orifice_leakage@flow.chamber_a_chamber_b:coefficient=8e-10"}, 1));
+}
+
+// Alone, a leak by an orifice closes more than the laminar one does without the dead band.
+TEST(DiagnoseGap, WhatMimicsTwoCausesIsNotNamedForThem) {
+  const GapSettings settings = among(servo(), {"restriction.valve", "flow.chamber_a_chamber_b"});
+  const GapResult result = diagnose_gap(servo(), dead_and_leaking(6), {}, settings, kSilent);
+  EXPECT_EQ(result.verdict, "named");
+  ASSERT_EQ(result.effects.size(), 2u) << result.sentence;
+  EXPECT_EQ(result.effects.front().effect, "deadband");
+  EXPECT_NEAR(result.effects.front().parameters.at("width"), 0.6, 0.05);
+  EXPECT_EQ(result.effects.back().effect, "laminar_leakage");
+  EXPECT_NEAR(result.effects.back().parameters.at("coefficient"), 5e-11, 2e-12);
 }
 
 // A refit that stands beside the rig: what an effect wins with better parameters is the parameters'.

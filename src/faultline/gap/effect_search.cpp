@@ -14,6 +14,8 @@ namespace {
 constexpr int kMostValleys = 2;  // of the refit that are left for a better one
 // Of a gap, beyond which what was found is not sought once more beside a bias: a search as long as the first.
 constexpr double kClosesMost = 0.85;
+constexpr double kNearFirst =
+    0.15;  // of the first effect's gain that a rival may be behind and yet be one of two causes
 constexpr std::size_t kLikeNoise = 2;  // effects at a transducer that are followed before its signal is noise
 
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }
@@ -296,6 +298,7 @@ class EffectRounds {
     begin();
     run();
     try_beside_bias();
+    try_beside_rival();
     try_rivals(work_, followed_, search_);
     polish(work_, search_);
     return std::move(search_);
@@ -452,32 +455,57 @@ class EffectRounds {
   // Where what was found, if anything, leaves much of a large gap: the search once more beside the likeliest bias. One
   // effect must close nearly all with it, and more than what was found.
   void try_beside_bias() {
-    if (!plain_ || most_effects_ < 2 || !large()) return;
-    const double values = work_.held_out_values();
-    const double closed = 1 - mean_excess(search_.losses, values) / mean_excess(plain_->search.losses, values);
-    if (closed > kClosesMost) return;
+    if (!plain_ || most_effects_ < 2 || !large() || closed() > kClosesMost) return;
     const Structures& screened = plain_->search.screened;
     const auto bias = std::find_if(screened.begin(), screened.end(), is_bias);
-    if (bias == screened.end()) return;
+    if (bias != screened.end()) search_beside(*bias, true);
+  }
+
+  // Alone, what mimics two causes may close more than either of them: where what was found closes nearly all and leaves
+  // more than noise, the search once more beside the nearest rival of the first.
+  void try_beside_rival() {
+    if (!plain_ || most_effects_ < 2 || search_.base.effects.empty() || !large() || closed() <= kClosesMost) return;
+    const Structures& ranked = plain_->search.ranked;
+    const auto rival = std::find_if(ranked.begin(), ranked.end(), [&](const Structure& s) {
+      const Candidate& effect = s.fit.effects.back();
+      return !s.score.empty() && std::none_of(search_.base.effects.begin(), search_.base.effects.end(),
+                                              [&](const Candidate& found) { return same_effect(found, effect); });
+    });
+    if (rival == ranked.end()) return;
+    const double whole = sum(plain_->search.score) - sum(ranked.front().score);
+    if (sum(rival->score) - sum(ranked.front().score) > kNearFirst * whole) return;
+    const Structure first = *rival;
+    if (search_beside(first, false)) put_first(first);
+  }
+
+  // Of the gap, by what was found.
+  double closed() const {
+    const double values = work_.held_out_values();
+    return 1 - mean_excess(search_.losses, values) / mean_excess(plain_->search.losses, values);
+  }
+
+  // The search from the first round on with this one on trial. False: what was found is better and stands.
+  bool search_beside(const Structure& first, bool bias) {
     const Certain found{search_, work_.standing()};
     const std::vector<Structures> followed = followed_;
     const int round = round_;
+    Structures alone{first};
     search_ = plain_->search;
     work_.come_back(plain_->standing);
     followed_.clear();
     round_ = 0;
-    Structures alone{*bias};
     work_.refine(alone, 0.55, 0.55);
-    certain_ = Certain{search_, work_.standing(), true};
+    certain_ = Certain{search_, work_.standing(), bias};
     const Structure best = alone.front();
     alone.front().around = {};
     take(best, alone);
     run();
-    if (!search_.base.effects.empty() && better_than(found.search)) return;
+    if (!search_.base.effects.empty() && better_than(found.search)) return true;
     search_ = found.search;
     work_.come_back(found.standing);
     followed_ = followed;
     round_ = round;
+    return false;
   }
 
   // Those of the round without it: to first order friction shows little beside a bias that has taken its place.

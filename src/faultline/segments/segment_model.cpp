@@ -17,6 +17,7 @@ namespace faultline {
 namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
+constexpr double kFarStart = 3;  // standard deviations of its prior: what the channels show may say more
 
 // What a channel shows `later` s after a row, from the quadratic around the nearest row.
 Shown shown_around(const SegmentedRun& run, const Recording& recording, std::size_t row, std::size_t channel,
@@ -492,11 +493,35 @@ std::vector<Eigen::MatrixXf> SegmentModel::settle(const ModelChange& change, Seg
   const std::vector<Eigen::VectorXd> old = run.start_shift;
   for (std::size_t g = 0; g < run.segments(); ++g)
     run.start_shift[g] = (old[g] + best_move(run, columns, before, g)).cwiseMax(-largest).cwiseMin(largest);
+  const auto cost = [&run](const Eigen::MatrixXf& left, std::size_t g) {
+    return static_cast<double>(rows_of(run, left, g).squaredNorm()) + run.start_shift[g].squaredNorm();
+  };
   const Eigen::MatrixXf after = residuals(change, run, sigma);
-  for (std::size_t g = 0; g < run.segments(); ++g)
-    if (!(static_cast<double>(rows_of(run, after, g).squaredNorm()) + run.start_shift[g].squaredNorm() <
-          static_cast<double>(rows_of(run, before, g).squaredNorm()) + old[g].squaredNorm()))
-      run.start_shift[g] = old[g];
+  std::vector<double> least(run.segments());
+  std::vector<Eigen::VectorXd> best = run.start_shift;
+  bool far = false;
+  for (std::size_t g = 0; g < run.segments(); ++g) {
+    least[g] = cost(after, g);
+    run.start_shift[g] = old[g];
+    if (const double kept = cost(before, g); !(least[g] < kept)) {
+      best[g] = old[g];
+      least[g] = kept;
+    }
+    far |= (best[g].array().abs() > kFarStart).any();
+  }
+  if (far) {  // what shifted it may be gone, and no step leads back
+    for (Eigen::VectorXd& shift : run.start_shift) shift.setZero();
+    const Eigen::MatrixXf as_read = residuals(change, run, sigma);
+    bool back = false;
+    for (std::size_t g = 0; g < run.segments(); ++g) {
+      if (!(cost(as_read, g) < least[g])) continue;
+      best[g].setZero();
+      back = true;
+    }
+    run.start_shift = std::move(best);
+    return back ? start_columns(change, run, sigma, jobs) : columns;
+  }
+  run.start_shift = std::move(best);
   return columns;
 }
 

@@ -39,9 +39,9 @@ struct Smoothed {
 Smoothed smoothed(const Recording& recording, std::size_t row, std::size_t column, std::size_t first, std::size_t last,
                   double noise, std::size_t widest, const SegmentOptions& options);
 
-// The same where its slope counts - what is behind a sensor with a memory is what it shows and a multiple of the slope -
-// from the widest window around or beside the row that describes the signal as well as noise alone would, up to
-// `widest`. slope_std holds what a quadratic may be off by unseen: a noise over half the window.
+// The same where its slope counts: what is behind a sensor with a memory is what it shows and a multiple of the slope.
+// From the widest window around or beside the row, up to `widest`, that describes the signal as well as noise alone
+// would. slope_std holds what a quadratic may be off by unseen: a noise over half the window.
 Smoothed smoothed_course(const Recording& recording, std::size_t row, std::size_t column, std::size_t first,
                          std::size_t last, double noise, std::size_t widest, const SegmentOptions& options);
 
