@@ -14,8 +14,8 @@ namespace {
 constexpr int kMostValleys = 2;  // of the refit that are left for a better one
 // Of a gap, beyond which what was found is not sought once more beside a bias: a search as long as the first.
 constexpr double kClosesMost = 0.85;
-constexpr double kNearFirst =
-    0.15;  // of the first effect's gain that a rival may be behind and yet be one of two causes
+// Of the first effect's gain: what a rival may be behind it and yet be one of two causes.
+constexpr double kNearFirst = 0.15;
 constexpr std::size_t kLikeNoise = 2;  // effects at a transducer that are followed before its signal is noise
 
 bool by_score(const Structure& a, const Structure& b) { return sum(a.score) < sum(b.score); }

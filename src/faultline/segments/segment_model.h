@@ -80,7 +80,8 @@ class SegmentModel {
                                              const std::vector<ModelChange>& memories = {}) const;
   // Moves the starts to those that fit the model best, where that lowers a segment's loss |r|^2 + |d|^2. One
   // Gauss-Newton step a call; starts that are far from what the channels show go back to it where that is better, as
-  // where another model had moved them. Returns the columns that it used: `known` ones, or its own where that is empty.
+  // where another model had moved them. Returns the columns that it used: `known` ones, or its own where that is empty;
+  // where a start went back, those of the starts as they are then.
   std::vector<Eigen::MatrixXf> settle(const ModelChange& change, SegmentedRun& run, const std::vector<double>& sigma,
                                       std::vector<Eigen::MatrixXf> known = {}, int jobs = 1) const;
 
