@@ -66,6 +66,11 @@ TEST(Csv, MissingNumbersAreCounted) {
   EXPECT_EQ(content.recording.at(2, 1), 2);
 }
 
+TEST(Csv, TimeMayBeWrittenOut) {
+  const CsvContent content = read("time[ms],position,pressure\n0,1,2\n500,3,4\n");
+  EXPECT_EQ(content.recording.time[1], 0.5);
+}
+
 TEST(Csv, BadFilesAreRefusedWithPlaceAndReason) {
   struct Bad {
     const char* text;
@@ -79,7 +84,8 @@ TEST(Csv, BadFilesAreRefusedWithPlaceAndReason) {
       {"t,position\n0,1\n", "pressure"},
       {"t,position,pressure,speed\n0,1,2,3\n", "'speed' is not a channel of toy"},
       {"t,position,pressure,position\n0,1,2,3\n", "two columns 'position'"},
-      {"t,t,position,pressure\n0,1,2,3\n", "two columns 't'"},
+      {"t,t,position,pressure\n0,1,2,3\n", "two columns of the time"},
+      {"t,time,position,pressure\n0,1,2,3\n", "two columns of the time"},
       {"t,position[V],pressure\n0,1,2\n", "'V' cannot be converted to 'm'"},
       {"t,position[mm,pressure\n0,1,2\n", "brackets"},
       {"t,position[ell],pressure\n0,1,2\n", "'ell' is not known"},

@@ -64,8 +64,8 @@ class Reader {
         name.erase(name.find_last_not_of(" \t") + 1);
       }
       std::string own_unit;
-      if (name == "t") {
-        if (time_seen) fail("there are two columns 't'");
+      if (name == "t" || (name == "time" && find_channel(channels_, name) < 0)) {
+        if (time_seen) fail("there are two columns of the time, 't' or 'time'");
         time_seen = true;
         column.kind = Kind::time;
         own_unit = "s";
@@ -79,7 +79,7 @@ class Reader {
         if (channel < 0)
           fail(fmt::format(
               "column '{}' is not a channel of {}; rename or remove it, or import with --mapping; the channels are {}; "
-              "time is the column t",
+              "time is the column t or time",
               column.name, rig_, channel_names()));
         column.channel = static_cast<std::size_t>(channel);
         if (seen[column.channel]) fail(fmt::format("there are two columns '{}'", name));
@@ -97,7 +97,7 @@ class Reader {
       }
       columns_.push_back(column);
     }
-    if (!time_seen) fail("there is no column 't' (time in s); import with --mapping if it has another name");
+    if (!time_seen) fail("there is no column 't' or 'time' (in s); import with --mapping if it has another name");
     std::string absent;
     for (std::size_t c = 0; c < channels_.size(); ++c) {
       if (seen[c]) continue;
