@@ -101,7 +101,8 @@ TEST(Rivals, AValueBeyondItsRangeIsToldAndOneAtItsBoundMarked) {
 
 // A cause for which a refit can make up, but only with several parameters as far off as they may be at once: the gain
 // is 1.823 times the datasheet's, and two parameters of 10 % reach 1.8225 times at 3.5 tolerances each.
-GapResult diagnose_scaled(std::size_t at_bounds, double dead = 0) {
+GapResult diagnose_scaled(std::size_t at_bounds, double dead = 0, double scale = 1.823,
+                          const GapOptions& options = {}) {
   Datasheet sheet = two_gains();
   for (const char* gain : {"input_gain", "output_gain"})
     sheet.parameters[static_cast<std::size_t>(sheet.parameter(gain))].tolerance = 0.1;
@@ -110,9 +111,10 @@ GapResult diagnose_scaled(std::size_t at_bounds, double dead = 0) {
       port.effects = {{"scale", {{"factor", {0.2, 5}}}}, {"deadband", {{"width", {0.05, 2}}}}};
   std::vector<SegmentedRun> runs;
   for (const std::uint64_t seed : {1, 2})
-    runs.push_back(cut_run(sheet, "run", two_gains_run(2 * 1.823, 0.2, 20, seed, dead, -4), 2));
+    runs.push_back(cut_run(sheet, "run", two_gains_run(2 * scale, 0.2, 20, seed, dead, -4), 2));
   GapSettings settings;
   settings.jobs = 2;
+  settings.options = options;
   settings.options.nearer.at_bounds = at_bounds;
   return diagnose_gap(sheet, std::move(runs), {}, settings, {});
 }
@@ -141,6 +143,21 @@ TEST(Nearer, ParametersMayHideACauseBesideAnother) {
   EXPECT_TRUE(std::any_of(result.remarks.begin(), result.remarks.end(), [](const std::string& remark) {
     return remark.find("a refit with fewer causes explains what it does only with input_gain, output_gain") == 0;
   }));
+}
+
+// At bounds that lie hardly nearer the refit explains the runs as well.
+TEST(Nearer, IsAskedOnceMoreAtBoundsWithinWhichMostRigsLie) {
+  GapOptions options;
+  options.linearisation.parameter_bound_tolerances = 5;
+  options.nearer.bound_tolerances = 4.99;
+  options.nearer.nearest_tolerances = 4.98;
+  const GapResult silent = diagnose_scaled(2, 0, 2.252, options);
+  EXPECT_EQ(silent.verdict, "miscalibrated");
+  options.nearer.nearest_tolerances = 1;
+  const GapResult result = diagnose_scaled(2, 0, 2.252, options);
+  EXPECT_EQ(result.verdict, "named");
+  ASSERT_EQ(result.effects.size(), 1u) << result.sentence;
+  EXPECT_EQ(result.effects.front().effect, "scale");
 }
 
 TEST(Nearer, IsNotAskedOfFewerParametersAtTheirBounds) {

@@ -1,9 +1,12 @@
 // The verdict in words: it does not contradict what is left.
 #include "faultline/gap/verdict.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "faultline/gap/measure.h"
+#include "faultline/gap/shrink.h"
 
 namespace faultline {
 namespace {
@@ -351,6 +354,27 @@ TEST(Verdict, WhatNoPlaceExplainsWithdrawsNoName) {
   evidence.size = 0.005;
   EXPECT_EQ(judge_gap(evidence, 0.01, options).verdict, "none");
   EXPECT_FALSE(judge_gap(evidence, 0.01, options).names);
+}
+
+ChannelGap gap_of(const std::string& unit, double noise, double rms, double moves) {
+  ChannelGap gap;
+  gap.unit = unit;
+  gap.noise_std = noise;
+  gap.rms["segment"] = rms;
+  gap.nrmse["segment"] = rms / moves;
+  return gap;
+}
+
+// Water that flows in has a temperature of its own, which nothing that the rig does moves.
+TEST(Verdict, WhatAStillChannelDoesIsHeldAgainstOneThatMoves) {
+  GapLevel level;
+  level.channels = {gap_of("K", 0.05, 0.07, 0.08), gap_of("K", 0.05, 0.05, 10), gap_of("Pa", 500, 500, 1e6)};
+  const double beyond = std::sqrt(0.07 * 0.07 - 0.05 * 0.05);
+  EXPECT_NEAR(gap_size(level), beyond / 10 / std::sqrt(3), 1e-9);
+  level.channels[0] = gap_of("K", 0.05, 0.07, 0.2);  // it moves
+  EXPECT_NEAR(gap_size(level), beyond / 0.2 / std::sqrt(3), 1e-9);
+  level.channels[0] = gap_of("m", 0.05, 0.07, 0.08);  // nothing else is like it
+  EXPECT_NEAR(gap_size(level), beyond / 0.08 / std::sqrt(3), 1e-9);
 }
 
 }  // namespace

@@ -18,21 +18,33 @@ namespace {
 
 constexpr double kFirstShare = 0.96;  // of the progress, before it is asked since when
 
-// Step 6: causes that are found where the parameters stay nearer to the datasheet, which `settings` are told then.
-// Nothing where none are, or such as win little and let no parameters go back. Beside those of `before` it takes one
-// more, or others that let parameters go back or leave much less.
+// Parameters that lie as far from the datasheet as they may beside the causes of an answer, if it has any.
+std::vector<std::string> at_bounds_of(const Datasheet& sheet, const GapResult& result, const GapOptions& options) {
+  return at_bounds(sheet, result.gap[result.effects.empty() ? 1 : 2], options);
+}
+
+// Step 6: causes that are found where the parameters stay within `bound` tolerances of the datasheet, which `settings`
+// are told then. Nothing where none are, or such as win little and let no parameters go back. Beside those of `before`
+// it takes one more, or others that let parameters go back or leave much less. So near to the datasheet that a rig in
+// order may lie beyond, they must let parameters go back.
 std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                          const std::vector<SegmentedRun>& holdout, GapSettings& settings,
                                          const GapProgress& progress, const GapResult& before,
-                                         const std::vector<std::string>& far) {
+                                         const std::vector<std::string>& far, double bound) {
   const GapOptions::Nearer& options = settings.options.nearer;
   GapSettings nearer = settings;
-  nearer.options.linearisation.parameter_bound_tolerances = options.bound_tolerances;
+  nearer.options.linearisation.parameter_bound_tolerances = bound;
   // What bent parameters hide shows over segments only: there it is known by what it lets go back.
   const bool silent = before.verdict == "none" || before.verdict == "miscalibrated";
-  if (before.verdict == "miscalibrated") {
+  const bool nearest = bound <= options.nearest_tolerances;
+  if (before.verdict == "miscalibrated" || nearest) {
     nearer.options.search.evidence_fraction = nearer.options.verdict.material_evidence_fraction = -1;
     nearer.options.verdict.small_gap_shrink_fraction = options.shrink_fraction;
+  }
+  if (nearest) {
+    GapOptions::Search& search = nearer.options.search;
+    search.least_free_fraction = search.further_free_fraction = 0;
+    search.further_evidence_fraction = -1;
   }
   GapResult result = diagnose_runs(sheet, sheet, runs, holdout, nearer, progress, Wanted::name);
   if (result.verdict != "named") return std::nullopt;
@@ -43,7 +55,7 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
   const bool go_back = left <= options.left_ratio * left_before &&
                        prior_loss(sheet, was) - prior_loss(sheet, is) > options.relief_log_likelihood;
   const bool likely =
-      result.evidence.effects > verdict.material_evidence_fraction * result.evidence.perfect &&
+      !nearest && result.evidence.effects > verdict.material_evidence_fraction * result.evidence.perfect &&
       std::max(result.evidence.shrink, result.evidence.typical_shrink) >= verdict.small_gap_shrink_fraction;
   const bool more = result.effects.size() > before.effects.size(), better = left < options.better_ratio * left_before;
   if (!go_back && !(likely && (silent || more || better))) return std::nullopt;
@@ -54,7 +66,35 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
                          : "with other causes",
                   silent ? "the runs" : "what it does", fmt::join(far, ", "),
                   settings.options.linearisation.parameter_bound_tolerances));
-  settings.options.linearisation.parameter_bound_tolerances = options.bound_tolerances;
+  settings.options.linearisation.parameter_bound_tolerances = bound;
+  return result;
+}
+
+// Step 6, as long as parameters lie at their bounds; the nearest must tell more causes than what stands, and leave no
+// more. Nothing where the first answer stands.
+std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+                                         const std::vector<SegmentedRun>& holdout, GapSettings& settings,
+                                         const GapProgress& progress, const GapResult& before) {
+  const GapOptions::Nearer& options = settings.options.nearer;
+  const std::vector<std::string> far = at_bounds_of(sheet, before, settings.options);
+  if (far.size() < options.at_bounds) return std::nullopt;
+  if (progress) progress(0, "asking again with parameters nearer to the datasheet");
+  GapSettings near = settings, nearest = settings;
+  std::optional<GapResult> result =
+      diagnose_nearer(sheet, runs, holdout, near, progress, before, far, options.bound_tolerances);
+  const bool bent = !result || at_bounds_of(sheet, *result, near.options).size() >= options.at_bounds;
+  const bool to_relieve = prior_loss(sheet, before.gap[before.effects.empty() ? 1 : 2]) > options.relief_log_likelihood;
+  if (bent && to_relieve) {
+    std::optional<GapResult> more =
+        diagnose_nearer(sheet, runs, holdout, nearest, progress, before, far, options.nearest_tolerances);
+    const GapResult& standing = result ? *result : before;
+    if (more && more->effects.size() > standing.effects.size() &&
+        (!result || more->gap[2].excess <= result->gap[2].excess)) {
+      settings = nearest;
+      return more;
+    }
+  }
+  if (result) settings = near;
   return result;
 }
 
@@ -152,15 +192,9 @@ GapResult diagnose_gap(const Datasheet& sheet, std::vector<SegmentedRun> runs, s
   if (std::optional<GapResult> fewer = diagnose_without(sheet, runs, holdout, used, again, result))
     result = std::move(*fewer);
   // Parameters may have taken the place of a cause, or of another one beside those that are told.
-  const GapOptions& options = settings.options;
-  const bool silent = result.verdict == "none" || result.verdict == "miscalibrated";
   if (result.verdict != "unknown") {
-    const std::vector<std::string> far = at_bounds(sheet, result.gap[silent ? 1 : 2], options);
-    if (far.size() >= options.nearer.at_bounds) {
-      if (forward) forward(kFirstShare, "asking again with parameters nearer to the datasheet");
-      if (std::optional<GapResult> nearer = diagnose_nearer(sheet, runs, holdout, used, again, result, far))
-        result = std::move(*nearer);
-    }
+    if (std::optional<GapResult> nearer = diagnose_nearer(sheet, runs, holdout, used, again, result))
+      result = std::move(*nearer);
   }
   const std::optional<RunsAway> away =
       what_runs_away(sheet, runs, holdout, settings.without, settings.options.slow_drift);

@@ -7,9 +7,9 @@
 // 4. The winner joins the model; a second and third effect must pay in the same way.
 // 5. Rivals within two standard errors of the winner form the set that cannot be told apart.
 // 6. Where a model takes several parameters to their bounds, without a cause or beside some, all this is asked again
-//    with bounds that lie nearer: a name that is found then, one more or another that leaves no more, lets them go
-//    back; so does one that leaves much less. Where one of several causes has next to no size beside the others,
-//    without it: a later one has taken its place.
+//    with bounds that lie nearer, twice if need be: a name that is found then, one more or another that leaves no
+//    more, lets them go back; so does one that leaves much less. Where one of several causes has next to no size
+//    beside the others, without it: a later one has taken its place.
 // 7. Where no cause is told, but readings of a state leave the integral of those of its rate (slow_drift.h), a drift of
 //    that transducer is fitted over longer segments, and told where it is a cause there, of the same size.
 // 8. Where the model explains the runs up to some moment only (onset.h), all this is asked again of what follows, of

@@ -165,6 +165,8 @@ struct GapOptions {
   struct Nearer {
     std::size_t at_bounds = 2;    // parameters of a model: a rig of which so many lie there is rare
     double bound_tolerances = 2;  // of all parameters then
+    // The same once more where so many lie there, too, or no cause was found: two thirds of all parameters lie within.
+    double nearest_tolerances = 1;
     // Of what is left beside causes, told with one more and without, or with others: parameters took its place.
     double left_ratio = 1.1;
     double better_ratio = 0.5;  // ... of others that leave much less, wherever the parameters lie
@@ -403,6 +405,7 @@ void for_each_option(GapOptions& options, Visit&& visit) {
   FAULTLINE_OPTION(search.further_free_fraction);
   FAULTLINE_OPTION(search.close_rival_gain_fraction);
   FAULTLINE_OPTION(nearer.at_bounds);
+  FAULTLINE_OPTION(nearer.nearest_tolerances);
   FAULTLINE_OPTION(nearer.bound_tolerances);
   FAULTLINE_OPTION(nearer.left_ratio);
   FAULTLINE_OPTION(nearer.better_ratio);

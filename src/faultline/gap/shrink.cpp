@@ -7,6 +7,11 @@
 #include "faultline/numerics/random.h"
 
 namespace faultline {
+namespace {
+
+constexpr double kStillNoises = 3;  // of a channel, within which its movement is not told from its noise
+
+}  // namespace
 
 double shrink_of(Excess excess, const std::vector<double>& before, const std::vector<double>& after, double values) {
   const double first = excess(before, values);
@@ -37,10 +42,18 @@ Interval shrink_interval(Excess excess, const std::vector<double>& before, const
 }
 
 double gap_size(const GapLevel& level) {
+  const auto moved = [](const ChannelGap& c) {
+    const double part = c.nrmse.at("segment");
+    return part > 0 ? c.rms.at("segment") / part : 0;
+  };
   double squares = 0;
   for (const ChannelGap& c : level.channels) {
-    const double rms = c.rms.at("segment"), beyond = rms > 0 ? std::max(0.0, 1 - std::pow(c.noise_std / rms, 2)) : 0;
-    squares += std::pow(c.nrmse.at("segment"), 2) * beyond;
+    double moves = moved(c);
+    if (moves < kStillNoises * c.noise_std)
+      for (const ChannelGap& like : level.channels)
+        if (like.unit == c.unit) moves = std::max(moves, moved(like));
+    const double beyond = std::pow(c.rms.at("segment"), 2) - std::pow(c.noise_std, 2);
+    if (beyond > 0) squares += beyond / std::max(moves * moves, 1e-300);
   }
   return level.channels.empty() ? 0 : std::sqrt(squares / static_cast<double>(level.channels.size()));
 }
