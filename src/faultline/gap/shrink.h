@@ -20,8 +20,8 @@ double shrink_of(Excess excess, const std::vector<double>& before, const std::ve
 Interval shrink_interval(Excess excess, const std::vector<double>& before, const std::vector<double>& after,
                          double values, std::uint64_t seed, std::size_t bootstraps);
 
-// Gap beyond the noise over what the channels move. One that stands still is held against the one of its unit that moves
-// most: whatever disturbs it is all that it moves.
+// Gap beyond the noise over what the channels move. One that stands still is held against the one of its unit that
+// moves most: whatever disturbs it is all that it moves.
 double gap_size(const GapLevel& level);
 
 // The most that is closed of what a level leaves in one output, of those where that is much. 0 where that is taken from
