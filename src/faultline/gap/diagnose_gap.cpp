@@ -27,7 +27,7 @@ std::vector<std::string> at_bounds_of(const Datasheet& sheet, const GapResult& r
 // are told then. Nothing where none are, or such as win little and let no parameters go back. Beside those of `before`
 // it takes one more, or others that let parameters go back or leave much less. So near to the datasheet that a rig in
 // order may lie beyond, they must let parameters go back.
-std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
+std::optional<GapResult> diagnose_within(const Datasheet& sheet, const std::vector<SegmentedRun>& runs,
                                          const std::vector<SegmentedRun>& holdout, GapSettings& settings,
                                          const GapProgress& progress, const GapResult& before,
                                          const std::vector<std::string>& far, double bound) {
@@ -81,12 +81,12 @@ std::optional<GapResult> diagnose_nearer(const Datasheet& sheet, const std::vect
   if (progress) progress(0, "asking again with parameters nearer to the datasheet");
   GapSettings near = settings, nearest = settings;
   std::optional<GapResult> result =
-      diagnose_nearer(sheet, runs, holdout, near, progress, before, far, options.bound_tolerances);
+      diagnose_within(sheet, runs, holdout, near, progress, before, far, options.bound_tolerances);
   const bool bent = !result || at_bounds_of(sheet, *result, near.options).size() >= options.at_bounds;
   const bool to_relieve = prior_loss(sheet, before.gap[before.effects.empty() ? 1 : 2]) > options.relief_log_likelihood;
   if (bent && to_relieve) {
     std::optional<GapResult> more =
-        diagnose_nearer(sheet, runs, holdout, nearest, progress, before, far, options.nearest_tolerances);
+        diagnose_within(sheet, runs, holdout, nearest, progress, before, far, options.nearest_tolerances);
     const GapResult& standing = result ? *result : before;
     if (more && more->effects.size() > standing.effects.size() &&
         (!result || more->gap[2].excess <= result->gap[2].excess)) {
